@@ -12,11 +12,11 @@ from pxr import Usd, UsdGeom, UsdShade, UsdValidation  # pyright: ignore[reportM
 def main(layer, result):
     stage = Usd.Stage.Open(layer)
     known = UsdValidation.ValidationRegistry()
-    names = [told.name for told in known.GetAllValidatorMetadata() if not told.isSuite]
+    names = [said.name for said in known.GetAllValidatorMetadata() if not said.isSuite]
     context = UsdValidation.ValidationContext(known.GetOrLoadValidatorsByName(names))
     camera = UsdGeom.Camera(stage.GetPrimAtPath("/Shot/Camera")).GetCamera()
     meshes = [prim for prim in stage.Traverse() if prim.IsA(UsdGeom.Mesh)]
-    told = {
+    said = {
         "checks": len(names),
         "problems": [f"{error.GetName()}: {error.GetMessage()}" for error in context.Validate(stage)],
         "fov": camera.GetFieldOfView(camera.FOVHorizontal),
@@ -26,7 +26,7 @@ def main(layer, result):
         "types": sorted({str(prim.GetTypeName()) for prim in stage.Traverse()}),
     }
     with open(result, "w") as file:
-        json.dump(told, file, indent=1)
+        json.dump(said, file, indent=1)
 
 
 if __name__ == "__main__":

@@ -12,7 +12,7 @@ from pxr import Gf, Usd, UsdGeom, UsdLux, UsdValidation  # pyright: ignore[repor
 def main(layer, result):
     stage = Usd.Stage.Open(layer)
     known = UsdValidation.ValidationRegistry()
-    names = [told.name for told in known.GetAllValidatorMetadata() if not told.isSuite]
+    names = [said.name for said in known.GetAllValidatorMetadata() if not said.isSuite]
     context = UsdValidation.ValidationContext(known.GetOrLoadValidatorsByName(names))
     problems = [f"{error.GetName()}: {error.GetMessage()}" for error in context.Validate(stage)]
     cache = UsdGeom.XformCache()
@@ -50,7 +50,7 @@ def main(layer, result):
                 "file": light.GetTextureFileAttr().Get().resolvedPath,
                 "format": light.GetTextureFormatAttr().Get(),
             }
-    told = {
+    said = {
         "version": list(Usd.GetVersion()),
         "checks": len(names),
         "problems": problems,
@@ -62,7 +62,7 @@ def main(layer, result):
         "dome": dome,
     }
     with open(result, "w") as file:
-        json.dump(told, file, indent=1)
+        json.dump(said, file, indent=1)
 
 
 if __name__ == "__main__":

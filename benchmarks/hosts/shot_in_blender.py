@@ -108,7 +108,7 @@ def main(python: str, light: Path, folder: Path) -> None:
     box = Box((-2.5, -0.75, -2.0), (2.5, 1.95, 2.0))
     near = replace(infinite, scene=replace(infinite.scene, distant=box, probe=(0.0, 0.05, 0.0)))
     keys = key_lights(infinite.scene.light, 16)
-    # Key lights are spheres where windows shone: off the probe they are not the same light, and are only told.
+    # Key lights are spheres where windows shone: off the probe they are not the same light, and are only reported.
     compare(python, replace(near, keys=keys), folder / "keys", "box with key lights, told and not judged")
     finish(
         compare(python, infinite, folder / "infinite", "infinite"),

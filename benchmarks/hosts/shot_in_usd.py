@@ -33,12 +33,12 @@ def main(python: str, light: Path, folder: Path) -> None:
         script, result = Path(__file__).with_name("inside_shot_usd.py"), folder / f"{name}.json"
         layer = str(folder / name / "shot.usda")
         run_inside(python, script, layer, str(result), needs="pxr", package="usd-core")
-        told = json.loads(result.read_text())
+        said = json.loads(result.read_text())
         fov = float(np.degrees(2 * np.arctan(value.camera.width / 2 / value.camera.focal_length)))
-        away = float(np.abs(np.array(told["position"]) - value.camera.position).max())
-        print(f"{name}: {told['checks']} checks, {told['problems'] or 'no complaints'}; {', '.join(told['types'])}")
-        print(f"{name}: the field of view is {told['fov']:.5f}°, ours {fov:.5f}°; the camera is {away:.1e} m off")
-        right += [told["problems"] == [], abs(told["fov"] - fov) < 1e-3, away < 1e-6, all(told["bound"])]
+        away = float(np.abs(np.array(said["position"]) - value.camera.position).max())
+        print(f"{name}: {said['checks']} checks, {said['problems'] or 'no complaints'}; {', '.join(said['types'])}")
+        print(f"{name}: the field of view is {said['fov']:.5f}°, ours {fov:.5f}°; the camera is {away:.1e} m off")
+        right += [said["problems"] == [], abs(said["fov"] - fov) < 1e-3, away < 1e-6, all(said["bound"])]
     finish(*right)
 
 

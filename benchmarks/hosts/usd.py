@@ -32,28 +32,28 @@ def main(python: str, folder: Path) -> None:
         needs="pxr",
         package="usd-core",
     )
-    told = json.loads((folder / "told.json").read_text())
-    version, problems = told["version"], told["problems"] or "no complaints"
-    print(f"OpenUSD {version}: {told['checks']} checks, {problems}; up {told['up']}, {told['metres']} m")
-    towards = np.array([light["towards"] for light in told["lights"]])
-    irradiance = np.array([light["irradiance"] for light in told["lights"]])
+    said = json.loads((folder / "told.json").read_text())
+    version, problems = said["version"], said["problems"] or "no complaints"
+    print(f"OpenUSD {version}: {said['checks']} checks, {problems}; up {said['up']}, {said['metres']} m")
+    towards = np.array([light["towards"] for light in said["lights"]])
+    irradiance = np.array([light["irradiance"] for light in said["lights"]])
     turned = float(np.abs(towards - LIGHTS.directions).max())
     off = float(np.abs(irradiance - LIGHTS.irradiance).max())
     print(f"lights: directions differ by {turned:.1e}, irradiance by {off:.1e} at most")
-    places = np.array([sphere["position"] for sphere in told["spheres"]])
-    shine = np.array([sphere["power"] for sphere in told["spheres"]]) / 4
+    places = np.array([sphere["position"] for sphere in said["spheres"]])
+    shine = np.array([sphere["power"] for sphere in said["spheres"]]) / 4
     moved, weaker = float(np.abs(places - POINTS.positions).max()), float(np.abs(shine - POINTS.intensity).max())
     print(f"spheres: places differ by {moved:.1e}, intensity by {weaker:.1e} at most")
-    dome = told["dome"]
+    dome = said["dome"]
     print(f"dome: the middle of the file is {dome['middle']}, to its right {dome['right']}, on top {dome['top']}")
     finish(
-        told["problems"] == [],
-        told["up"] == "Y" and told["metres"] == 1 and told["default"] == "/Light",
-        turned < 1e-7 and off < 1e-6 and all(light["normalize"] for light in told["lights"]),
-        moved < 1e-12 and weaker < 1e-5 and all(sphere["normalize"] for sphere in told["spheres"]),
-        [sphere["point"] for sphere in told["spheres"]] == [True, False],
-        np.allclose([sphere["radius"] for sphere in told["spheres"]], [0.01, 0.1]),
-        np.allclose([light["angle"] for light in told["lights"]], np.degrees(angles)),
+        said["problems"] == [],
+        said["up"] == "Y" and said["metres"] == 1 and said["default"] == "/Light",
+        turned < 1e-7 and off < 1e-6 and all(light["normalize"] for light in said["lights"]),
+        moved < 1e-12 and weaker < 1e-5 and all(sphere["normalize"] for sphere in said["spheres"]),
+        [sphere["point"] for sphere in said["spheres"]] == [True, False],
+        np.allclose([sphere["radius"] for sphere in said["spheres"]], [0.01, 0.1]),
+        np.allclose([light["angle"] for light in said["lights"]], np.degrees(angles)),
         np.allclose([dome["middle"], dome["right"], dome["top"]], [[0, 0, -1], [1, 0, 0], [0, 1, 0]], atol=1e-12),
         Path(dome["file"]) == (folder / "back ground.exr").resolve() and dome["format"] == "latlong",
     )

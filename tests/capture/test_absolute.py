@@ -108,7 +108,7 @@ def test_a_spot_reading_is_compared_with_the_mean_of_its_disc():
 def test_the_uncertainty_of_a_reading_is_meter_noise_and_unevenness():
     flat = RadianceMap(np.ones((30, 40, 3), np.float32), np.full((30, 40, 3), 0.04, np.float32))
     region = disc((40, 30), 20, 15, 4.0)
-    # Flat but for noise that the variance tells of: 0.2 √(Σw²) / √n, w the luminance weights.
+    # Flat but for noise that the variance says of: 0.2 √(Σw²) / √n, w the luminance weights.
     expected = 0.2 * np.linalg.norm([0.2126, 0.7152, 0.0722]) / np.sqrt(region.sum())
     assert measured_patch(flat, region).uncertainty == pytest.approx(expected, rel=1e-6)
     # On a ramp the unevenness is what moving the spot by half its radius changes.

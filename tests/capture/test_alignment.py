@@ -1,4 +1,4 @@
-"""Aligning brackets: the convention, what stays untouched, what cannot be told, and the loops' slow twins."""
+"""Aligning brackets: the convention, what stays untouched, what cannot be reported, and the loops' slow twins."""
 
 from __future__ import annotations
 
@@ -141,9 +141,9 @@ def test_a_frame_of_another_scene_is_warned_of(wide: np.ndarray) -> None:
     other = luminance(500, 380, np.random.default_rng(4), fine=1)[..., None] * np.ones(3)
     stranger = CAMERA.photograph(seen(other / np.median(other)), Exposure(0.25), name="other.jpg", seed=9)
     bracket = Bracket((*shifted(wide, [(6, 0), (0, 0), (-6, 0)], (0.04, 0.07, 0.12)).photographs, stranger))
-    with pytest.warns(UserWarning, match=r"^other\.jpg: too little in common") as told:
+    with pytest.warns(UserWarning, match=r"^other\.jpg: too little in common") as said:
         aligned = align(bracket)
-    assert len(told) == 1 and aligned.errors[-1] == np.inf
+    assert len(said) == 1 and aligned.errors[-1] == np.inf
 
 
 @pytest.mark.parametrize("value", [0, 128, 255])
@@ -277,5 +277,5 @@ def test_less_than_an_eighth_of_a_pixel_or_twice_the_error_is_left_alone() -> No
 
     assert needed(0.12, 0.01) == Motion() and needed(0.13, 0.01) == Motion(0.13)
     assert needed(0.19, 0.1) == Motion() and needed(0.21, 0.1) == Motion(0.21)
-    # A neighbour's motion, kept in whole pixels where nothing was told.
+    # A neighbour's motion, kept in whole pixels where nothing was reported.
     assert needed(2.6, np.inf) == Motion(3.0) and needed(0.4, np.inf) == Motion()

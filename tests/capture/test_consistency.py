@@ -1,4 +1,4 @@
-"""Each kind of doubtful bracket is told by its own words, and a sound one by none."""
+"""Each kind of doubtful bracket is reported by its own words, and a sound one by none."""
 
 import re
 from dataclasses import replace
@@ -59,8 +59,8 @@ def sound(scene) -> Bracket:
     return NOISY.bracket(scene, SEVEN)
 
 
-def told(bracket: Bracket, **stops: float) -> Bracket:
-    """The bracket with the exposures of some frames told wrong by so many stops; frame_3=1 tells twice the time."""
+def misreported(bracket: Bracket, **stops: float) -> Bracket:
+    """The bracket with the exposures of some frames reported wrong by so many stops; frame_3=1 says twice the time."""
     names = {f"{name}.jpg": 2.0**off for name, off in stops.items()}
     return Bracket(
         tuple(
@@ -104,13 +104,13 @@ def test_a_sound_bracket_raises_no_doubt(scene, camera, times):
 def test_real_brackets_raise_no_doubt_that_degrades(shared, name):
     doubts = check(real_bracket(shared, name))
     assert not any(doubt.degraded for doubt in doubts), [doubt.line for doubt in doubts]
-    told_so = [doubt for doubt in doubts if "sorted by exposure" not in doubt.what]
+    said_so = [doubt for doubt in doubts if "sorted by exposure" not in doubt.what]
     if name == "arch_full":
         # Its white balance was automatic, and the longest photograph is bluer by half a stop.
-        assert [doubt.frame[-10:] for doubt in told_so] == ["img_15.jpg"]
-        assert "by its automatic white balance: blue against red by 0.5 stops" in told_so[0].what
+        assert [doubt.frame[-10:] for doubt in said_so] == ["img_15.jpg"]
+        assert "by its automatic white balance: blue against red by 0.5 stops" in said_so[0].what
     else:
-        assert told_so == []
+        assert said_so == []
 
 
 def test_virtual_shoots_raise_no_doubt(shared):
@@ -121,7 +121,7 @@ def test_virtual_shoots_raise_no_doubt(shared):
 @pytest.mark.parametrize("camera", CAMERAS)
 @pytest.mark.parametrize("frame, off", [(1, 1 / 3), (4, -1 / 3)])
 def test_a_third_of_a_stop_is_found(scene, camera, frame, off):
-    bracket = told(CAMERAS[camera].bracket(scene, SEVEN), **{f"frame_{frame}": off})
+    bracket = misreported(CAMERAS[camera].bracket(scene, SEVEN), **{f"frame_{frame}": off})
     direction = "less" if off > 0 else "more"
     doubt = only(bracket, "by its EXIF, it shows about a third of a stop", f"{direction} light", "with --refine")
     assert doubt.frame == f"frame_{frame}.jpg"
@@ -135,20 +135,20 @@ def stops_in(doubt: Doubt) -> float:
 
 @pytest.mark.parametrize("frame, off", [(0, 10.0), (2, -10.0), (6, 2.0)])
 def test_many_stops_are_distinguished_from_a_third(sound, frame, off):
-    doubt = only(told(sound, **{f"frame_{frame}": off}), "its EXIF seems wrong by", "give the right times")
+    doubt = only(misreported(sound, **{f"frame_{frame}": off}), "its EXIF seems wrong by", "give the right times")
     assert stops_in(doubt) == pytest.approx(abs(off), rel=0.06)
     assert doubt.frame == f"frame_{frame}.jpg"
     assert ("that much less light" if off > 0 else "that much more light") in doubt.what
 
 
 def test_two_wrong_times_are_both_found(sound):
-    doubts = [doubt for doubt in check(told(sound, frame_1=1 / 3, frame_4=-10.0)) if doubt.degraded]
+    doubts = [doubt for doubt in check(misreported(sound, frame_1=1 / 3, frame_4=-10.0)) if doubt.degraded]
     assert {doubt.frame: "third" in doubt.what for doubt in doubts} == {"frame_1.jpg": True, "frame_4.jpg": False}
 
 
 @pytest.mark.parametrize("frame", [0, 1, 2])
 def test_of_three_photographs_the_one_wrong_by_ten_stops_is_found(scene, frame):
-    bracket = told(SOFT.bracket(scene, THREE), **{f"frame_{frame}": 10.0})
+    bracket = misreported(SOFT.bracket(scene, THREE), **{f"frame_{frame}": 10.0})
     doubt = only(bracket, "its EXIF seems wrong by")
     assert doubt.frame == f"frame_{frame}.jpg" and 9 <= stops_in(doubt) <= 11
 
@@ -159,8 +159,8 @@ def test_a_known_response_shows_a_third_of_a_stop_even_between_two(scene):
     curve[:, 0] = curve[:, 1] - 1.0
     response = Response(curve, np.full(3, 0.5))
     assert check(bracket, response) == ()
-    assert check(told(bracket, frame_0=1 / 3)) == ()  # any such ratio fits some curve
-    only(told(bracket, frame_0=1 / 3), "about a third of a stop", response=response)
+    assert check(misreported(bracket, frame_0=1 / 3)) == ()  # any such ratio fits some curve
+    only(misreported(bracket, frame_0=1 / 3), "about a third of a stop", response=response)
 
 
 def test_the_same_time_for_all_is_no_time(sound):
@@ -282,7 +282,7 @@ def test_mixed_equipment_is_reported(sound, fields, words):
     same = Bracket(tuple(replace(p, camera="Nikon D3", settings=settings) for p in sound.photographs))
     assert check(same) == ()
     only(changed(same, 2, **fields), words)
-    # What one file does not tell is no difference.
+    # What one file does not say is no difference.
     assert check(changed(same, 2, camera="", settings=Settings())) == ()
 
 
@@ -334,8 +334,8 @@ def test_matched_values_lie_on_the_cameras_curve(scene):
     curve = NOISELESS.log_exposure()
     for channel, (a, b) in enumerate(matched(dark, bright)):
         assert len(a) > 20
-        told_ratio = np.interp(255 * b, range(256), curve[channel]) - np.interp(255 * a, range(256), curve[channel])
-        assert np.median(np.abs(told_ratio - np.log(4.0))) < 0.02
+        reported_ratio = np.interp(255 * b, range(256), curve[channel]) - np.interp(255 * a, range(256), curve[channel])
+        assert np.median(np.abs(reported_ratio - np.log(4.0))) < 0.02
 
 
 def test_the_ratio_of_srgb_photographs_is_exact_to_a_hundredth(scene):

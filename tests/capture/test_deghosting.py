@@ -221,15 +221,15 @@ def test_disagreement_is_the_widest_gap_in_any_channel():
     bounds[0, 1, :2], bounds[3, 0, 3:] = np.inf, -np.inf
     middle = generator.integers(0, 256, (4, 5, 6, 3)).astype(np.uint8)
     tables = generator.normal(0, 0.3, (4, 2, 3, 256)).astype(np.float32)
-    told = bounds.copy()
-    apart = disagreement(told, middle, tables)
+    said = bounds.copy()
+    apart = disagreement(said, middle, tables)
     for i in range(5):
         for j in range(6):
             gaps = []
             for c in range(3):
                 lows = [bounds[p, 0, i, j, c] + tables[p, 0, c, middle[p, i, j, c]] for p in range(4)]
                 ups = [bounds[p, 1, i, j, c] + tables[p, 1, c, middle[p, i, j, c]] for p in range(4)]
-                assert told[2, 0, i, j, c] == pytest.approx(lows[2])
+                assert said[2, 0, i, j, c] == pytest.approx(lows[2])
                 gaps.append(max(lows) - min(ups))
             assert apart[i, j] == pytest.approx(max(gaps), abs=1e-5)
 
@@ -275,8 +275,8 @@ def test_what_dark_values_say_against_the_longer_frame_counts_from_above_only():
     values = np.stack([np.interp(radiance - math.log(4.0) + t, curve[0], np.arange(256.0)) for t in log_times])
     values[0] = np.maximum(values[0], 60)
     middle = np.rint(values).astype(np.uint8)
-    told = curve[0][middle] - log_times[:, None, None]
-    tables = corrections(np.stack([told - 0.02, told + 0.02], axis=1), middle, log_times, scale, 1, slack=0.05)
+    said = curve[0][middle] - log_times[:, None, None]
+    tables = corrections(np.stack([said - 0.02, said + 0.02], axis=1), middle, log_times, scale, 1, slack=0.05)
     assert np.all(tables[0, 0, :, :55] == -np.inf) and np.all(np.isfinite(tables[0, 0, :, 80:]))
     assert np.all(np.isfinite(tables[0, 1])) and np.all(np.isfinite(tables[1]))
     np.testing.assert_allclose(tables[1, :, :, 100], [[-0.05] * 3, [0.05] * 3], atol=1e-6)

@@ -94,7 +94,7 @@ def test_a_list_that_leaves_some_out_is_reported_and_exif_speaks_for_them(tmp_pa
     with pytest.warns(UserWarning, match=r"times\.txt: does not name c\.png; add them"):
         bracket = read_bracket(paths)
     assert sources(bracket) == ["sidecar", "sidecar", "EXIF"]
-    # On one scale: the list tells no aperture and no ISO, so the photographs' own stand in.
+    # On one scale: the list says no aperture and no ISO, so the photographs' own stand in.
     assert [(line.f_number, line.iso) for line in bracket.exposure_table] == [(8.0, 100.0)] * 3
 
 
@@ -179,7 +179,7 @@ def test_times_read_from_names(names, times):
 
 
 def test_a_photograph_without_time_among_others_is_estimated_on_their_scale():
-    contrasty = VirtualCamera()  # far from sRGB, which between two told exposures does not matter
+    contrasty = VirtualCamera()  # far from sRGB, which between two reported exposures does not matter
     photographs = list(contrasty.bracket(wide_scene(), [1 / 32, 1 / 16, 1 / 8, 1 / 4]).photographs)
     photographs = [replace(p, exposure=replace(p.exposure, f_number=4.0, iso=200.0)) for p in photographs if p.exposure]
     for place, tolerance in ((1, 0.05), (2, 0.05), (0, 0.25), (3, 0.25)):

@@ -1,4 +1,4 @@
-"""Glare: what a lens scattered is put back, no light is lost, and what the picture does not tell is said."""
+"""Glare: what a lens scattered is put back, no light is lost, and what the picture does not say is said."""
 
 from dataclasses import replace
 
@@ -178,7 +178,7 @@ def test_the_darkest_places_bound_the_share():
     assert LENS.share < bound.share < 1.05 * LENS.share
     assert bound.veil / bound.halo == pytest.approx(LENS.veil / LENS.halo)
     assert not diminish_glare(seen, bound.scaled(0.98 * LENS.share)).bounded.any()
-    # Without a black place the bound is wide, and a grey wall alone tells nothing.
+    # Without a black place the bound is wide, and a grey wall alone says nothing.
     grey = RadianceMap(np.full((40, 60, 3), 0.5, np.float32))
     assert largest_glare(grey).share == pytest.approx(0.4)
     # What is black in every photograph is no evidence: without the trap the room's darkest blue bounds the veil.
@@ -192,7 +192,7 @@ def test_a_light_trap_shows_the_share():
     found = recover_glare_from_dark(through_the_lens(noise=0.02), TRAP, shape=LENS.scaled(0.2))
     assert found.share == pytest.approx(LENS.share, rel=0.003)
     assert found.veil / found.halo == pytest.approx(LENS.veil / LENS.halo)
-    # One place alone tells an even veil, which makes the trap black.
+    # One place alone says an even veil, which makes the trap black.
     seen = through_the_lens(noise=0.02, glare=Glare(veil=0.04))
     veil = recover_glare_from_dark(seen, TRAP)
     assert (veil.veil, veil.halo) == (pytest.approx(0.04, rel=0.003), 0.0) and 0 < veil.deviation < 0.05

@@ -1,4 +1,4 @@
-"""A folder of many brackets is sorted by what the headers tell."""
+"""A folder of many brackets is sorted by what the headers say."""
 
 from datetime import datetime, timedelta
 from pathlib import Path

@@ -1,4 +1,4 @@
-"""The steps from brackets to radiance: in order, each once, each left out when told, and nothing they say lost."""
+"""The steps from brackets to radiance: in order, each once, each left out when asked, and nothing they say lost."""
 
 from __future__ import annotations
 
@@ -55,7 +55,7 @@ def ratios(picture: RadianceMap, truth: np.ndarray) -> np.ndarray:
     return (picture.radiance / truth)[picture.clipped == 0]
 
 
-def told_wrong(bracket: Bracket, place: int, stops: float) -> Bracket:
+def misreported(bracket: Bracket, place: int, stops: float) -> Bracket:
     photographs = list(bracket.photographs)
     exposure = photographs[place].exposure
     assert exposure is not None
@@ -83,18 +83,18 @@ def test_a_sound_bracket_is_measured_and_nothing_is_said_against_it(scene, sound
 
 
 def test_the_steps_come_in_their_order_and_are_timed(sound, whole):
-    told: list[str] = []
-    merge_brackets(sound, progress=told.append)
-    assert list(dict.fromkeys(told)) == ["check", "align", "response", "deghost", "merge"]
-    assert told.index("response") > told.index("align") and told[-2:] == ["deghost", "merge"]
+    said: list[str] = []
+    merge_brackets(sound, progress=said.append)
+    assert list(dict.fromkeys(said)) == ["check", "align", "response", "deghost", "merge"]
+    assert said.index("response") > said.index("align") and said[-2:] == ["deghost", "merge"]
     assert list(whole.seconds) == ["check", "align", "response", "deghost", "merge"]
     assert all(seconds > 0 for seconds in whole.seconds.values())
 
 
 def test_what_is_switched_off_is_not_done(sound):
-    told: list[str] = []
-    found = merge_brackets(sound, profile=known_response(), settings=PLAIN, progress=told.append)
-    assert told == ["check", "merge"]
+    said: list[str] = []
+    found = merge_brackets(sound, profile=known_response(), settings=PLAIN, progress=said.append)
+    assert said == ["check", "merge"]
     (one,) = found.brackets
     assert one.aligned is None and one.deghosted is None and found.camera.calibration is None
     assert np.array_equal(one.picture.radiance, merge(sound, known_response()).radiance)
@@ -115,7 +115,7 @@ def test_a_photograph_alone_is_measured_by_a_known_response(scene):
 
 def test_a_known_response_is_taken_as_it_is(scene, sound):
     response = known_response()
-    wrong = told_wrong(sound, 3, 1 / 3)
+    wrong = misreported(sound, 3, 1 / 3)
     found = merge_brackets(wrong, profile=response)
     assert found.response is response and found.camera.calibration is None
     assert [frame.seconds for frame in found.brackets[0].frames] == wrong.exposures.tolist()
@@ -128,22 +128,22 @@ def test_a_known_response_is_taken_as_it_is(scene, sound):
 
 def test_a_known_response_helps_to_doubt_the_exposures(scene):
     # Of three photographs a curve that must be fitted as well cannot say that the first is off by a third of a stop.
-    wrong = told_wrong(Bracket(exposed(scene, [Exposure(t) for t in (1 / 256, 1 / 64, 1 / 16)])), 0, 1 / 3)
+    wrong = misreported(Bracket(exposed(scene, [Exposure(t) for t in (1 / 256, 1 / 64, 1 / 16)])), 0, 1 / 3)
     lines = merge_brackets(wrong, profile=known_response(), settings=PLAIN).warnings
     assert len(lines) == 1 and "frame_0.png" in lines[0] and "a third of a stop" in lines[0]
 
 
 def test_a_wrong_exposure_is_corrected_or_reported_where_that_is_switched_off(scene, sound):
-    wrong = told_wrong(sound, 3, 1 / 3)
+    wrong = misreported(sound, 3, 1 / 3)
     refined = merge_brackets(wrong, settings=replace(PLAIN, refine=True))
     assert [frame.seconds for frame in refined.brackets[0].frames] == pytest.approx(SECONDS, rel=0.02)
     found = ratios(refined.brackets[0].picture, scene)
     assert np.percentile(found / np.median(found), (1, 99)) == pytest.approx((1, 1), abs=0.05)
     assert not any("a third of a stop" in line for line in refined.warnings)
-    as_told = merge_brackets(wrong, settings=PLAIN)
-    assert as_told.camera.calibration is not None and as_told.camera.calibration.ratios is None
-    assert [frame.seconds for frame in as_told.brackets[0].frames] == wrong.exposures.tolist()
-    assert [line for line in as_told.warnings if "frame_3.png" in line and "a third of a stop" in line]
+    as_asked = merge_brackets(wrong, settings=PLAIN)
+    assert as_asked.camera.calibration is not None and as_asked.camera.calibration.ratios is None
+    assert [frame.seconds for frame in as_asked.brackets[0].frames] == wrong.exposures.tolist()
+    assert [line for line in as_asked.warnings if "frame_3.png" in line and "a third of a stop" in line]
 
 
 def test_a_hand_held_bracket_is_measured_as_its_reference_saw_it():
@@ -337,15 +337,15 @@ def test_grey_is_where_it_is_said_to_be(sound, whole):
 
 def test_solid_angles_are_those_of_the_photographs_or_of_what_is_given(scene):
     photographs = exposed(scene, [Exposure(0.1)])
-    told = Bracket(tuple(replace(p, focal_length=200.0) for p in photographs))
+    said = Bracket(tuple(replace(p, focal_length=200.0) for p in photographs))
     response = known_response()
-    own = merge_brackets(told, profile=response).brackets[0].clipping
-    given = merge_brackets(told, profile=response, settings=MergeSettings(focal_length=400.0)).brackets[0].clipping
+    own = merge_brackets(said, profile=response).brackets[0].clipping
+    given = merge_brackets(said, profile=response, settings=MergeSettings(focal_length=400.0)).brackets[0].clipping
     unknown = merge_brackets(Bracket(photographs), profile=response).brackets[0].clipping
     assert own.saturated == given.saturated == unknown.saturated > 100
     assert own.solid_angle is not None and given.solid_angle is not None and unknown.solid_angle is None
     assert own.solid_angle > 2 * given.solid_angle > 0
-    assert own == clipping_report(merge_brackets(told, profile=response).brackets[0].picture, focal_length=200.0)
+    assert own == clipping_report(merge_brackets(said, profile=response).brackets[0].picture, focal_length=200.0)
 
 
 def test_noise_is_carried_through(scene):
@@ -373,7 +373,7 @@ def test_a_reading_in_the_first_bracket_scales_them_all():
 
 
 @pytest.mark.parametrize(
-    "shares, told",
+    "shares, said",
     [
         ([0.05, 0.0, 0.04, 0.03], True),
         ([0.05, 0.01, 0.04, 0.03], False),
@@ -382,7 +382,7 @@ def test_a_reading_in_the_first_bracket_scales_them_all():
     ],
     ids=["one against three", "the reference gave way too", "one agrees with it", "one against two"],
 )
-def test_one_frame_against_all_others_is_reported(shares, told):
+def test_one_frame_against_all_others_is_reported(shares, said):
     """The frame that the others are measured against may be the one that does not belong to them."""
     bracket = NOISELESS.bracket(wide_scene(32, 24), [0.1 * 2.0**k for k in range(len(shares))])
     found = Deghosted(bracket, np.zeros((24, 32), bool), np.zeros((24, 32), np.int16), np.array(shares), 1)
@@ -390,4 +390,4 @@ def test_one_frame_against_all_others_is_reported(shares, told):
         warnings.simplefilter("always")
         _warn_of_an_odd_frame(found)
     lines = [str(each.message) for each in caught]
-    assert (len(lines) == 1 and "frame_1.jpg: in 3 %" in lines[0]) if told else not lines
+    assert (len(lines) == 1 and "frame_1.jpg: in 3 %" in lines[0]) if said else not lines

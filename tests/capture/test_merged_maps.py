@@ -76,9 +76,9 @@ def test_what_all_photographs_share_is_kept_and_what_differs_is_not() -> None:
     second = replace(first, exposure=Exposure(1 / 60, 8.0, 100.0))
     earlier = replace(settings, taken=datetime(2026, 3, 1, 12, 0, 4), lens="35 mm")
     third = replace(first, exposure=Exposure(2.0, 8.0, 200.0), settings=earlier)
-    told = {"camera": "A B", "lens": "50 mm", "serial": "7", "focal_length": "50", "iso": "100"}
-    told |= {"taken": "2026:03:01 12:00:05", "exposure_times": "0.004 0.0166667"}
-    assert provenance([first, second]) == told
+    said = {"camera": "A B", "lens": "50 mm", "serial": "7", "focal_length": "50", "iso": "100"}
+    said |= {"taken": "2026:03:01 12:00:05", "exposure_times": "0.004 0.0166667"}
+    assert provenance([first, second]) == said
     assert provenance([first, third]) == {
         "camera": "A B",
         "serial": "7",
@@ -94,8 +94,8 @@ def test_a_make_that_is_known_is_separated_from_the_model() -> None:
     place = {"latitude": 37.896408, "longitude": -122.0, "owner": "A", "copyright": "B", "comments": "C"}
     settings = Settings(make="NIKON CORPORATION", model="NIKON D700", **place)
     first = Photograph(pixels, "a", camera="NIKON CORPORATION NIKON D700", settings=settings)
-    told = {"camera": "NIKON D700", "camera_make": "NIKON CORPORATION", "latitude": "37.896408", "longitude": "-122"}
-    assert provenance([first, first]) == {**told, "owner": "A", "copyright": "B", "comments": "C"}
+    said = {"camera": "NIKON D700", "camera_make": "NIKON CORPORATION", "latitude": "37.896408", "longitude": "-122"}
+    assert provenance([first, first]) == {**said, "owner": "A", "copyright": "B", "comments": "C"}
     elsewhere = replace(first, settings=replace(settings, latitude=37.896409, owner="D"))
     assert provenance([first, elsewhere]).keys() == {"camera", "camera_make", "longitude", "copyright", "comments"}
     stripped = replace(first, settings=Settings())

@@ -169,10 +169,10 @@ def test_variance_is_what_repeated_brackets_scatter_by():
     response = recover_response(NOISY.bracket(wide_scene())).response
     repeats = [merge(NOISY.bracket(scene, seed=s), response) for s in range(1, 41)]
     radiance = np.stack([r.radiance for r in repeats]).astype(np.float64)
-    told = np.stack([r.variance for r in repeats if r.variance is not None]).astype(np.float64)
+    said = np.stack([r.variance for r in repeats if r.variance is not None]).astype(np.float64)
     known = np.all([r.clipped == 0 for r in repeats], axis=0)
     assert known.mean() > 0.95
-    ratio = np.sqrt(told.mean(0)[known] / radiance.var(0, ddof=1)[known])
+    ratio = np.sqrt(said.mean(0)[known] / radiance.var(0, ddof=1)[known])
     # The deviation of 40 draws scatters by 1/√78 = 11 % itself, the median over 3000 pixels hardly does.
     assert np.median(ratio, axis=0) == pytest.approx(1.0, abs=0.1)
     assert 0.6 < np.percentile(ratio, 5) and np.percentile(ratio, 95) < 1.7

@@ -1,4 +1,4 @@
-"""Exposures that were told wrong: found, corrected, and left alone where they were right."""
+"""Exposures that were reported wrong: found, corrected, and left alone where they were right."""
 
 from dataclasses import replace
 
@@ -47,8 +47,8 @@ def seconds(photograph: Photograph) -> float:
     return photograph.exposure.seconds
 
 
-def told(bracket: Bracket, factors: dict[int, float]) -> Bracket:
-    """The bracket with the times of the frames of these numbers told wrong by these factors."""
+def misreported(bracket: Bracket, factors: dict[int, float]) -> Bracket:
+    """The bracket with the times of the frames of these numbers reported wrong by these factors."""
     wrong = {f"frame_{number}.jpg": factor for number, factor in factors.items()}
     return Bracket(
         tuple(replace(p, exposure=Exposure(seconds(p) * wrong.get(p.name, 1.0))) for p in bracket.photographs)
@@ -66,7 +66,7 @@ def told(bracket: Bracket, factors: dict[int, float]) -> Bracket:
     ],
 )
 def test_wrong_times_are_found_and_the_curve_is_as_good_as_with_right_ones(camera, right, plain, factors):
-    wrong = told(right, factors)
+    wrong = misreported(right, factors)
     found = recover_response(wrong, refine=Ratios())
     mended = {p.name: seconds(p) for p in corrected(wrong, found).photographs}
     for photograph in right.photographs:
@@ -86,7 +86,7 @@ def test_right_times_stay_as_they_are(right, plain, refined):
 
 @pytest.mark.slow
 def test_the_stated_errors_are_of_the_size_of_the_errors_made(right):
-    ratios = ratios_of(told(right, {3: THIRD}))
+    ratios = ratios_of(misreported(right, {3: THIRD}))
     frame = ratios.names[0].index("frame_3.jpg")
     off = ratios.corrections[0][frame] + np.log(THIRD)
     # A wrong correction of 4 standard errors would be one in ten thousand; rounding adds to it.
@@ -97,12 +97,12 @@ def test_the_stated_errors_are_of_the_size_of_the_errors_made(right):
 def test_three_photographs_cannot_show_which_is_wrong(camera):
     few = camera.bracket(mixed_scene(), (0.125, 0.0625, 0.03125))
     with pytest.warns(UserWarning, match="from four different ones on"):
-        ratios = ratios_of(told(few, {1: 1.3}))
+        ratios = ratios_of(misreported(few, {1: 1.3}))
     assert np.all(ratios.corrections[0] == 0) and np.all(np.isnan(ratios.errors[0]))
 
 
 def test_where_most_disagree_none_is_corrected(right):
-    wild = told(right, {1: 1.5, 2: 0.6, 4: 1.9, 5: 0.5, 7: 1.4})
+    wild = misreported(right, {1: 1.5, 2: 0.6, 4: 1.9, 5: 0.5, 7: 1.4})
     with pytest.warns(UserWarning, match=r"frame_.* of 9 exposures disagree"):
         ratios = ratios_of(wild)
     assert np.all(ratios.corrections[0] == 0)
@@ -112,7 +112,7 @@ def test_where_most_disagree_none_is_corrected(right):
 def test_one_bracket_s_wrong_time_is_found_beside_another_bracket(camera, right):
     other = camera.bracket(mixed_scene(), seed=9)
     other = Bracket(tuple(replace(p, name="b_" + p.name) for p in other.photographs))
-    ratios = ratios_of([told(right, {4: THIRD}), other])
+    ratios = ratios_of([misreported(right, {4: THIRD}), other])
     factors = ratios.factors()
     assert factors.pop("frame_4.jpg") == pytest.approx(1 / THIRD, rel=0.005)
     assert set(factors.values()) == {1.0} and len(factors) == 17

@@ -146,8 +146,8 @@ def test_times_and_white_that_are_given_count(light, sound, whole):
 def test_exposures_are_refined_unless_that_is_switched_off(light, tmp_path):
     short = tuple(t * f for t, f in zip(SECONDS, (1.0, 1.05, 1.0, 1.0), strict=True))
     photographs = [
-        raw(sensed(light, t, seed=i), name=f"{i}.dng", exposure=Exposure(told))
-        for i, (t, told) in enumerate(zip(short, SECONDS, strict=True))
+        raw(sensed(light, t, seed=i), name=f"{i}.dng", exposure=Exposure(said))
+        for i, (t, said) in enumerate(zip(short, SECONDS, strict=True))
     ]
     assert calibrate_raw(photographs, refine_exposures=False).factors == pytest.approx(SECONDS, rel=1e-12)
     refined = np.array([frame.seconds for frame in merge_brackets(photographs).brackets[0].frames])
@@ -226,13 +226,13 @@ def test_brackets_of_two_cameras_are_merged_apart_but_not_by_a_reading_in_one_of
 
 def test_what_was_measured_of_the_sensor_is_reported_and_used_again(light):
     photographs = taken(light, 2.0, 200.0, 13600)
-    told = merge_brackets(photographs).camera.sensor
-    assert told is not None and told.noise is not None
-    assert (told.black, told.white, told.noise.iso) == ((512.0,) * 4, 16383.0, 200.0)
-    assert told.saturation == pytest.approx((13600 - 512) / 15871, abs=1e-3)
-    assert 1 / told.noise.shot == pytest.approx(20_000, rel=0.05)
-    assert told.noise.read * 20_000 == pytest.approx(3, rel=0.2)
-    # Alone, a photograph tells nothing of its saturation: what is known counts, at the sensitivity it was seen at.
+    said = merge_brackets(photographs).camera.sensor
+    assert said is not None and said.noise is not None
+    assert (said.black, said.white, said.noise.iso) == ((512.0,) * 4, 16383.0, 200.0)
+    assert said.saturation == pytest.approx((13600 - 512) / 15871, abs=1e-3)
+    assert 1 / said.noise.shot == pytest.approx(20_000, rel=0.05)
+    assert said.noise.read * 20_000 == pytest.approx(3, rel=0.2)
+    # Alone, a photograph says nothing of its saturation: what is known counts, at the sensitivity it was seen at.
     longest = photographs[-1:]
 
     def saturated(iso: float, sensor: Sensor | None) -> int:
@@ -241,8 +241,8 @@ def test_what_was_measured_of_the_sensor_is_reported_and_used_again(light):
         assert one.picture.clipped is not None
         return int((one.picture.clipped == SATURATED).sum())
 
-    assert saturated(200.0, None) == saturated(400.0, told) == 0
-    assert saturated(200.0, told) > 1000
+    assert saturated(200.0, None) == saturated(400.0, said) == 0
+    assert saturated(200.0, said) > 1000
 
 
 def test_noise_that_is_known_counts_at_the_photographs_own_sensitivity(light):
@@ -251,7 +251,7 @@ def test_noise_that_is_known_counts_at_the_photographs_own_sensitivity(light):
     for times in (None, SECONDS):
         noise = calibrate_raw(photographs, times=times, sensor=known).noise
         assert (noise.shot, noise.read, noise.iso) == pytest.approx((4e-4, 1.2e-3, 800.0))
-        # Times that are given tell no sensitivity; what is measured is of the files' own.
+        # Times that are given say no sensitivity; what is measured is of the files' own.
         measured = calibrate_raw(photographs, times=times).sensor.noise
         assert measured is not None and measured.iso == 800 and 1 / measured.shot == pytest.approx(20_000, rel=0.05)
     plain, noisy = (
@@ -319,7 +319,7 @@ def test_a_preview_is_saturated_where_one_photosite_is(row, column, channel):
     assert pixels[1, 0, channel] == 65535
     pixels[1, 0, channel] = pixels[0, 0, channel]
     assert np.ptp(pixels) == 0
-    # A sensor that is full below the white its file tells.
+    # A sensor that is full below the white its file says.
     mosaic[4 + row, column] = 14000
     assert preview(raw(mosaic), 4).pixels.max() < 65535
     assert preview(raw(mosaic), 4, 0.84).pixels[1, 0, channel] == 65535

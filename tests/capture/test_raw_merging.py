@@ -289,20 +289,20 @@ def test_noise_goes_with_the_gain():
 
 def test_times_that_are_only_nominal_are_refined_to_half_a_percent(scene):
     true = np.array([1 / 32, 1 / 8, 1 / 2, 2.0])
-    told = np.array([1 / 30, 1 / 8, 1 / 2, 2.0])
-    photographs = [replace(raw, exposure=Exposure(t)) for raw, t in zip(raws(scene, true.tolist()), told, strict=True)]
+    said = np.array([1 / 30, 1 / 8, 1 / 2, 2.0])
+    photographs = [replace(raw, exposure=Exposure(t)) for raw, t in zip(raws(scene, true.tolist()), said, strict=True)]
     refined = calibrate_raw(photographs).factors
     np.testing.assert_allclose(refined[1:] / refined[:-1], true[1:] / true[:-1], rtol=0.001)
-    assert np.log(refined).mean() == pytest.approx(np.log(told).mean())
-    np.testing.assert_array_equal(calibrate_raw(photographs, refine_exposures=False).factors, told)
+    assert np.log(refined).mean() == pytest.approx(np.log(said).mean())
+    np.testing.assert_array_equal(calibrate_raw(photographs, refine_exposures=False).factors, said)
 
 
 def test_an_exposure_wrong_by_a_third_of_a_stop_is_reported_by_name(scene):
-    told = (1 / 4, 2 ** (1 / 3), 4.0)
-    photographs = [replace(raw, exposure=Exposure(t)) for raw, t in zip(raws(scene), told, strict=True)]
-    with pytest.warns(UserWarning, match=r"frame_\d.dng: it got .* times the light of frame_\d.dng") as told_of:
+    said = (1 / 4, 2 ** (1 / 3), 4.0)
+    photographs = [replace(raw, exposure=Exposure(t)) for raw, t in zip(raws(scene), said, strict=True)]
+    with pytest.warns(UserWarning, match=r"frame_\d.dng: it got .* times the light of frame_\d.dng") as reported_of:
         refined = calibrate_raw(photographs).factors
-    assert len(told_of) == 2  # it lies between two neighbours
+    assert len(reported_of) == 2  # it lies between two neighbours
     np.testing.assert_allclose(refined[1:] / refined[:-1], 4, rtol=0.001)
 
 

@@ -240,7 +240,7 @@ def test_the_observations_lie_on_the_curve(calibration):
         assert points.shape[1] == 2 and len(points) > 1000
         value = points[:, 1].astype(int)
         off = points[:, 0] - calibration.response.log_exposure[channel, value]
-        # A value between 30 and 225 is told to half a level, which is at most 3 % of its exposure.
+        # A value between 30 and 225 is asked to half a level, which is at most 3 % of its exposure.
         inner = (value > 30) & (value < 225)
         assert np.percentile(np.abs(off[inner]), 95) < 0.03
     assert np.all(calibration.residual < 0.02)
@@ -259,7 +259,7 @@ def test_the_memorial_church_gives_a_film_s_curve_and_its_published_radiance(sha
     g = calibration.response.log_exposure
     assert np.all(np.diff(g, axis=1) > 0)
     # From the image the film shows of its range, 4.1, 4.0 and 4.7 powers of e (Fig. 7). Below 25 lies the film's base
-    # fog: values of 12 to 18 occur in the darkest places of every photograph, however short, and tell nothing.
+    # fog: values of 12 to 18 occur in the darkest places of every photograph, however short, and say nothing.
     assert g[:, 240] - g[:, 30] == pytest.approx([4.08, 4.02, 4.65], abs=0.3)
     assert np.all(calibration.residual < 1.2)
 

@@ -72,7 +72,7 @@ def test_photographs_of_16_bits_give_a_curve_of_65536_values():
     assert recovered.shape == (3, 65536) and np.all(np.diff(recovered, axis=1) > 0)
     true = camera.true_exposure(65536)
     assert max(exposure_error(g, t) for g, t in zip(recovered, true, strict=True)) <= 0.005
-    # Dark values too: f⁻¹ of a hundredth of the range, which 8 bits tell to 40 %.
+    # Dark values too: f⁻¹ of a hundredth of the range, which 8 bits say to 40 %.
     dark = np.exp(recovered[:, 2000] - recovered[:, 40000]) / (true[:, 2000] / true[:, 40000])
     np.testing.assert_allclose(dark, 1.0, atol=0.1)
 
@@ -83,9 +83,9 @@ def test_the_error_bars_are_as_long_as_the_curves_scatter():
     camera = CurveCamera(curves, 8_000.0)
     made: list[Calibration] = [recover_response(camera.bracket(scene, seed=s)) for s in range(12)]
     scatter = np.std([c.response.log_exposure for c in made], axis=0, ddof=1)
-    told = np.mean([c.error for c in made if c.error is not None], axis=0)
+    said = np.mean([c.error for c in made if c.error is not None], axis=0)
     well = np.r_[40:110, 145:230]
-    # Twelve draws tell a standard deviation to 20 %; over the curve's few degrees of freedom it averages out.
-    ratio = np.sqrt((told[:, well] ** 2).mean() / (scatter[:, well] ** 2).mean())
+    # Twelve draws say a standard deviation to 20 %; over the curve's few degrees of freedom it averages out.
+    ratio = np.sqrt((said[:, well] ** 2).mean() / (scatter[:, well] ** 2).mean())
     assert 0.7 < ratio < 1.3
-    assert np.all(told[:, 127] == 0)
+    assert np.all(said[:, 127] == 0)

@@ -44,7 +44,7 @@ def test_the_hand_s_motion_is_found(shared):
     width, height = photographs[0].size
     corners = np.array([[x * width / 2, y * height / 2] for x in (-1, 1) for y in (-1, 1)])
 
-    def told(name: str, places: np.ndarray) -> np.ndarray:
+    def recorded(name: str, places: np.ndarray) -> np.ndarray:
         """Where a place of the unmoved picture is in a photograph, as the shoot's own record has it."""
         motion = next(m for m in facts["handheld_motion"] if name.endswith(m["photograph"]))
         cosine, sine = np.cos(-motion["rotation_rad"]), np.sin(-motion["rotation_rad"])
@@ -54,7 +54,7 @@ def test_the_hand_s_motion_is_found(shared):
     # The record is against the shoot's unmoved picture, ours against the reference: compare where both lead.
     reference = photographs[found.aligned.reference].name
     errors = [
-        np.linalg.norm(motion.apply(told(reference, corners)) - told(photograph.name, corners), axis=1).max()
+        np.linalg.norm(motion.apply(recorded(reference, corners)) - recorded(photograph.name, corners), axis=1).max()
         for photograph, motion in zip(photographs, motions, strict=True)
     ]
     assert max(errors) < 0.1, errors

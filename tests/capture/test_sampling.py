@@ -122,7 +122,7 @@ def test_pixels_outside_the_picture_are_not_sampled():
     masked = Bracket(tuple(replace(p, outside=outside) for p in inside.photographs))
     assert set(np.unique(observations(masked, 0).values)) == {100}
     assert set(np.unique(still_values(masked, 0).values)) == {100}
-    # Outside in one photograph alone, a place tells of the others only, and of one other nothing.
+    # Outside in one photograph alone, a place says of the others only, and of one other nothing.
     once = Bracket((replace(inside.photographs[0], outside=outside), inside.photographs[1]))
     assert set(np.unique(observations(once, 0).values)) == {100}
 

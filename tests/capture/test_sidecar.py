@@ -14,7 +14,7 @@ def listed(tmp_path: Path, text: str, name: str = "times.txt") -> ExposureList:
     return read_times(tmp_path / name)
 
 
-def told(listing: ExposureList, *names: str, brightness=None) -> list[Exposure | None]:
+def exposures_listed(listing: ExposureList, *names: str, brightness=None) -> list[Exposure | None]:
     return listing.exposures_of([Path(name) for name in names], range(len(names)), brightness and (lambda: brightness))
 
 
@@ -50,7 +50,7 @@ def test_the_two_real_lists_of_the_church_agree(shared):
     assert first.exposures == second.exposures
     assert (first.names[15], second.names[15]) == ("memorial0076.png", "memorial0076.ppm")
     assert first.exposures[0] == Exposure(32.0, 8.0) and first.exposures[15] == Exposure(1 / 1024, 8.0)
-    assert told(second, "memorial0062.png", "other.png") == [Exposure(16.0, 8.0), None]
+    assert exposures_listed(second, "memorial0062.png", "other.png") == [Exposure(16.0, 8.0), None]
 
 
 def test_the_count_that_stands_before_a_list_must_be_right(tmp_path):
@@ -63,7 +63,7 @@ def test_the_count_that_stands_before_a_list_must_be_right(tmp_path):
 def test_pfstools_scripts(tmp_path):
     listing = listed(tmp_path, "/a/b/IMG_1.JPG 60 5.6 200 0\n/a/b/IMG_2.JPG 15 5.6 200 1\n", "shoot.hdrgen")
     assert listing.exposures == (Exposure(1 / 60, 5.6, 200.0), Exposure(1 / 30, 5.6, 200.0))
-    assert told(listing, "elsewhere/img_1.jpg") == [Exposure(1 / 60, 5.6, 200.0)]
+    assert exposures_listed(listing, "elsewhere/img_1.jpg") == [Exposure(1 / 60, 5.6, 200.0)]
 
 
 @pytest.mark.parametrize(
@@ -94,26 +94,26 @@ def test_bare_numbers_are_decided_by_the_pixels(tmp_path):
     listing = listed(tmp_path, "320,160,80,40\r\n-2,-1,0,1")
     assert listing.either and listing.names == () and listing.stops == (-2.0, -1.0, 0.0, 1.0)
     names = ("1.tif", "2.tif", "3.tif", "4.tif")
-    assert told(listing, *names) == [None] * 4  # nothing is told without a look at the pixels
-    rising = told(listing, *names, brightness=[0.1, 0.2, 0.3, 0.4])
+    assert exposures_listed(listing, *names) == [None] * 4  # nothing is reported without a look at the pixels
+    rising = exposures_listed(listing, *names, brightness=[0.1, 0.2, 0.3, 0.4])
     assert [exposure and exposure.seconds for exposure in rising] == [1 / 320, 1 / 160, 1 / 80, 1 / 40]
     with pytest.raises(NotABracket, match="neither as seconds nor as reciprocals"):  # the stops say otherwise
-        told(listing, *names, brightness=[0.4, 0.3, 0.2, 0.1])
+        exposures_listed(listing, *names, brightness=[0.4, 0.3, 0.2, 0.1])
     with pytest.raises(NotABracket, match="neither as seconds nor as reciprocals"):
-        told(listing, *names, brightness=[0.1, 0.4, 0.2, 0.3])
+        exposures_listed(listing, *names, brightness=[0.1, 0.4, 0.2, 0.3])
 
 
 @pytest.mark.parametrize("brightness, first", [([0.1, 0.2, 0.3], 1 / 30), ([0.3, 0.2, 0.1], 30.0)])
 def test_numbers_beside_names_are_decided_by_the_pixels_too(tmp_path, brightness, first):
     listing = listed(tmp_path, "a.jpg 30\nb.jpg 15\nc.jpg 8\n")
-    exposure = told(listing, "a.jpg", "b.jpg", "c.jpg", brightness=brightness)[0]
+    exposure = exposures_listed(listing, "a.jpg", "b.jpg", "c.jpg", brightness=brightness)[0]
     assert exposure is not None and exposure.seconds == pytest.approx(first)
 
 
 def test_stops_that_fit_neither_reading_are_refused(tmp_path):
     listing = listed(tmp_path, "320,160,80\n-2,0,2")
     with pytest.raises(NotABracket, match="write seconds, like 1/30"):
-        told(listing, "1.tif", "2.tif", "3.tif", brightness=[0.1, 0.2, 0.3])
+        exposures_listed(listing, "1.tif", "2.tif", "3.tif", brightness=[0.1, 0.2, 0.3])
 
 
 def test_fractions_are_seconds_whatever_the_pixels_say(tmp_path):

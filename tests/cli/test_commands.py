@@ -56,7 +56,7 @@ def test_probe_finds_the_ball_and_writes_a_map_that_remembers_its_mapping(tmp_pa
     assert read_radiance(tmp_path / "light.hdr").size == (128, 64)
 
 
-def test_info_tells_a_photograph_a_map_and_the_system(tmp_path, capsys):
+def test_info_says_a_photograph_a_map_and_the_system(tmp_path, capsys):
     assert "768 × 512" in printed(["info", PLATE[0]], capsys).out
     write(tmp_path / "grey.exr", RadianceMap(np.full((8, 8, 3), 0.18, np.float32)))
     assert reported(["info", str(tmp_path / "grey.exr")], capsys)["kind"] == "radiance map"

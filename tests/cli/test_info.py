@@ -44,7 +44,7 @@ def facts_in(words: list[str], capsys: pytest.CaptureFixture[str]) -> dict[str, 
     return {label: text.strip() for label, _, text in pairs}
 
 
-def test_a_map_is_told_in_the_words_of_a_photographer(tmp_path, capsys):
+def test_a_map_is_reported_in_the_words_of_a_photographer(tmp_path, capsys):
     pixels = np.full((50, 100, 3), 0.25, np.float32)
     pixels[20:22, 70:72] = 4096
     pixels[20, 70] = 8192
@@ -79,7 +79,7 @@ def test_a_map_is_told_in_the_words_of_a_photographer(tmp_path, capsys):
     ]
 
 
-def test_a_photograph_is_told_with_how_it_was_made(tmp_path, capsys):
+def test_a_photograph_is_reported_with_how_it_was_made(tmp_path, capsys):
     pixels = np.full((10, 20, 3), 100, np.uint8)
     pixels[:5, :, 0], pixels[0, 0, 2] = 255, 0
     taken = datetime(2026, 11, 21, 12, 30, 0, 250_000)
@@ -104,7 +104,7 @@ def test_a_photograph_is_told_with_how_it_was_made(tmp_path, capsys):
     assert (lines["exposure"], lines["white balance"]) == ("the file stores none", "set by hand")
 
 
-def test_a_camera_raw_and_a_cube_are_told(shared, tmp_path, capsys):
+def test_a_camera_raw_and_a_cube_are_reported(shared, tmp_path, capsys):
     lines = facts_in([str(shared / "data" / "formats" / "raw" / "colorchart.dng")], capsys)
     assert (lines["format"], lines["black"], lines["white"]) == ("camera raw: Bayer RGGB", "2056", "15000")
     assert lines["at white"] == "none" and lines["exposure"] == "the file stores none"
@@ -133,7 +133,7 @@ def test_a_gain_map_is_shown_without_its_light(tmp_path, capsys):
     ],
 )
 @pytest.mark.parametrize("mapping", [LatLong(), Angular()])
-def test_the_brightest_spot_has_a_direction_where_the_map_tells_its_mapping(
+def test_the_brightest_spot_has_a_direction_where_the_map_states_its_mapping(
     tmp_path, capsys, mapping, direction, azimuth, elevation, words
 ):
     path = lit(tmp_path / "a.exr", mapping, direction, mapping=mapping.name)
@@ -147,7 +147,7 @@ def test_the_brightest_spot_has_a_direction_where_the_map_tells_its_mapping(
     assert words in text or azimuth == elevation == 0  # no pixel's middle lies straight ahead
 
 
-def test_a_map_laid_out_for_another_program_is_told_in_our_frame(tmp_path, capsys):
+def test_a_map_laid_out_for_another_program_is_reported_in_our_frame(tmp_path, capsys):
     blender = orientation_named("blender")
     u, v = blender.image_points(np.array([0.6, 0.0, -0.8]))
     direction = LatLong().directions(np.array([u, v]))
@@ -157,7 +157,7 @@ def test_a_map_laid_out_for_another_program_is_told_in_our_frame(tmp_path, capsy
     assert place["elevation"] == pytest.approx(0, abs=3)
 
 
-def test_a_direction_is_told_as_an_assumption_or_not_at_all(tmp_path, capsys):
+def test_a_direction_is_reported_as_an_assumption_or_not_at_all(tmp_path, capsys):
     def direction(name, layout, **attributes):
         path = lit(tmp_path / name, layout, (1, 0, 0), **attributes)
         return reported(["info", path], capsys)["brightest"]["direction"]
@@ -168,7 +168,7 @@ def test_a_direction_is_told_as_an_assumption_or_not_at_all(tmp_path, capsys):
     assert direction("d.exr", Angular(), mapping="latlong") is None
 
 
-def test_a_lone_pixel_is_told_beside_the_lamp(tmp_path, capsys):
+def test_a_lone_pixel_is_reported_beside_the_lamp(tmp_path, capsys):
     pixels = np.full((30, 31, 3), 0.5, np.float32)
     pixels[4:6, 4:6], pixels[20, 9] = 8, 1000
     write(tmp_path / "a.exr", RadianceMap(pixels))
@@ -196,7 +196,7 @@ def test_a_black_map_has_no_range(tmp_path, capsys):
     assert lines["luminance"] == "no pixel is brighter than 0" and "dynamic range" not in lines
 
 
-def test_of_several_files_the_good_ones_are_told(tmp_path, capsys):
+def test_of_several_files_the_good_ones_are_reported(tmp_path, capsys):
     good = [lit(tmp_path / name, LatLong(), (1, 0, 0)) for name in ("a.exr", "b.pfm")]
     (tmp_path / "bad.exr").write_bytes(b"v/1\x01")
     words = ["info", str(tmp_path / "bad.exr"), good[0], str(tmp_path / "none.hdr"), good[1]]
@@ -208,7 +208,7 @@ def test_of_several_files_the_good_ones_are_told(tmp_path, capsys):
     assert captured.out.count("dynamic range") == 2 and len(captured.err.splitlines()) == 2
 
 
-def test_limits_and_raw_floats_are_told_on_the_command_line(tmp_path, capsys):
+def test_limits_and_raw_floats_are_reported_on_the_command_line(tmp_path, capsys):
     path = tmp_path / "a.float"
     path.write_bytes(np.arange(1, 20 * 50 * 3 + 1, dtype=">f4").tobytes())
     line = refused(["info", str(path)], capsys)
@@ -279,7 +279,7 @@ def test_numbers_have_three_digits(value: float, text: str):
         ("x", "x s"),
     ],
 )
-def test_exposure_times_are_told_as_cameras_show_them(tmp_path, seconds, text):
+def test_exposure_times_are_reported_as_cameras_show_them(tmp_path, seconds, text):
     write(tmp_path / "a.exr", RadianceMap(np.ones((2, 2, 3), np.float32)))
     facts = describe(tmp_path / "a.exr")
     assert lines_of(facts | {"attributes": {"exposure_time": seconds}})["exposure"] == text

@@ -44,7 +44,7 @@ PLATE = [str(p) for p in sorted((ROOM / "plate").glob("*.jpg"))]
 
 
 def only(facts: dict) -> dict:
-    """What is told of the one bracket there is."""
+    """What is reported of the one bracket there is."""
     (bracket,) = facts["brackets"]
     return bracket
 
@@ -90,7 +90,7 @@ def profile(tmp_path_factory) -> str:
 
 @pytest.fixture
 def merged(shoot, profile, tmp_path, capsys) -> Callable[..., tuple[RadianceMap, dict]]:
-    """Merges `shoot` by the known profile with more words: the map, and what was told of the bracket."""
+    """Merges `shoot` by the known profile with more words: the map, and what was reported of the bracket."""
 
     def run(*words: str, photographs: list[str] = shoot, code: int = 0) -> tuple[RadianceMap, dict]:
         out = tmp_path / f"map_{len(list(tmp_path.iterdir()))}.exr"
@@ -135,7 +135,7 @@ def test_a_bracket_is_merged_with_its_report_and_its_profile(shoot, scene, tmp_p
     assert "none.json" in refused([*develop[:5], str(tmp_path / "none.json")], capsys)
 
 
-def test_the_example_s_plate_is_merged_and_told_as_lines(tmp_path, capsys):
+def test_the_example_s_plate_is_merged_and_reported_as_lines(tmp_path, capsys):
     out = tmp_path / "plate.hdr"
     lines = printed(["merge", *PLATE, "-o", str(out)], capsys).out.splitlines()
     assert [line.split()[0] for line in lines[:3]] == ["written", "exposures", "unit"]
@@ -195,25 +195,25 @@ def test_times_come_from_the_command_line_or_from_a_file(scene, tmp_path, profil
     # A row of times longer than any name of a file is no name of a file.
     line = refused([*words, str(tmp_path / "d.exr"), "--times", ",".join(["0.00390625"] * 60)], capsys)
     assert "60 times were given for 5 photographs" in line
-    # The order that they go in is told: for a folder by name, 9 before 10.
+    # The order that they go in is reported: for a folder by name, 9 before 10.
     for old, new in zip(paths[:2], ("frame_10.png", "frame_9.png"), strict=True):
         Path(old).rename(Path(old).with_name(new))
     listed.unlink()
     line = refused(["merge", str(tmp_path / "bare"), "-o", str(tmp_path / "d.exr"), "--times", "1,2"], capsys)
     assert "frame_2.png, frame_3.png, frame_4.png, frame_9.png, frame_10.png" in line and "9 before 10" in line
     words = ["merge", str(tmp_path / "bare"), "-o", str(tmp_path / "d.exr"), "--dry-run", "--times", "1,2,4,8,16"]
-    told_of = exposures(reported(words, capsys))
-    assert {name: seconds for name, (seconds, _) in told_of.items()} == {
+    reported_of = exposures(reported(words, capsys))
+    assert {name: seconds for name, (seconds, _) in reported_of.items()} == {
         "frame_2.png": 1, "frame_3.png": 2, "frame_4.png": 4, "frame_9.png": 8, "frame_10.png": 16,
     }  # fmt: skip
-    # Photographs named one by one keep their order, and that a shell puts 10 before 9 is told.
+    # Photographs named one by one keep their order, and that a shell puts 10 before 9 is reported.
     bare = [str(tmp_path / "bare" / f"frame_{i}.png") for i in (10, 9)]
     facts = reported(["merge", *bare, "-o", str(tmp_path / "d.exr"), "--dry-run", "--times", "4,1"], capsys)
     assert exposures(facts) == {"frame_9.png": (1, "given"), "frame_10.png": (4, "given")}
     assert any("in the order given, frame_10.png, frame_9.png" in line for line in facts["notes"])
 
 
-def test_without_any_exposure_the_pixels_tell_and_the_result_is_doubtful(scene, tmp_path, profile, capsys):
+def test_without_any_exposure_the_pixels_say_and_the_result_is_doubtful(scene, tmp_path, profile, capsys):
     paths = written(tmp_path / "bare", [replace(p, exposure=None) for p in exposed(scene, EXPOSURES)])
     words = ["merge", *paths, "--profile", profile, "-o", str(tmp_path / "a.exr")]
     captured = printed(words, capsys, 4)
@@ -235,7 +235,7 @@ def test_doubtful_results_are_written_and_exit_with_4_unless_accepted(shoot, tmp
     assert (tmp_path / "a.exr").exists()
 
 
-def test_a_single_doubt_is_told_in_one_line(merged, shoot, tmp_path, profile, capsys):
+def test_a_single_doubt_is_reported_in_one_line(merged, shoot, tmp_path, profile, capsys):
     times = ["1/256", "1/128", "1/48", "1/32", "1/16"]
     words = ["merge", *shoot, "--profile", profile, "--times", ",".join(times), "-o", str(tmp_path / "a.exr"), "-q"]
     line = refused(words, capsys, 4)
@@ -243,7 +243,7 @@ def test_a_single_doubt_is_told_in_one_line(merged, shoot, tmp_path, profile, ca
     assert printed([*words, "--accept"], capsys).err == ""
 
 
-def test_marked_shutter_speeds_stand_for_powers_of_two_where_told(scene, tmp_path, capsys):
+def test_marked_shutter_speeds_stand_for_powers_of_two_where_asked(scene, tmp_path, capsys):
     paths = written(tmp_path, exposed(scene, [Exposure(t) for t in (1 / 60, 1 / 30)]))
     words = ["merge", *paths, "-o", str(tmp_path / "a.exr"), "--dry-run"]
     marked, true = exposures(reported(words, capsys)), exposures(reported([*words, "--true-shutter"], capsys))
@@ -264,7 +264,7 @@ def test_a_colour_that_is_no_part_of_the_picture_is_left_out(merged, shoot, tmp_
     assert facts["outside"] == 1080 and facts["pixels"] == 120 * 180
 
 
-def test_a_hand_held_and_a_moving_bracket_are_told(merged, scene, tmp_path):
+def test_a_hand_held_and_a_moving_bracket_are_reported(merged, scene, tmp_path):
     shifted = list(exposed(scene, EXPOSURES))
     shifted[1] = replace(shifted[1], pixels=np.roll(shifted[1].pixels, 3, axis=1))
     _, facts = merged(photographs=written(tmp_path / "held", shifted))
@@ -331,7 +331,7 @@ def test_everything_that_was_measured_is_kept_in_the_profile(shoot, tmp_path, ca
     assert read_radiance(again).unit == "cd/m²"
 
 
-def test_a_profile_of_another_camera_is_told(merged, shoot, tmp_path, capsys):
+def test_a_profile_of_another_camera_is_reported(merged, shoot, tmp_path, capsys):
     other = tmp_path / "other.json"
     write_profile(other, CameraProfile("Another Two", known_response()))
     words = ["merge", *shoot, "-o", str(tmp_path / "a.exr"), "--profile", str(other)]
@@ -344,7 +344,7 @@ def test_a_profile_of_another_camera_is_told(merged, shoot, tmp_path, capsys):
     assert capsys.readouterr().err == ""
 
 
-def test_options_that_do_nothing_are_told(merged, profile, tmp_path, capsys):
+def test_options_that_do_nothing_are_reported(merged, profile, tmp_path, capsys):
     plain, _ = merged()
     words = ["--neutral", "128", "--refine", "--method", "robertson"]
     for option, value in (("--neutral", "128"), ("--refine", ""), ("--method", "robertson")):
@@ -559,7 +559,7 @@ def test_camera_raws_are_merged_photosite_by_photosite(scene, shoot, tmp_path, c
     reported(["merge", *paths, "-o", str(out), "--spot", "50,50,77"], capsys)
     seen = read_radiance(out).radiance @ LUMINANCE
     assert seen[46:55, 46:55].mean() == pytest.approx(77, rel=0.05)
-    # Photographs beside them are left out, and that is told.
+    # Photographs beside them are left out, and that is reported.
     assert main(["merge", *paths, shoot[0], "-o", str(out)]) == 0
     assert "1 photograph beside 3 camera raws is left out" in capsys.readouterr().err
 
@@ -597,7 +597,7 @@ def test_what_raws_showed_is_kept_in_a_profile_and_used_again(tmp_path, capsys):
     assert seen[46:55, 46:55].mean() == pytest.approx(77, rel=0.05)
 
 
-def test_a_profile_of_another_kind_camera_or_sensor_is_told(shoot, profile, tmp_path, capsys):
+def test_a_profile_of_another_kind_camera_or_sensor_is_reported(shoot, profile, tmp_path, capsys):
     raws = raws_of(tmp_path / "raws", 1.0, 4.0)
     out, kept = str(tmp_path / "a.exr"), tmp_path / "raw.json"
     sensor = Sensor((512.0, 512.0, 512.0, 512.0), 16383.0, 1.0, SensorNoise(5e-5, 2e-4))
@@ -636,7 +636,7 @@ def test_a_raw_bracket_that_moved_exits_with_4(tmp_path, capsys):
     light = textured(480, 320).mean(2) / 30
     paths = raw_files(tmp_path / "raws", [light, np.roll(light, 4, 1), light], (0.25, 1.0, 4.0))
     words = ["merge", *map(str, paths), "-o", str(tmp_path / "a.exr"), "-q"]
-    # What -q keeps from being noted above is told in the line itself.
+    # What -q keeps from being noted above is reported in the line itself.
     line = refused(words, capsys, 4)
     assert "doubts: " in line and line.count("raws are merged as they lie") >= 2 and "noted above" not in line
     assert "pixels off the others, and raws are merged as they lie" in printed(words[:-1], capsys, 4).err
@@ -644,7 +644,7 @@ def test_a_raw_bracket_that_moved_exits_with_4(tmp_path, capsys):
     assert main([*words, "--accept"]) == 0
 
 
-def test_a_profile_s_scale_holds_only_for_exposures_that_tell_the_same(shoot, tmp_path, capsys):
+def test_a_profile_s_scale_holds_only_for_exposures_that_say_the_same(shoot, tmp_path, capsys):
     """Without f-number and ISO relative radiance is in another unit: the scale would be wrong by their factor."""
     profile = str(tmp_path / "p.json")
     times = ",".join(str(2.0**k) for k in range(len(shoot)))
@@ -657,7 +657,7 @@ def test_a_profile_s_scale_holds_only_for_exposures_that_tell_the_same(shoot, tm
     assert not (tmp_path / "c.exr").exists()
 
 
-def test_several_brackets_are_told_a_block_each(scene, tmp_path, profile, capsys):
+def test_several_brackets_are_reported_a_block_each(scene, tmp_path, profile, capsys):
     shifted = list(exposed(scene, EXPOSURES, prefix="a_"))
     shifted[1] = replace(shifted[1], pixels=np.roll(shifted[1].pixels, 3, axis=1))
     written(tmp_path / "shoot", shifted)
@@ -673,7 +673,7 @@ def test_several_brackets_are_told_a_block_each(scene, tmp_path, profile, capsys
     assert sum(line.split()[:2] == ["unit", "cd/m²"] for line in lines) == 2
     assert [line.split() for line in lines if line.split()[0] == "moved"] == [["moved", "1", "photograph"]]
     assert lines[-1].split() == ["report", str(tmp_path / "r.html")]
-    # Where the reading was taken is told.
+    # Where the reading was taken is reported.
     notes = [line for line in captured.err.splitlines() if "spot: read in" in line]
     assert len(notes) == 1 and "a_0.png" in notes[0] and "the first of 2 brackets" in notes[0]
 
@@ -683,13 +683,13 @@ def test_notes_and_doubts_are_in_the_json(shoot, tmp_path, profile, capsys):
     facts = reported([*words, "--ignore", "1,2,3"], capsys, 4)
     assert len(facts["doubts"]) == 1 and "frame_2.png" in facts["doubts"][0]
     assert any("no pixel of the colour 1,2,3" in line for line in facts["notes"])
-    # Nothing was saturated, so nothing is told at least.
+    # Nothing was saturated, so nothing is reported at least.
     bracket = only(facts)
     assert bracket["black"] == int((read_radiance(tmp_path / "a.exr").clipped == 2).sum())
     assert bracket["saturated"] > 0 or bracket["luminance_at_least"] is None
 
 
-def test_what_is_saturated_is_told_in_numbers(merged, shoot):
+def test_what_is_saturated_is_reported_in_numbers(merged, shoot):
     picture, facts = merged("--focal-length", "200", photographs=shoot[-2:])
     assert picture.clipped is not None
     lost = picture.clipped == SATURATED

@@ -1,4 +1,4 @@
-"""`relume panorama` and `relume render --environment`: what they write, tell and refuse."""
+"""`relume panorama` and `relume render --environment`: what they write, say and refuse."""
 
 from __future__ import annotations
 
@@ -45,7 +45,7 @@ def test_six_faces_become_a_map(faces, tmp_path, capsys):
     assert facts["unseen sr"] == 0 and facts["matches agree within"] is None
 
 
-def test_a_table_tells_orientation_and_field_and_a_hole_is_doubted(faces, tmp_path, capsys):
+def test_a_table_says_orientation_and_field_and_a_hole_is_doubted(faces, tmp_path, capsys):
     table = tmp_path / "head.csv"
     lines = [f"{name}.exr, {yaw}, {pitch}, 0, 90" for name, (yaw, pitch) in FACES.items() if name != "down"]
     table.write_text("name, yaw, pitch, roll, field\n" + "\n".join(lines))
@@ -67,7 +67,7 @@ def test_each_view_is_a_line_without_negative_zeros(faces, tmp_path, capsys):
     assert not [line for line in lines if "-0," in line]
 
 
-def test_a_dim_map_is_told_with_all_digits(faces, tmp_path, capsys):
+def test_a_dim_map_is_reported_with_all_digits(faces, tmp_path, capsys):
     paths = []
     for face in faces:
         picture = files.read_radiance(face)

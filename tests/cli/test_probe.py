@@ -72,7 +72,7 @@ def test_folders_are_views_whose_turns_are_found(folder, tmp_path, capsys):
 
 
 @pytest.mark.slow
-def test_turns_are_told_in_degrees_and_views_by_pattern(folder, tmp_path, capsys):
+def test_turns_are_reported_in_degrees_and_views_by_pattern(folder, tmp_path, capsys):
     views = ["--view", str(folder / "fron?.exr"), "--view", str(folder / "side.exr")]
     out = tmp_path / "told.hdr"
     facts = reported(["probe", *views, "--turn", "0,90", "-o", str(out), *PLACE], capsys)
@@ -84,7 +84,7 @@ def test_turns_are_told_in_degrees_and_views_by_pattern(folder, tmp_path, capsys
 
 
 @pytest.mark.slow
-def test_a_turn_told_wrong_is_doubtful_and_written(folder, tmp_path, capsys):
+def test_a_turn_misreported_is_doubtful_and_written(folder, tmp_path, capsys):
     words = ["probe", str(folder / "front.exr"), str(folder / "side.exr"), "--turn", "0,140", *PLACE]
     out = tmp_path / "doubtful.exr"
     line = printed([*words, "-o", str(out), "-q"], capsys, 4).err
@@ -125,7 +125,7 @@ def test_a_ball_may_be_picked(folder, tmp_path, capsys):
     assert points["balls"][0]["radius"] == pytest.approx(62.63, abs=0.3)
 
 
-def test_an_unknown_distance_is_told(folder, tmp_path, capsys):
+def test_an_unknown_distance_is_reported(folder, tmp_path, capsys):
     words = ["probe", str(folder / "front.exr"), "-o", str(tmp_path / "out.exr"), "--size", "16"]
     assert "distance in ball radii is unknown; 20 are taken" in printed(words, capsys).err
     said = printed([*words, "--radius", "0.05", "--distance", "0.5"], capsys)
@@ -172,7 +172,7 @@ def test_every_ball_has_a_line_and_machines_a_list():
     assert len(found.facts()["balls"]) == 2
 
 
-def test_the_energy_of_a_dim_map_is_told_in_six_digits(folder, tmp_path, capsys):
+def test_the_energy_of_a_dim_map_is_reported_in_six_digits(folder, tmp_path, capsys):
     write(tmp_path / "dim.exr", RadianceMap(ball(FRONT).radiance * np.float32(1e-7)))
     dim = ["probe", str(tmp_path / "dim.exr"), "-o", str(tmp_path / "out.exr"), *PLACE]
     facts = reported(dim, capsys)
@@ -190,7 +190,7 @@ def test_saturated_is_one_number_with_the_marks_of_the_map(folder, tmp_path, cap
     assert facts["clipped sr"] == pytest.approx(marked, rel=1e-3)
 
 
-def test_a_camera_to_the_left_is_told_as_it_is_written(folder, tmp_path, capsys):
+def test_a_camera_to_the_left_is_reported_as_it_is_written(folder, tmp_path, capsys):
     words = ["probe", str(folder / "front.exr"), "-o", str(tmp_path / "out.exr"), "--radius", "0.05", "--size", "16"]
     reported([*words, "--camera", "-1,0.12,0"], capsys)
     reported([*words, "--camera", "0,0.12,1", "--pick", "-1,70,140,70,70,132.6", "--pick-exactly"], capsys)

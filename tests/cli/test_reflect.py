@@ -51,7 +51,7 @@ def test_constant_light_gives_the_constants_of_each_normalisation(normalisation,
     assert json.loads((out / "harmonics.json").read_text())["terms"]
 
 
-def test_tables_hold_what_the_library_computes_and_tell_what_they_are(tmp_path, capsys):
+def test_tables_hold_what_the_library_computes_and_say_what_they_are(tmp_path, capsys):
     light, out = lights.sunny(32), tmp_path / "made"
     words = ["self-luminous", "lambert", "mirror", "phong:50", "phong:50.0", "varnish:10", "ggx:0.3", "ward:0.25"]
     report = made([stored(tmp_path, light), "-o", str(out), "--rows", "16", *[f"--lobe={w}" for w in words]], capsys)
@@ -149,7 +149,7 @@ def test_constant_light_stays_what_it_is_at_every_roughness(tmp_path, capsys):
         np.testing.assert_allclose(strip.radiance, 1, rtol=1 / 256)
 
 
-def test_a_dry_run_writes_nothing_and_tells_what_it_would(tmp_path, capsys):
+def test_a_dry_run_writes_nothing_and_says_what_it_would(tmp_path, capsys):
     path, out = stored(tmp_path, lights.constant(8)), tmp_path / "made"
     words = [path, "-o", str(out), "--cube", "4", "--cube-format", "hdr", "--brdf", "ggx:0.5", "--lobe", "lambert"]
     would = made([*words, "--sheet", "--dry-run"], capsys)["would write"]

@@ -153,7 +153,7 @@ def test_a_mesh_is_framed_whole_in_any_size(folder):
 
 
 def chosen(folder: Path, capsys, scene: str, *options: str) -> str:
-    """The renderer that a dry run tells."""
+    """The renderer that a dry run says."""
     out = "frames" if "--frames" in options else "a.png"
     return reported(command(folder, scene, out, "--dry-run", *options), capsys)["renderer"]
 
@@ -267,7 +267,7 @@ def test_a_turntable_and_an_orbit_of_the_camera_by_trees(folder):
     assert first.max() > 180 and second.max() < 20
 
 
-def test_checks_that_stay_while_their_object_moves_are_told(folder, capsys):
+def test_checks_that_stay_while_their_object_moves_are_reported(folder, capsys):
     text = (folder / "blob.toml").read_text().replace("diffuse = 0.5", "diffuse = { checks = [1, 0] }")
     (folder / "blob.toml").write_text(text)
     turning = printed(command(folder, "blob.toml", "turn", "--frames", "1"), capsys).err

@@ -111,7 +111,7 @@ def test_frames_turn_the_light_right_handed(stage, tmp_path):
     assert front.mean() > left.mean()
 
 
-def test_inspect_tells_what_there_is_and_draws_a_page(stage, even, tmp_path, capsys):
+def test_inspect_says_what_there_is_and_draws_a_page(stage, even, tmp_path, capsys):
     assert reported(["stage", "inspect", str(stage)], capsys)["lights"] == LIGHTS
     out = tmp_path / "report"
     assert main(["stage", "inspect", str(stage), "-o", str(out), "--light", str(even), "--functions", "3x4"]) == 0
@@ -201,7 +201,7 @@ def test_compressed_frames_differ_by_no_more_than_is_said(way, stage, lamp, tmp_
         assert 0 < error < min(one, 0.05)
 
 
-def test_a_dry_run_tells_memory_and_time_and_writes_nothing(stage, even, tmp_path, capsys):
+def test_a_dry_run_says_memory_and_time_and_writes_nothing(stage, even, tmp_path, capsys):
     command = ["stage", "relight", str(stage), "--light", str(even), "-o", str(tmp_path / "a.exr")]
     facts = reported([*command, "--dry-run"], capsys)
     assert facts["lights"] == LIGHTS and "memory" in facts and "seconds, about" in facts

@@ -1,4 +1,4 @@
-"""`relume stage import`: lights from balls, films and lists, what is mended, what is told, and what is refused."""
+"""`relume stage import`: lights from balls, films and lists, what is mended, what is reported, and what is refused."""
 
 from __future__ import annotations
 
@@ -113,7 +113,7 @@ def reported_last(capsys: pytest.CaptureFixture[str]) -> dict:
 # Lights
 
 
-def test_lights_are_found_in_a_ball_whose_circle_is_told(ball_shots, tmp_path, capsys):
+def test_lights_are_found_in_a_ball_whose_circle_is_given(ball_shots, tmp_path, capsys):
     field = imported(ball_shots, tmp_path / "a.zarr", "--ball", ",".join(map(str, CIRCLE)))
     assert degrees_between(field.lights.directions, FAR).max() < 2
     assert field.camera is None and field.lights.names[0] == "shot_0.exr"
@@ -126,7 +126,7 @@ def test_a_ball_is_found(ball_shots, tmp_path, capsys):
     np.testing.assert_allclose(reported_last(capsys)["balls"], [CIRCLE], atol=0.5)
 
 
-def test_a_ball_in_pictures_of_its_own_tells_the_lights_of_the_subject_s(ball_shots, tmp_path):
+def test_a_ball_in_pictures_of_its_own_shows_the_lights_of_the_subject_s(ball_shots, tmp_path):
     subject = pictures(
         tmp_path / "subject", [np.full((20, 30, 3), 0.1 + 0.01 * i, np.float32) for i in range(len(FAR))]
     )
@@ -201,7 +201,7 @@ def test_pictures_without_a_ball_are_named_by_their_folder(tmp_path, capsys):
     assert str(folder) in line and "give the ball's circle" in line
 
 
-def test_two_balls_in_metres_tell_where_lamps_and_camera_stand(near_shots, tmp_path):
+def test_two_balls_in_metres_show_where_lamps_and_camera_stand(near_shots, tmp_path):
     options = [word for centre in BALLS for word in ("--ball", near_word(centre))]
     field = imported(near_shots, tmp_path / "a.zarr", *options, "--field-of-view", str(FIELD_OF_VIEW))
     middle = BALLS.mean(axis=0)
@@ -214,7 +214,7 @@ def test_two_balls_in_metres_tell_where_lamps_and_camera_stand(near_shots, tmp_p
     np.testing.assert_allclose(field.camera.project(np.zeros(3)), CAMERA.project(middle), atol=0.5)
 
 
-def test_a_camera_is_told_by_its_field_of_view_and_distance(ball_shots, tmp_path):
+def test_a_camera_is_reported_by_its_field_of_view_and_distance(ball_shots, tmp_path):
     circle = ["--ball", "60,45,32", "--field-of-view", "40"]
     field = imported(ball_shots, tmp_path / "a.zarr", *circle, "--camera-distance", "2.5")
     assert field.camera is not None
@@ -374,7 +374,7 @@ def test_a_lamp_that_shines_into_the_lens_is_filled(tmp_path):
     np.testing.assert_allclose(seen, before, rtol=0.3)
 
 
-def test_the_stage_file_s_own_target_is_used_and_told(tmp_path, capsys):
+def test_the_stage_file_s_own_target_is_used_and_reported(tmp_path, capsys):
     card = {"rectangle": [2, 3, 4, 5], "reflectance": 0.5}
     folder = plain(tmp_path / "shots", (12, 12), target=card)
     own = whole(imported(folder, tmp_path / "a.zarr"))
@@ -440,7 +440,7 @@ def test_the_fall_off_of_near_lamps_is_divided_out(slope, tmp_path):
 # Noise
 
 
-def test_the_noise_is_seen_in_the_pictures_kept_and_told(tmp_path, capsys):
+def test_the_noise_is_seen_in_the_pictures_kept_and_reported(tmp_path, capsys):
     field = imported(plain(tmp_path / "shots", (96, 128), 0.02), tmp_path / "a.zarr")
     assert field.noise is not None
     # The variance is 4e-4 of the value.
@@ -448,7 +448,7 @@ def test_the_noise_is_seen_in_the_pictures_kept_and_told(tmp_path, capsys):
     assert reported_last(capsys)["noise"] == pytest.approx([field.noise.constant, field.noise.slope], rel=0.01)
 
 
-def test_noise_that_is_told_goes_into_the_store_with_the_gains(tmp_path):
+def test_noise_that_is_given_goes_into_the_store_with_the_gains(tmp_path):
     folder = plain(tmp_path / "shots", (70, 70), target={"rectangle": [0, 0, 70, 70], "reflectance": 1.0})
     field = imported(folder, tmp_path / "a.zarr", "--noise", "1e-4,2e-3")
     gains = (
@@ -489,7 +489,7 @@ def stage(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return write_stage(tmp_path_factory.mktemp("stage") / "ball", 6)
 
 
-def test_a_dry_run_tells_what_would_be_done_and_writes_nothing(stage, tmp_path, capsys):
+def test_a_dry_run_says_what_would_be_done_and_writes_nothing(stage, tmp_path, capsys):
     facts = reported(["stage", "import", stage, "-o", tmp_path / "a.zarr", "--noise", "1e-6,0", "--dry-run"], capsys)
     assert facts["lights"] == 6 and facts["noise"] == [1e-6, 0]
     assert list(tmp_path.iterdir()) == []
@@ -534,7 +534,7 @@ def test_a_ball_that_is_not_there_is_not_found(tmp_path, capsys):
     assert "no mirrored ball found" in refused(command, capsys)
 
 
-def test_flare_without_a_camera_tells_how_to_give_one(ball_shots, tmp_path, capsys):
+def test_flare_without_a_camera_says_how_to_give_one(ball_shots, tmp_path, capsys):
     command = ["stage", "import", str(ball_shots), "-o", str(tmp_path / "a.zarr"), "--ball", "60,45,32", "--flare"]
     assert "the camera's distance" in refused(command, capsys)
 
@@ -563,7 +563,7 @@ def test_one_mask_leaves_its_pixels_black_under_every_light(tmp_path):
 
 
 @pytest.mark.parametrize(("encoding", "value"), [("linear", 128 / 255), ("srgb", 0.21586), (None, 0.21586)])
-def test_photographs_stand_for_what_they_are_told_to(encoding, value, tmp_path):
+def test_photographs_stand_for_what_they_are_asked_to(encoding, value, tmp_path):
     folder = tmp_path / "stage"
     folder.mkdir()
     for index in range(4):

@@ -13,7 +13,7 @@ def change_of(objects: np.ndarray, difference: np.ndarray, matte: np.ndarray) ->
 
 
 def plate_of(height: int = 5, width: int = 7) -> np.ndarray:
-    """A plate whose every value tells where it is."""
+    """A plate whose every value says where it is."""
     y, x, c = np.indices((height, width, 3))
     return (0.5 + x + 0.37 * y + c / 7).astype(np.float32)
 

@@ -7,7 +7,7 @@ from relume.composite.differential import differential, over
 
 
 def plate_of(height: int = 6, width: int = 9) -> np.ndarray:
-    """A plate whose every value tells where it is, over many stops."""
+    """A plate whose every value says where it is, over many stops."""
     y, x, c = np.indices((height, width, 3))
     return (2.0 ** (x - 4) * (1 + 0.37 * y) + c / 7).astype(np.float32)
 

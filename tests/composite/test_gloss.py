@@ -163,15 +163,15 @@ def test_what_arrives_is_what_the_path_tracer_sees(taken):
 @pytest.mark.slow
 def test_a_gloss_is_taken_out_before_the_albedo(taken):
     plate, scene = taken
-    told = recover_reflectance(plate, CAMERA, scene, [Recovery(gloss=TRUE)], renderer=Mitsuba(samples=256, depth=2))
+    said = recover_reflectance(plate, CAMERA, scene, [Recovery(gloss=TRUE)], renderer=Mitsuba(samples=256, depth=2))
     points, met = on_table(np.array(CAMERA.position), CAMERA.rays().reshape(-1, 3))
     truth = PATTERN[((points[:, 2] + 0.5) * 10).astype(int), ((points[:, 0] / 1.7 + 0.5) * 17).astype(int)]
     near = points[:, 2] > -0.4  # the outline is not trusted
-    truth, ratio = truth[near], (told.albedo.reshape(-1, 3)[met] / truth)[near]
+    truth, ratio = truth[near], (said.albedo.reshape(-1, 3)[met] / truth)[near]
     assert len(ratio) > 2000
     for patches in (truth[:, 0] > 0.4, truth[:, 0] < 0.4):
         assert np.median(ratio[patches], axis=0) == pytest.approx(np.ones(3), rel=0.03)
-    assert told.surfaces[0].gloss == TRUE and told.surfaces[0].fitted is None
+    assert said.surfaces[0].gloss == TRUE and said.surfaces[0].fitted is None
 
 
 def test_a_gloss_beyond_all_light_is_refused():

@@ -39,16 +39,16 @@ def test_alpha_is_the_matte_where_a_painting_has_it_soft_edges_kept(tmp_path):
 
 
 @pytest.mark.parametrize(
-    "name, picture, told",
+    "name, picture, said",
     [
         ("large.png", Photograph(np.zeros((8, 9, 3), np.uint8)), "the matte is 9×8, the plate 6×4"),
         ("red.png", Photograph(np.full((4, 6, 3), (255, 0, 0), np.uint8)), "a matte in colours"),
         ("light.exr", RadianceMap(np.full((4, 6, 3), 1.5, np.float32)), "values beyond 0 to 1"),
     ],
 )
-def test_a_painting_that_is_no_matte_of_the_plate_is_refused_in_one_line(tmp_path, name, picture, told):
+def test_a_painting_that_is_no_matte_of_the_plate_is_refused_in_one_line(tmp_path, name, picture, said):
     files.write(tmp_path / name, picture)
-    with pytest.raises(UnreadableFile, match=told) as refusal:
+    with pytest.raises(UnreadableFile, match=said) as refusal:
         read_matte(tmp_path / name, (6, 4))
     assert "\n" not in str(refusal.value) and name in str(refusal.value)
 

@@ -84,7 +84,7 @@ def test_what_the_camera_does_not_see_stays_whole():
     assert area(parts.unseen) == pytest.approx(1.7)
 
 
-def test_too_few_triangles_are_told(monkeypatch):
+def test_too_few_triangles_are_reported(monkeypatch):
     monkeypatch.setattr("relume.surface.projection.MOST", 100)
     with pytest.warns(UserWarning, match="triangles do not follow the photograph"):
         projected(Plane(GREY), CAMERA)

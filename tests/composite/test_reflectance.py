@@ -119,7 +119,7 @@ def test_a_given_surface_stays_and_what_is_clipped_is_filled_from_beside(room):
     assert kept.shapes == (truth,) and kept.surfaces[0].reflectance is None
 
 
-def test_an_albedo_above_one_is_told_with_its_place(room):
+def test_an_albedo_above_one_is_reported_with_its_place(room):
     truth = replace(BARE, material=Diffuse((0.8, 0.5, 0.5)))
     plate = photograph(room.with_local([truth]), 32)
     dim = replace(room, light=light(0.5))

@@ -36,9 +36,9 @@ def main() -> None:
                 )
                 outcomes = [reader.read_path(path, READ, name=f"{path.parent.name}/{path.name}") for path in paths]
                 for outcome in outcomes:
-                    told = outcome.error.removeprefix(outcome.path) or "; ".join(text for _, text in outcome.warnings)
+                    said = outcome.error.removeprefix(outcome.path) or "; ".join(text for _, text in outcome.warnings)
                     cost = f"{1000 * outcome.seconds:6.0f} ms {outcome.growth / 2**20:5.0f} MiB"
-                    print(f"  {outcome.kind:8s} {outcome.file[:60]:60s} {cost}  {told}")
+                    print(f"  {outcome.kind:8s} {outcome.file[:60]:60s} {cost}  {said}")
                 found += _row(name, outcomes)
                 continue
             corpus = CORPORA[name]()
@@ -62,16 +62,16 @@ def _row(name: str, outcomes: Iterable[Outcome]) -> list[str]:
     outcomes = list(outcomes)
     kinds = Counter(outcome.kind for outcome in outcomes)
     refused = [outcome for outcome in outcomes if outcome.is_refused]
-    where = sum(outcome.tells_where for outcome in refused) / max(1, len(refused))
+    where = sum(outcome.says_where for outcome in refused) / max(1, len(refused))
     slowest = max((outcome.computed for outcome in outcomes), default=0.0)
     growth = max((outcome.growth for outcome in outcomes), default=0)
     print(
         f"{name[-34:]:34s}{len(outcomes):7d}{kinds['read']:7d}{len(refused):9d}{100 * where:7.1f}%{kinds['raised']:8d}"
         f"{kinds['died']:6d}{kinds['hung']:6d}{1000 * slowest:7.0f}{growth / 2**20:6.0f}"
     )
-    vague = Counter(o.error.removeprefix(o.path)[:150] for o in refused if not o.tells_where)
-    told = [f"{name}: {count} × no place: {line}" for line, count in vague.most_common(5)]
-    return [f"{name}: {fault}" for outcome in outcomes for fault in outcome.faults()] + told
+    vague = Counter(o.error.removeprefix(o.path)[:150] for o in refused if not o.says_where)
+    said = [f"{name}: {count} × no place: {line}" for line, count in vague.most_common(5)]
+    return [f"{name}: {fault}" for outcome in outcomes for fault in outcome.faults()] + said
 
 
 if __name__ == "__main__":

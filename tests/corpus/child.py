@@ -1,4 +1,4 @@
-"""The child process: reads the files it is told through its input, and tells what each one did on another channel.
+"""The child process: reads the files it is reported through its input, and says what each one did on another channel.
 
 Run as `python -m corpus.child CHANNEL`, where the channel is an open file descriptor; one line of JSON a file, in and
 out. Its own output and error output belong to the readers, who should leave them empty.

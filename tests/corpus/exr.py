@@ -66,11 +66,11 @@ class Exr:
 
 def _with_table(start: int, chunks: Sequence[bytes], places: Sequence[int] | None = None) -> bytes:
     if places is None:
-        at, told = start + 8 * len(chunks), []
+        at, said = start + 8 * len(chunks), []
         for chunk in chunks:
-            told.append(at)
+            said.append(at)
             at += len(chunk)
-        places = told
+        places = said
     return b"".join(integer(place, "Q") for place in places) + b"".join(chunks)
 
 

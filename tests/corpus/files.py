@@ -1,4 +1,4 @@
-"""What a corpus is made of: good files that tell what they hold, bad ones that tell what is wrong with them."""
+"""What a corpus is made of: good files that say what they hold, bad ones that say what is wrong with them."""
 
 from __future__ import annotations
 

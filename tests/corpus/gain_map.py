@@ -37,9 +37,9 @@ def corpus() -> Corpus:
 class Pair:
     """A base picture and its gain map.
 
-    xmp : what the map tells under hdrgm:, None for nothing
-    iso : what it tells under ISO 21496-1, b"" for nothing
-    length, offset : of the map as the XMP directory and MPF tell them; None for the truth
+    xmp : what the map says under hdrgm:, None for nothing
+    iso : what it says under ISO 21496-1, b"" for nothing
+    length, offset : of the map as the XMP directory and MPF say them; None for the truth
     """
 
     gain_map: bytes | None = None
@@ -54,9 +54,9 @@ class Pair:
 
     def data(self) -> bytes:
         """The bytes of the file."""
-        told = [segment(0xE1, _XMP + _packet(self.xmp))] if self.xmp is not None else []
-        told += [segment(0xE2, _ISO + self.iso)] if self.iso else []
-        second = picture_of(_GAINS, told) if self.gain_map is None else self.gain_map
+        said = [segment(0xE1, _XMP + _packet(self.xmp))] if self.xmp is not None else []
+        said += [segment(0xE2, _ISO + self.iso)] if self.iso else []
+        second = picture_of(_GAINS, said) if self.gain_map is None else self.gain_map
         length = len(second) if self.length is None else self.length
         parts = []
         if self.listed:
@@ -74,10 +74,10 @@ class Pair:
 
 
 def _packet(values: Mapping[str, str]) -> bytes:
-    told = " ".join(f'hdrgm:{name}="{value}"' for name, value in values.items())
+    said = " ".join(f'hdrgm:{name}="{value}"' for name, value in values.items())
     return (
         '<x:xmpmeta xmlns:x="adobe:ns:meta/"><rdf:RDF xmlns:rdf="http://www.w3.org/1999/02/22-rdf-syntax-ns#">'
-        f'<rdf:Description rdf:about="" xmlns:hdrgm="http://ns.adobe.com/hdr-gain-map/1.0/" {told}/>'
+        f'<rdf:Description rdf:about="" xmlns:hdrgm="http://ns.adobe.com/hdr-gain-map/1.0/" {said}/>'
         "</rdf:RDF></x:xmpmeta>"
     ).encode()
 
@@ -143,15 +143,15 @@ def _bad() -> list[Bad]:
     lenient: list[tuple[str, Pair]] = []
     for name in _BOUNDS:
         for value in ("nan", "inf", "-1e999", "abc", "", "1e30", "1,2"):
-            (bad if value != "1e30" else lenient).append((f"{name} {value!r}", _told(good, name, value)))
+            (bad if value != "1e30" else lenient).append((f"{name} {value!r}", _reported(good, name, value)))
     for name, files_of in (("GainMapMax", bad), ("HDRCapacityMax", lenient)):  # the two that have no default
         files_of.append((f"no {name}", replace(good, xmp={k: v for k, v in _DEFAULTS.items() if k != name})))
     bad += [
-        ("gains from 3 to 1", _told(good, "GainMapMin", "4")),
-        ("a gamma of 0", _told(good, "Gamma", "0")),
-        ("a negative gamma", _told(good, "Gamma", "-1")),
-        ("a version of 99", _told(good, "Version", "99.0")),
-        ("a map that is cut short", replace(good, gain_map=picture_of(_GAINS, [_told_segment()])[:-20])),
+        ("gains from 3 to 1", _reported(good, "GainMapMin", "4")),
+        ("a gamma of 0", _reported(good, "Gamma", "0")),
+        ("a negative gamma", _reported(good, "Gamma", "-1")),
+        ("a version of 99", _reported(good, "Version", "99.0")),
+        ("a map that is cut short", replace(good, gain_map=picture_of(_GAINS, [_reported_segment()])[:-20])),
         ("a map of noise", replace(good, gain_map=SOI + b"\x55" * 300)),
         ("a map that is no JPEG", replace(good, gain_map=b"\x89PNG\r\n\x1a\n" + bytes(300))),
         ("no map at all", replace(good, gain_map=b"", length=400)),
@@ -191,13 +191,13 @@ def _bad() -> list[Bad]:
         ("a length of letters", replace(good, directory=_directory("many"))),
         ("a length of 5000 digits", replace(good, directory=_directory("9" * 5000))),
         ("a negative length", replace(good, directory=_directory(-5))),
-        ("offsets of −1", _told(good, "OffsetSDR", "-1")),
-        ("a base that is the brighter one", _told(good, "BaseRenditionIsHDR", "True")),
-        ("a base that is neither", _told(good, "BaseRenditionIsHDR", "Perhaps")),
-        ("a capacity that falls", _told(good, "HDRCapacityMin", "9")),
+        ("offsets of −1", _reported(good, "OffsetSDR", "-1")),
+        ("a base that is the brighter one", _reported(good, "BaseRenditionIsHDR", "True")),
+        ("a base that is neither", _reported(good, "BaseRenditionIsHDR", "Perhaps")),
+        ("a capacity that falls", _reported(good, "HDRCapacityMin", "9")),
         ("no version", replace(good, xmp={k: v for k, v in _DEFAULTS.items() if k != "Version"})),
         ("a map that tells nothing", replace(good, xmp=None)),
-        ("a map of another shape", replace(good, gain_map=picture_of(np.full((3, 1, 1), 99), [_told_segment()]))),
+        ("a map of another shape", replace(good, gain_map=picture_of(np.full((3, 1, 1), 99), [_reported_segment()]))),
         ("a map that is a pair itself", replace(good, gain_map=good.data())),
         ("ISO headrooms of 0", replace(modern, iso=_iso((0, 1), (0, 1), (0, 1), (3, 1), (1, 1), (1, 64), (1, 64)))),
         ("ISO flags of all kinds", replace(modern, iso=_iso(flags=0xFF))),
@@ -214,16 +214,16 @@ def _bad() -> list[Bad]:
     return files + cut("XMP", whole, _SUFFIX, (700, -100, -500))
 
 
-def _told(pair: Pair, name: str, value: str) -> Pair:
+def _reported(pair: Pair, name: str, value: str) -> Pair:
     return replace(pair, xmp={**(pair.xmp or {}), name: value})
 
 
-def _told_segment() -> bytes:
+def _reported_segment() -> bytes:
     return segment(0xE1, _XMP + _packet(_DEFAULTS))
 
 
 def _vast() -> bytes:
-    return SOI + _told_segment() + tables() + frame(65_500, 65_500, 1) + scan(_GAINS) + EOI
+    return SOI + _reported_segment() + tables() + frame(65_500, 65_500, 1) + scan(_GAINS) + EOI
 
 
 def bomb() -> bytes:

@@ -81,8 +81,8 @@ def exif(order: str = "<", *, pointer: int | None = None, count: int = 1, kind: 
     """An EXIF segment with an exposure of 1/60 s, right or with a wrong pointer, count or type."""
     start = {"<": b"II", ">": b"MM"}[order] + struct.pack(order + "HI", 42, 8)
     folder = struct.pack(order + "HHHIII", 1, 0x8769, 4, 1, 26 if pointer is None else pointer, 0)
-    told = struct.pack(order + "HHHIII", 1, 0x829A, kind, count, 44, 0) + struct.pack(order + "II", 1, 60)
-    return segment(0xE1, b"Exif\0\0" + start + folder + told)
+    said = struct.pack(order + "HHHIII", 1, 0x829A, kind, count, 44, 0) + struct.pack(order + "II", 1, 60)
+    return segment(0xE1, b"Exif\0\0" + start + folder + said)
 
 
 def _good() -> list[Good]:

@@ -57,8 +57,8 @@ def _cube(sizes: Sequence[int], number: str = "<f2") -> tuple[bytes, np.ndarray]
         place += level.nbytes
     vk_format = 97 if levels[0].itemsize == 2 else 109
     counts = (vk_format, levels[0].itemsize, sizes[0], sizes[0], 0, 0, 6, len(levels), 0)
-    told = (descriptor_at, len(descriptor), descriptor_at + len(descriptor), len(keys))
-    head = _IDENTIFIER + struct.pack("<9I4I2Q", *counts, *told, 0, 0) + index + descriptor + keys
+    said = (descriptor_at, len(descriptor), descriptor_at + len(descriptor), len(keys))
+    head = _IDENTIFIER + struct.pack("<9I4I2Q", *counts, *said, 0, 0) + index + descriptor + keys
     pixels = b"".join(level.tobytes() for level in reversed(levels))
     return head + bytes(-end % texel) + pixels, levels[0][..., :3].astype(np.float32).reshape(-1, sizes[0], 3)
 

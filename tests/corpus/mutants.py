@@ -1,6 +1,6 @@
 """Seeded damage to good files: the kinds that OpenEXR's fuzz test does, and those that real files suffer.
 
-Each mutant is told by its format and number alone, so that one found today is made again tomorrow.
+Each mutant is reported by its format and number alone, so that one found today is made again tomorrow.
 """
 
 from __future__ import annotations

@@ -37,8 +37,8 @@ def repaired(data: bytes) -> bytes:
 
 def chunk(name: bytes, content: bytes = b"", length: int | None = None) -> bytes:
     """One chunk; `length` where it is not that of its content."""
-    told = len(content) if length is None else length
-    return struct.pack(">I", told) + name + content + struct.pack(">I", zlib.crc32(name + content))
+    said = len(content) if length is None else length
+    return struct.pack(">I", said) + name + content + struct.pack(">I", zlib.crc32(name + content))
 
 
 def _file(chunks: Sequence[Chunk]) -> bytes:

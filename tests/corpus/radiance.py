@@ -77,7 +77,7 @@ def _old_runs(codes: np.ndarray) -> bytes:
 
 
 def _upright(stored: np.ndarray, axes: str) -> np.ndarray:
-    """What a picture shows whose scan lines and their pixels go the ways that `axes` tells."""
+    """What a picture shows whose scan lines and their pixels go the ways that `axes` says."""
     lines, along = axes.split()
     if lines[1] == "X":
         stored, lines, along = stored.transpose(1, 0, 2), along, lines

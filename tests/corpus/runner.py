@@ -26,9 +26,9 @@ HANG = 10.0
 _REJECT_SECONDS = 2.0
 _REJECT_GROWTH, _READ_GROWTH = 96 * 2**20, 64 * 2**20
 _START = 120.0  # seconds: the package is imported, and kernels compiled, on a machine that may be busy
-# A refusal that tells where: a number (byte, line, row, tag, size) or a name in quotes. FormatError always does.
+# A refusal that says where: a number (byte, line, row, tag, size) or a name in quotes. FormatError always does.
 _PLACE = re.compile(r"\d|[\"'“”][^\"'“”]+[\"'“”]|\bchannels?\b|\b(IHDR|IDAT|IEND|SOI|EOI|SOF|SOS|DHT|DQT|APP)\b")
-# What is no file of its format any more, since its first bytes are gone, has no place to tell.
+# What is no file of its format any more, since its first bytes are gone, has no place to say.
 _ANOTHER_KIND = re.compile(
     r"no picture relume reads|an empty file|which relume does not read|is needed|not a photograph yet|not one picture|"
     r"a deep EXR|no KTX 2.0 file"
@@ -65,7 +65,7 @@ class Outcome:
         return self.kind in ("refused", "format")
 
     @property
-    def tells_where(self) -> bool:
+    def says_where(self) -> bool:
         """Whether a refusal names a place, or the file is no longer one of its format."""
         line = self.error.removeprefix(self.path)
         return self.kind == "format" or bool(_PLACE.search(line)) or bool(_ANOTHER_KIND.search(line))
@@ -193,9 +193,9 @@ class Reader:
                 return Outcome(name, str(path), door, "died", self._death(), printed=self._heard())
             self._pending += received
         line, self._pending = self._pending.split(b"\n", 1)
-        told = json.loads(line)
-        told["warnings"] = [(bool(ours), text) for ours, text in told["warnings"]]
-        return Outcome(name, str(path), door, printed=self._heard(), **told)
+        said = json.loads(line)
+        said["warnings"] = [(bool(ours), text) for ours, text in said["warnings"]]
+        return Outcome(name, str(path), door, printed=self._heard(), **said)
 
     def _death(self) -> str:
         assert self._child is not None

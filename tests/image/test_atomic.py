@@ -31,7 +31,7 @@ def test_an_overwrite_that_fails_midway_leaves_the_old_file_and_no_temporary_one
     assert os.listdir(tmp_path) == ["a.txt"]
 
 
-def test_a_failing_disk_is_told_in_one_line_and_leaves_the_old_file(tmp_path):
+def test_a_failing_disk_is_reported_in_one_line_and_leaves_the_old_file(tmp_path):
     path = tmp_path / "a.txt"
     write_text(path, "old")
     with pytest.raises(OutputNotWritten, match=r"a\.txt: cannot be written: No space") as raised, replacing(path):
@@ -72,7 +72,7 @@ def test_what_stands_in_the_way_is_named(tmp_path, obstacle, name, said):
 
 
 @pytest.mark.skipif(os.name == "nt" or os.geteuid() == 0, reason="the super-user may write anywhere")
-def test_a_folder_that_forbids_writing_is_told_in_one_line(tmp_path):
+def test_a_folder_that_forbids_writing_is_reported_in_one_line(tmp_path):
     tmp_path.chmod(0o500)
     with pytest.raises(OutputNotWritten, match="Permission denied"):
         write_text(tmp_path / "a.txt", "x")

@@ -1,4 +1,4 @@
-"""Camera raw files: what the sensor read, what EXIF tells, which way is up; and plain refusals of the rest."""
+"""Camera raw files: what the sensor read, what EXIF says, which way is up; and plain refusals of the rest."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ BLACK = (500, 510, 520, 530)
 
 @pytest.fixture
 def ramp() -> np.ndarray:
-    """(30, 40) every value once, so that any turn or crop can be told."""
+    """(30, 40) every value once, so that any turn or crop can be reported."""
     return (1000 + np.arange(30 * 40, dtype=np.uint16)).reshape(30, 40)
 
 
@@ -46,7 +46,7 @@ def test_exposure_and_settings_come_from_exif_with_exact_fractions(tmp_path, ram
     assert raw.focal_length == pytest.approx(35 / 36 * 40)
 
 
-def test_an_exposure_that_exif_does_not_tell_is_unknown_and_not_a_second(tmp_path, ramp):
+def test_an_exposure_that_exif_does_not_say_is_unknown_and_not_a_second(tmp_path, ramp):
     assert read_raw(write_dng(tmp_path / "a.dng", ramp, seconds=None)).exposure is None
     assert read_raw(write_dng(tmp_path / "b.dng", ramp, seconds=0)).exposure is None
     assert read_raw(write_dng(tmp_path / "c.dng", ramp, f_number=None, iso=None)).exposure == Exposure(1 / 60)
@@ -58,7 +58,7 @@ TURNS = {1: lambda m: m, 3: lambda m: np.rot90(m, 2), 6: lambda m: np.rot90(m, -
 @pytest.mark.parametrize("orientation", TURNS)
 @pytest.mark.parametrize("size", [(30, 40), (31, 40), (30, 41), (31, 41)])
 def test_mosaic_pattern_and_black_are_turned_upright_together(tmp_path, orientation, size):
-    # Each photosite's value tells its own site of the pattern: 1000 · site plus where it is.
+    # Each photosite's value says its own site of the pattern: 1000 · site plus where it is.
     y, x = np.mgrid[: size[0], : size[1]]
     sites = 2 * (y % 2) + x % 2
     mosaic = (1000 + 1000 * sites + y + x).astype(np.uint16)
@@ -83,7 +83,7 @@ def test_what_lies_outside_the_lit_part_is_left_out_and_the_pattern_counted_from
 
 
 @pytest.mark.parametrize("pattern", [((0, 1), (1, 2)), ((2, 1), (1, 0)), ((1, 0), (2, 1)), ((1, 2), (0, 1))])
-def test_every_bayer_pattern_is_told(tmp_path, ramp, pattern):
+def test_every_bayer_pattern_is_reported(tmp_path, ramp, pattern):
     raw = read_raw(write_dng(tmp_path / "a.dng", ramp, pattern=pattern))
     assert raw.pattern.tolist() == [list(row) for row in pattern]
 
@@ -113,7 +113,7 @@ def test_the_colour_chart_is_read(shared):
     assert (int(raw.mosaic.min()), int(raw.mosaic.max())) == (1958, 12128)
 
 
-def test_raw_files_are_told_by_content_whatever_their_suffix(tmp_path, ramp):
+def test_raw_files_are_recognised_by_content_whatever_their_suffix(tmp_path, ramp):
     assert kind_of(write_dng(tmp_path / "a.tif", ramp)) == "RAW"
     for name, head in {
         "canon.cr3": b"\0\0\0\x18ftypcrx \0\0\0\x01",
@@ -190,13 +190,13 @@ def test_bytes_altered_anywhere_in_the_header_never_crash(tmp_path, ramp):
     assert 30 < refused < 300
 
 
-def test_damaged_exif_is_told_and_the_pixels_kept(tmp_path, ramp):
+def test_damaged_exif_is_reported_and_the_pixels_kept(tmp_path, ramp):
     file = write_dng(tmp_path / "a.dng", ramp)
     whole = file.read_bytes()
     file.write_bytes(whole[:-20])
     with pytest.warns(UserWarning, match=r"a\.dng: its EXIF is damaged \(Trunc.*\); exposure may be missing"):
         raw = read_raw(file)
-    # What stands ahead of the damage is still told, and nothing is made up of what is not.
+    # What stands ahead of the damage is still reported, and nothing is made up of what is not.
     assert (raw.exposure, raw.settings.taken) == (Exposure(1 / 60, 4.0, 100), None)
     np.testing.assert_array_equal(raw.mosaic, ramp)
     count = whole.index(struct.pack("<HHI", 0x829A, 5, 1)) + 4  # of the exposure time's values

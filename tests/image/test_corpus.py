@@ -60,7 +60,7 @@ def complaints(outcomes: list[Outcome]) -> list[str]:
     """What G4 forbids, of single files and of all the refusals together."""
     found = [fault for outcome in outcomes for fault in outcome.faults()]
     refused = [outcome for outcome in outcomes if outcome.is_refused]
-    vague = [outcome for outcome in refused if not outcome.tells_where]
+    vague = [outcome for outcome in refused if not outcome.says_where]
     if len(vague) > 0.01 * len(refused):
         shown = Counter(outcome.error.removeprefix(outcome.path) for outcome in vague).most_common(5)
         found.append(f"{len(vague)} of {len(refused)} refusals tell no place: {shown}")
@@ -201,7 +201,7 @@ def test_the_runner_notices(trials, trial, fault):
     assert trials.deaths - deaths == (trial in ("dying", "leaving", "hanging"))
     # And the next file is read as if nothing had been.
     after = trials.read(TRIAL, "corpus.doors:exact")
-    assert (after.faults(), after.is_refused, after.tells_where) == ([], True, True)
+    assert (after.faults(), after.is_refused, after.says_where) == ([], True, True)
 
 
 def test_the_runner_measures_time_and_memory(trials):
@@ -213,9 +213,9 @@ def test_the_runner_measures_time_and_memory(trials):
     assert trials.read(TRIAL, "corpus.doors:exact").growth < 2**20
 
 
-def test_refusals_that_tell_no_place_are_counted(trials):
+def test_refusals_that_say_no_place_are_counted(trials):
     vague, exact = (trials.read(TRIAL, f"corpus.doors:{door}") for door in ("vague", "exact"))
-    assert (vague.faults(), vague.tells_where) == ([], False)
+    assert (vague.faults(), vague.says_where) == ([], False)
     assert "1 of 100 refusals" not in str(complaints([vague, *[exact] * 99]))
     assert "1 of 99 refusals tell no place" in complaints([vague, *[exact] * 98])[0]
 

@@ -1,4 +1,4 @@
-"""What `describe` tells of files of every kind: plain values, the right ones, under names that stay."""
+"""What `describe` says of files of every kind: plain values, the right ones, under names that stay."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ from relume.image.photograph import Exposure, Photograph
 from relume.image.radiance import RadianceMap
 
 
-def told(path: Path, options: ReadOptions = ReadOptions()) -> dict:
+def described(path: Path, options: ReadOptions = ReadOptions()) -> dict:
     """The description, after it went through JSON without NaN."""
     return json.loads(json.dumps(describe(path, options), allow_nan=False))
 
@@ -37,9 +37,9 @@ def window() -> RadianceMap:
     return RadianceMap(pixels, None, clipped, "cd/m²", {"exposure_time": "0.5", "mapping": "angular"})
 
 
-def test_a_radiance_map_is_told_with_its_range_spot_marks_and_faults(tmp_path: Path):
+def test_a_radiance_map_is_reported_with_its_range_spot_marks_and_faults(tmp_path: Path):
     write(tmp_path / "a.exr", window())
-    facts = told(tmp_path / "a.exr")
+    facts = described(tmp_path / "a.exr")
     assert (facts["file"], facts["format"], facts["kind"]) == (str(tmp_path / "a.exr"), "EXR", "radiance map")
     assert (facts["size"], facts["megapixels"], facts["unit"]) == ([40, 30], 0.001, "cd/m²")
     assert "float" in facts["subtype"] and "ZIP" in facts["subtype"]
@@ -66,9 +66,9 @@ def test_a_radiance_map_is_told_with_its_range_spot_marks_and_faults(tmp_path: P
     ]
 
 
-def test_halves_are_told_by_what_is_stored(tmp_path: Path):
+def test_halves_are_reported_by_what_is_stored(tmp_path: Path):
     write(tmp_path / "a.exr", RadianceMap(np.full((4, 5, 3), 2, np.float32)), OpenEXR(half=True))
-    facts = told(tmp_path / "a.exr")
+    facts = described(tmp_path / "a.exr")
     assert (facts["dtype"], facts["parts"][0]["dtype"]) == ("float16", "float16")
     assert facts["subtype"].startswith("half")
     assert facts["clipped"] is None and not facts["has_variance"]
@@ -79,32 +79,32 @@ def test_halves_are_told_by_what_is_stored(tmp_path: Path):
     [("a.hdr", "HDR"), ("a.pfm", "PFM"), ("a.float", "raw float"), ("a.tif", "float TIFF"), ("b.tif", "LogLuv TIFF")],
 )
 @pytest.mark.filterwarnings("ignore:.*does not keep")
-def test_every_format_of_maps_is_told_alike(tmp_path: Path, name: str, kind: str):
+def test_every_format_of_maps_is_reported_alike(tmp_path: Path, name: str, kind: str):
     pixels = np.ones((16, 16, 3), np.float32)
     pixels[3, 5] = 8
     write(tmp_path / name, RadianceMap(pixels), LogLuv() if name == "b.tif" else None)
-    facts = told(tmp_path / name)
+    facts = described(tmp_path / name)
     assert (facts["format"], facts["kind"], facts["size"]) == (kind, "radiance map", [16, 16])
     assert facts["subtype"] and facts["channels"] == ["R", "G", "B"]
     assert (facts["brightest"]["x"], facts["brightest"]["y"]) == (5, 3)
     assert facts["dynamic_range"]["stops"] == pytest.approx(3, abs=0.02)
 
 
-def test_converted_primaries_are_told_as_the_file_has_them(tmp_path: Path):
+def test_converted_primaries_are_reported_as_the_file_has_them(tmp_path: Path):
     wide = "0.708 0.292 0.17 0.797 0.131 0.046 0.3127 0.329"
     head = f"#?RADIANCE\nFORMAT=32-bit_rle_rgbe\nPRIMARIES={wide}\n\n-Y 1 +X 2\n".encode()
     (tmp_path / "wide.hdr").write_bytes(head + bytes((128, 128, 128, 129)) * 2)
     with pytest.warns(UserWarning, match=r"converted to Rec\. 709"):
-        facts = told(tmp_path / "wide.hdr")
+        facts = described(tmp_path / "wide.hdr")
     assert facts["primaries"] == "Rec. 709" and facts["primaries_of_file"] == wide
     assert facts["maximum"] == pytest.approx(1, rel=1e-4)
 
 
-def test_a_photograph_is_told_with_its_exposure_and_its_clipping(tmp_path: Path):
+def test_a_photograph_is_reported_with_its_exposure_and_its_clipping(tmp_path: Path):
     pixels = np.full((20, 30, 3), 100, np.uint8)
     pixels[:5, :, 0], pixels[:2, :, 2] = 255, 0
     write(tmp_path / "a.png", Photograph(pixels, exposure=Exposure(0.004, 8, 200), camera="Virtual 1"))
-    facts = told(tmp_path / "a.png")
+    facts = described(tmp_path / "a.png")
     assert (facts["kind"], facts["format"], facts["size"], facts["unit"]) == ("photograph", "PNG", [30, 20], "encoded")
     assert facts["exposure"] == {"seconds": 0.004, "f_number": 8, "iso": 200, "source": "EXIF"}
     assert (facts["camera"], facts["settings"]["taken"], facts["gain_map"]) == ("Virtual 1", None, None)
@@ -113,45 +113,45 @@ def test_a_photograph_is_told_with_its_exposure_and_its_clipping(tmp_path: Path)
 
 
 @pytest.mark.filterwarnings("ignore:.*made for displays")
-def test_a_jpeg_with_a_gain_map_is_told_as_a_photograph_with_one(tmp_path: Path):
+def test_a_jpeg_with_a_gain_map_is_reported_as_a_photograph_with_one(tmp_path: Path):
     ramp = np.geomspace(0.1, 3, 64 * 64, dtype=np.float32).reshape(64, 64, 1)
     gain_map.write_rendition(tmp_path / "a.jpg", np.repeat(ramp, 3, axis=-1), np.full((64, 64, 3), 200, np.uint8))
-    facts = told(tmp_path / "a.jpg")
+    facts = described(tmp_path / "a.jpg")
     assert (facts["kind"], facts["format"]) == ("photograph", "JPEG")
     assert "stops" in facts["gain_map"]
     write(tmp_path / "b.jpg", Photograph(np.full((16, 16, 3), 100, np.uint8)))
-    assert told(tmp_path / "b.jpg")["gain_map"] is None
+    assert described(tmp_path / "b.jpg")["gain_map"] is None
 
 
-def test_a_cube_is_told_by_its_levels_and_its_largest(tmp_path: Path):
+def test_a_cube_is_reported_by_its_levels_and_its_largest(tmp_path: Path):
     levels = [np.full((6, side, side, 3), 0.5, np.float32) for side in (8, 4, 2)]
     levels[0][3, 2, 2] = 1000
     write_cube(tmp_path / "a.ktx2", levels)
-    facts = told(tmp_path / "a.ktx2")
+    facts = described(tmp_path / "a.ktx2")
     assert (facts["kind"], facts["format"], facts["size"], facts["levels"]) == ("cube", "KTX2", [8, 8], [8, 4, 2])
     assert (facts["dtype"], facts["maximum"]) == ("float16", 1000)
     assert facts["luminance"]["lit"] == 6 * 64
     levels[0][3, 2, 2] = 100_000
     write_cube(tmp_path / "b.ktx2", levels)
-    assert told(tmp_path / "b.ktx2")["dtype"] == "float32"
+    assert described(tmp_path / "b.ktx2")["dtype"] == "float32"
 
 
-def test_a_camera_raw_is_told_by_its_sensor(shared: Path):
-    facts = told(shared / "data" / "formats" / "raw" / "colorchart.dng")
+def test_a_camera_raw_is_reported_by_its_sensor(shared: Path):
+    facts = described(shared / "data" / "formats" / "raw" / "colorchart.dng")
     assert (facts["kind"], facts["format"], facts["pattern"]) == ("camera raw", "RAW", "RGGB")
     assert (facts["black"], facts["white"], facts["size"]) == ([2056] * 4, 15000, [1734, 1156])
     assert facts["camera"] == "Canon EOS Kiss X4" and facts["at_white"] == [0, 0, 0]
     assert facts["black"][0] < facts["percentiles"]["50"] < facts["maximum"] < facts["white"]
 
 
-def test_what_was_lost_of_a_file_cut_short_is_told_where_it_is_salvaged(tmp_path: Path):
+def test_what_was_lost_of_a_file_cut_short_is_reported_where_it_is_salvaged(tmp_path: Path):
     write(tmp_path / "a.hdr", RadianceMap(np.random.default_rng(4).uniform(1, 2, (50, 20, 3)).astype(np.float32)))
     whole = (tmp_path / "a.hdr").read_bytes()
     (tmp_path / "a.hdr").write_bytes(whole[: len(whole) // 2])
     with pytest.raises(UnreadableFile):
         describe(tmp_path / "a.hdr")
     with pytest.warns(UserWarning, match="of 50"):
-        facts = told(tmp_path / "a.hdr", ReadOptions(salvage=True))
+        facts = described(tmp_path / "a.hdr", ReadOptions(salvage=True))
     assert facts["clipped"]["outside"] % 20 == 0 and 400 < facts["clipped"]["outside"] < 600
 
 
@@ -159,4 +159,4 @@ def test_limits_hold_for_a_description_too(tmp_path: Path):
     write(tmp_path / "a.pfm", RadianceMap(np.ones((20, 20, 3), np.float32)))
     with pytest.raises(UnreadableFile, match="399 pixels"):
         describe(tmp_path / "a.pfm", ReadOptions(pixels=399))
-    assert told(tmp_path / "a.pfm", ReadOptions(pixels=400))["size"] == [20, 20]
+    assert described(tmp_path / "a.pfm", ReadOptions(pixels=400))["size"] == [20, 20]

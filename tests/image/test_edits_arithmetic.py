@@ -87,7 +87,7 @@ def test_variances_are_those_of_independent_errors() -> None:
     assert mean is not None and float(mean[0, 0, 0]) == pytest.approx(sd_a**2 / 3, rel=1e-6)
 
 
-def test_a_lost_variance_is_told() -> None:
+def test_a_lost_variance_is_reported() -> None:
     known = replace(flat([1.0]), variance=np.ones((1, 1, 3), np.float32))
     with pytest.warns(UserWarning, match="the result has none"):
         assert added(known, flat([1.0])).variance is None
@@ -95,7 +95,7 @@ def test_a_lost_variance_is_told() -> None:
     assert kept is not None and kept[0, 0, 0] == 9.0
 
 
-def test_bounds_stay_bounds_and_opposing_ones_tell_nothing() -> None:
+def test_bounds_stay_bounds_and_opposing_ones_say_nothing() -> None:
     marks = np.array([[0, SATURATED, BLACK, OUTSIDE, SATURATED]], np.uint8)
     others = np.array([[SATURATED, SATURATED, SATURATED, 0, BLACK]], np.uint8)
     first, second = flat([1.0] * 5, clipped=marks), flat([1.0] * 5, clipped=others)
@@ -134,7 +134,7 @@ def test_a_negative_factor_turns_bounds_round_and_zero_leaves_none() -> None:
     assert unsure is not None and unsure[0].tolist() == [OUTSIDE]
 
 
-def test_division_by_zero_is_marked_and_told() -> None:
+def test_division_by_zero_is_marked_and_reported() -> None:
     with pytest.warns(UserWarning, match="0 in 1 pixels"):
         result = divided(flat([1.0, 1.0]), flat([0.0, 2.0]))
     assert red(result) == [0.0, 0.5]

@@ -130,10 +130,10 @@ def test_variance_is_that_of_the_weighted_sum(blur: str) -> None:
         "soft focus": lambda: soft_blurred(picture, 1.0, share=0.5),
     }[blur]()
     assert made.variance is not None
-    told = float(made.variance[120, 120, 0])
-    assert told < 4
+    said = float(made.variance[120, 120, 0])
+    assert said < 4
     # Neighbours are correlated over some ten pixels, so fewer count.
-    assert float(made.radiance[20:-20, 20:-20].var()) == pytest.approx(told, rel=4 * np.sqrt(2 * 10 / (3 * 200**2)))
+    assert float(made.radiance[20:-20, 20:-20].var()) == pytest.approx(said, rel=4 * np.sqrt(2 * 10 / (3 * 200**2)))
 
 
 def test_what_a_clipped_light_reaches_is_a_lower_bound() -> None:

@@ -68,10 +68,10 @@ def picture() -> RadianceMap:
 
 def written(path: Path, image: RadianceMap, encoding: Encoding) -> list[str]:
     """Write it; the warnings."""
-    with warnings.catch_warnings(record=True) as told:
+    with warnings.catch_warnings(record=True) as said:
         warnings.simplefilter("always")
         files.write(path, image, encoding)
-    return [str(one.message) for one in told]
+    return [str(one.message) for one in said]
 
 
 @EVERY
@@ -79,7 +79,7 @@ def test_a_picture_comes_back_upright_within_the_formats_error(
     form: Format, picture: RadianceMap, tmp_path: Path
 ) -> None:
     path = tmp_path / form.name
-    told = written(path, picture, form.encoding)
+    said = written(path, picture, form.encoding)
     assert files.kind_of(path) == form.kind and files.subtype(path)
     back = files.read_radiance(path)
     largest = picture.radiance.max(-1, keepdims=True)
@@ -90,19 +90,19 @@ def test_a_picture_comes_back_upright_within_the_formats_error(
         assert {key: back.attributes.get(key) for key in picture.attributes} == picture.attributes
     else:
         assert back.attributes == {}
-    lost = [line for line in told if "does not keep" in line]
+    lost = [line for line in said if "does not keep" in line]
     assert len(lost) == (0 if form.attributes else 1)
     assert not lost or all(word in lost[0] for word in ("cd/m²", "mapping", "camera", "iso", ".exr"))
 
 
 @EVERY
-def test_planes_that_a_format_cannot_hold_are_told(form: Format, picture: RadianceMap, tmp_path: Path) -> None:
+def test_planes_that_a_format_cannot_hold_are_reported(form: Format, picture: RadianceMap, tmp_path: Path) -> None:
     marks = np.zeros((32, 32), np.uint8)
     marks[3, 4] = 1
     marked = RadianceMap(picture.radiance, picture.radiance**2, marks)
-    told = written(tmp_path / form.name, marked, form.encoding)
-    told = [line for line in told if "variance" in line and "clipped" in line]
-    assert len(told) == (0 if form.kind == "EXR" else 1)
+    said = written(tmp_path / form.name, marked, form.encoding)
+    said = [line for line in said if "variance" in line and "clipped" in line]
+    assert len(said) == (0 if form.kind == "EXR" else 1)
 
 
 @pytest.mark.parametrize("name", ["a.hdr", "a.pfm", "a.float"])
@@ -122,12 +122,12 @@ def test_what_no_light_is_is_kept_or_refused_and_never_changed(
         odd[5, 7] = fault  # a negative channel alone may be a colour
     path = tmp_path / form.name
     try:
-        told = written(path, RadianceMap(odd), form.encoding)
+        said = written(path, RadianceMap(odd), form.encoding)
     except ValueError as error:
         assert "1 of" in str(error) or "1 pixel" in str(error) or " 1 " in str(error), error
         assert list(tmp_path.iterdir()) == []
         return
-    np.testing.assert_allclose(files.read_radiance(path).radiance[5, 7], odd[5, 7], rtol=form.error, err_msg=str(told))
+    np.testing.assert_allclose(files.read_radiance(path).radiance[5, 7], odd[5, 7], rtol=form.error, err_msg=str(said))
 
 
 _FULL = """

@@ -86,7 +86,7 @@ def test_a_position_is_written_in_whole_degrees_and_minutes_of_a_hemisphere():
         ("N", (), None),
     ],
 )
-def test_a_folder_tells_degrees_or_nothing(latitude, parts, degrees):
+def test_a_folder_says_degrees_or_nothing(latitude, parts, degrees):
     found = gps.position_of({1: latitude, 2: parts, 3: "E", 4: (1.0, 30.0, 0.0)})
     assert found == {"longitude": 1.5} | ({} if degrees is None else {"latitude": pytest.approx(degrees, abs=1e-9)})
 

@@ -109,7 +109,7 @@ def test_half_rgba_is_read_as_float_rgb(tmp_path, numbered):
     assert image.radiance[1, 6].tolist() == [1006.0, 1006.0, 1006.5]  # half has steps of ½ there
 
 
-def test_alpha_that_is_left_out_is_told_unless_opaque(tmp_path, numbered):
+def test_alpha_that_is_left_out_is_reported_unless_opaque(tmp_path, numbered):
     alpha = np.ones((5, 7, 1), np.float32)
     alpha[0, :2] = 0.5
     path = foreign(tmp_path / "a.exr", {"RGBA": np.concatenate([numbered, alpha], axis=2)})
@@ -178,7 +178,7 @@ def test_a_data_window_as_large_as_the_display_window_but_beside_it_is_moved(tmp
     np.testing.assert_array_equal(image.radiance, expected)
 
 
-def test_overscan_is_left_out_and_told(tmp_path, numbered):
+def test_overscan_is_left_out_and_reported(tmp_path, numbered):
     path = foreign(
         tmp_path / "a.exr", {"RGB": numbered}, dataWindow=window(-1, -2, 5, 2), displayWindow=window(0, 0, 3, 1)
     )
@@ -244,7 +244,7 @@ def test_what_is_neutral_in_a_file_stays_neutral(tmp_path, primaries, neutral, p
 
 
 @pytest.mark.parametrize("values", [(0.64, 0.33, 0.64, 0.33, 0.15, 0.06, 0.3127, 0.329), (0.0,) * 8])
-def test_primaries_that_are_none_are_told_and_not_applied(tmp_path, numbered, values):
+def test_primaries_that_are_none_are_reported_and_not_applied(tmp_path, numbered, values):
     path = foreign(tmp_path / "a.exr", {"RGB": numbered}, chromaticities=values)
     with pytest.warns(UserWarning, match="its chromaticities are of no use and not applied"):
         np.testing.assert_array_equal(read_radiance(path).radiance, numbered)
@@ -276,9 +276,9 @@ def test_channels_beside_the_picture_are_named(tmp_path, numbered):
     planes["A"] = np.ones((5, 7), np.float32)
     path = foreign(tmp_path / "a.exr", planes)
     for reader in (read_radiance, read_layers):
-        with pytest.warns(UserWarning) as told:
+        with pytest.warns(UserWarning) as reports:
             reader(path)
-        (warning,) = told
+        (warning,) = reports
         left = "left out: the channels Z, diffuse.G, diffuse.R; save each on its own to read it"
         assert str(warning.message) == f"{path}: {left}"
 
@@ -365,7 +365,7 @@ def test_an_exr_that_claims_an_absurd_size_is_refused_from_its_header(tmp_path):
 def test_every_real_damaged_exr_is_refused_in_one_line_or_read_whole(shared, capfd):
     files = sorted((shared / "data/malformed").glob("*/*.exr"))
     assert len(files) >= 100
-    read_well, told, placed = set(), set(), 0
+    read_well, reports, placed = set(), set(), 0
     for file in files:
         start = time.process_time()
         try:
@@ -374,7 +374,7 @@ def test_every_real_damaged_exr_is_refused_in_one_line_or_read_whole(shared, cap
                 read_radiance(file)
             read_well.add(file.name)
             if any("save it again" in str(warning.message) for warning in heard):
-                told.add(file.name)
+                reports.add(file.name)
         except UnreadableFile as error:
             assert re.fullmatch(re.escape(str(file)) + ": .+", str(error)), file
             if file.parent.name == "openexr_damaged":  # all but those that are no EXR at all name a place
@@ -389,7 +389,7 @@ def test_every_real_damaged_exr_is_refused_in_one_line_or_read_whole(shared, cap
         ("tiled", "deepscanline"), ("tiled", "deeptile"), ("tiled", "scanlineimage")]}  # fmt: skip
     assert read_well == {"bad.exr"} | mistyped
     assert placed >= 75
-    assert told == mistyped
+    assert reports == mistyped
     assert capfd.readouterr() == ("", "")
 
 

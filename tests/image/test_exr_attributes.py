@@ -1,4 +1,4 @@
-"""What an EXR tells beside its pixels, typed where other programs look for it."""
+"""What an EXR says beside its pixels, typed where other programs look for it."""
 
 import struct
 
@@ -53,8 +53,8 @@ def test_standard_attributes_are_written_typed_and_come_back_as_texts(tmp_path, 
 def test_another_program_finds_them(tmp_path, numbered):
     write(tmp_path / "a.exr", RadianceMap(numbered, attributes=SHOT))
     names = "ExposureTime", "FNumber", "Copyright", "DateTime", "PixelAspectRatio"
-    told = attributes_by_openimageio(tmp_path / "a.exr", *names)
-    assert told == [pytest.approx(0.008), pytest.approx(5.6), "somebody ©", "1997:06:23 12:00:00", 1.5]
+    said = attributes_by_openimageio(tmp_path / "a.exr", *names)
+    assert said == [pytest.approx(0.008), pytest.approx(5.6), "somebody ©", "1997:06:23 12:00:00", 1.5]
 
 
 @pytest.mark.parametrize(
@@ -75,7 +75,7 @@ def test_what_a_type_cannot_hold_to_the_last_digit_comes_back_as_it_was(tmp_path
 
 
 @pytest.mark.parametrize(("kind", "typed"), [("latlong", OpenEXR.ENVMAP_LATLONG), ("cube", OpenEXR.ENVMAP_CUBE)])
-def test_a_map_of_surroundings_is_told_to_other_programs(tmp_path, numbered, kind, typed):
+def test_a_map_of_surroundings_is_handed_to_other_programs(tmp_path, numbered, kind, typed):
     foreign = {"type": OpenEXR.scanlineimage, "envmap": typed}
     OpenEXR.File([OpenEXR.Part(foreign, {"RGB": numbered}, "")]).write(str(tmp_path / "a.exr"))
     image = read_radiance(tmp_path / "a.exr")
@@ -104,7 +104,7 @@ def test_a_text_that_utf_8_does_not_hold_gets_question_marks_and_a_warning(tmp_p
     assert read_radiance(tmp_path / "a.exr").attributes == expected
 
 
-def test_numbers_are_told_with_the_digits_that_they_have():
+def test_numbers_are_reported_with_the_digits_that_they_have():
     assert header_of({"exposure_time": "0.008"}) == {"expTime": 0.008}
     assert attributes_of({"expTime": 0.00800000037997961, "isoSpeed": 200, "aperture": np.array([2.8])}) == {
         "exposure_time": "0.008",
@@ -113,7 +113,7 @@ def test_numbers_are_told_with_the_digits_that_they_have():
     }
 
 
-def test_square_pixels_are_not_told_and_views_and_matrices_not_kept():
+def test_square_pixels_are_not_reported_and_views_and_matrices_not_kept():
     header = {"pixelAspectRatio": 1.0, "view": "left", "type": "scanlineimage", "a": np.eye(3), "b": (1, 2), "c": "d"}
     assert attributes_of(header) == {"c": "d"}
 

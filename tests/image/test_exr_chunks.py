@@ -139,9 +139,9 @@ def test_of_parts_only_what_is_whole_is_kept(tmp_path, noise):
     clipped = np.ones(noise.shape[:2], np.uint8)
     write(path, RadianceMap(noise, noise, clipped))
     cut(path, 0.8)
-    with pytest.warns(UserWarning) as told:
+    with pytest.warns(UserWarning) as said:
         image = read_radiance(path, SALVAGE)
-    assert [str(warning.message).removeprefix(f"{path}: ") for warning in told] == [
+    assert [str(warning.message).removeprefix(f"{path}: ") for warning in said] == [
         "its part variance is incomplete and left out",
         "its part clipped is incomplete and left out",
     ]

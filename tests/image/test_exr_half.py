@@ -65,13 +65,13 @@ def test_a_picture_so_dim_that_halves_lose_it_is_float(tmp_path, dim, kind):
     pixels.reshape(-1)[:148] = 1
     pixels.reshape(-1)[148:150] = 2.0**-20
     pixels.reshape(-1)[:dim] = 1.2345e-6
-    with warnings.catch_warnings(record=True) as told:
+    with warnings.catch_warnings(record=True) as said:
         warnings.simplefilter("always")
         write(tmp_path / "a.exr", RadianceMap(pixels), HALF)
     assert kinds(tmp_path / "a.exr") == [kind]
     lost = f"{dim} of its 150 values other than 0 are so small that halves lose more than 1/2048 of them"
     texts = [f"stored as half, though {lost}; store float to keep them", f"stored as float, not half: {lost}"]
-    assert [str(warning.message) for warning in told] == [
+    assert [str(warning.message) for warning in said] == [
         f"{tmp_path}/a.exr: radiance is {t}" for t in texts[dim - 1 : dim] if dim
     ]
 

@@ -27,7 +27,7 @@ def test_the_file_that_is_written_by_hand_is_read(tmp_path):
     np.testing.assert_array_equal(image.radiance[..., 2], pixels)
 
 
-def test_windows_channels_and_texts_are_told(tmp_path):
+def test_windows_channels_and_texts_are_reported(tmp_path):
     path = saved(
         tmp_path / "a.exr", header(5, 4, [("R", HALF, 1), ("Z", FLOAT, 2)], attribute("owner", "string", b"me"))
     )
@@ -120,7 +120,7 @@ def test_more_channels_or_parts_than_allowed_are_refused(tmp_path):
 
 
 def test_an_even_picture_may_pack_beyond_the_ratio_in_piz_but_not_in_rle(tmp_path):
-    """65,536 × 1,024 halves are 128 MiB; the file has a table and no more, so that what is refused tells the order."""
+    """65,536 × 1,024 halves are 128 MiB; the file has a table and no more, so that what is refused says the order."""
     for code, complaint in ((1, "cannot hold"), (4, "row 0: expected 32 chunks")):
         head = header(2**16, 1024, GREY, compression=code)
         table = struct.pack("<Q", 0) * -(-1024 // COMPRESSIONS[code].rows)
@@ -145,7 +145,7 @@ def test_a_window_of_other_sides_is_refused_for_display_too(tmp_path):
 
 
 @pytest.mark.parametrize(
-    ("file", "told"),
+    ("file", "said"),
     [
         ("exrs_f32/dwab.exr", "float, DWAB"),
         ("envmaps/StageEnvCube.exr", "half, ZIP, tiled 64 × 64, MIP-mapped"),
@@ -155,11 +155,11 @@ def test_a_window_of_other_sides_is_refused_for_display_too(tmp_path):
         ("compression/v1.7.test.tiled.exr", "float and half, uncompressed, tiled 12 × 24"),
     ],
 )
-def test_the_subtype_of_real_files_is_told(shared, file, told):
-    assert subtype(shared / "data/formats/openexr" / file) == told
+def test_the_subtype_of_real_files_is_reported(shared, file, said):
+    assert subtype(shared / "data/formats/openexr" / file) == said
 
 
-def test_a_file_that_went_away_is_told(tmp_path):
+def test_a_file_that_went_away_is_reported(tmp_path):
     with pytest.raises(UnreadableFile, match=r"a\.exr: cannot be opened"):
         read_headers(tmp_path / "a.exr")
     assert os.listdir(tmp_path) == []
@@ -173,9 +173,9 @@ def test_a_frame_around_nothing_is_refused_before_it_is_made(tmp_path, corner):
     frame = attribute("displayWindow", "box2i", struct.pack("<4i", left, top, left + 8191, top + 8191))
     path = saved(tmp_path / "a.exr", data.replace(window("displayWindow", 16, 8), frame))
     empty = 12 * (2**26 - (128 if corner == (0, 0) else 0))
-    told = f"claims 8192 x 8192 pixels around a data window of 16 x 8, {empty} bytes of nothing for {len(data)} bytes"
+    said = f"claims 8192 x 8192 pixels around a data window of 16 x 8, {empty} bytes of nothing for {len(data)} bytes"
     for reader in (read_radiance, read_layers):
-        with pytest.raises(UnreadableFile, match=told):
+        with pytest.raises(UnreadableFile, match=said):
             reader(path)
 
 
@@ -244,15 +244,15 @@ def test_parts_need_names_of_their_own(tmp_path, names, index, found):
         read_layers(path)
 
 
-@pytest.mark.parametrize("told", ["tiledimage", "deepscanline", "hologram\n"])
-def test_a_type_that_contradicts_the_version_field_is_told(tmp_path, told):
+@pytest.mark.parametrize("said", ["tiledimage", "deepscanline", "hologram\n"])
+def test_a_type_that_contradicts_the_version_field_is_reported(tmp_path, said):
     pixels = np.arange(12, dtype=np.float32).reshape(3, 4)
-    data = scan_lines(4, 3, [("Y", pixels, 1)], attribute("type", "string", told.encode()))
+    data = scan_lines(4, 3, [("Y", pixels, 1)], attribute("type", "string", said.encode()))
     path = saved(tmp_path / "a.exr", data)
     with pytest.warns(UserWarning) as heard:
         image = read_radiance(path)
     (line,) = (str(warning.message) for warning in heard)
-    found = f'its attribute "type" is {told!r}, but its version field says scan lines'
+    found = f'its attribute "type" is {said!r}, but its version field says scan lines'
     assert line == f"{path}: {found}, and as those it is read; save it again"
     np.testing.assert_array_equal(image.radiance[..., 1], pixels)
 

@@ -35,9 +35,9 @@ print(peak() - before)
 def test_six_million_pixels_take_at_most_twice_their_size(tmp_path, kind):
     if not sys.platform.startswith("linux"):
         pytest.skip("the peak of memory is read as Linux tells it")
-    size = 2000 * 3000 * 12 / 1024  # KiB, as Linux tells
+    size = 2000 * 3000 * 12 / 1024  # KiB, as Linux says
     for step in ("write", "read"):
         command = [sys.executable, "-c", SCRIPT, step, str(tmp_path / "a.exr"), kind]
-        told = subprocess.run(command, capture_output=True, text=True, check=True).stdout
-        assert int(told) <= 2 * size, step
-        assert int(told) >= 0.3 * size, step  # else nothing was measured
+        said = subprocess.run(command, capture_output=True, text=True, check=True).stdout
+        assert int(said) <= 2 * size, step
+        assert int(said) >= 0.3 * size, step  # else nothing was measured

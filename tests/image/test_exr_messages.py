@@ -55,10 +55,10 @@ def test_what_c_holds_back_goes_where_it_belongs(picture):
     """In a program of its own, whose C writes to a pipe and therefore late."""
     environment = {name: value for name, value in os.environ.items() if name != "PYTHONUNBUFFERED"}
 
-    def told(path):
+    def printed(path):
         command = [sys.executable, "-c", READ, str(path)]
         child = subprocess.run(command, capture_output=True, text=True, check=True, env=environment)
         return child.stdout, child.stderr
 
-    assert told(picture) == ("a word from elsewhere\n", "(24, 40)\n")
-    assert told(without_its_end(picture)) == ("a word from elsewhere\n", '"File terminated early"\n')
+    assert printed(picture) == ("a word from elsewhere\n", "(24, 40)\n")
+    assert printed(without_its_end(picture)) == ("a word from elsewhere\n", '"File terminated early"\n')

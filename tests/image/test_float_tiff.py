@@ -94,12 +94,12 @@ def test_a_map_is_written_byte_for_byte(tmp_path):
         284: (1,), 305: b"relume\0", 318: (0.3127, 0.329), 319: (0.64, 0.33, 0.3, 0.6, 0.15, 0.06), 339: (3, 3, 3),
         37439: (1.0,)}  # fmt: skip
     # The highest bytes of both pixels, 3f c0 3f | 3f 40 3e, then the next; each less the one of a pixel before it.
-    told = "3fc03f 0080ff 414042 404000 80c080 000000 000000 000000".replace(" ", "")
-    assert told_slowly(pixels).hex() == predicted(pixels).hex()
-    assert predicted(pixels).hex()[:12] == told[:12]
+    reports = "3fc03f 0080ff 414042 404000 80c080 000000 000000 000000".replace(" ", "")
+    assert predicted_slowly(pixels).hex() == predicted(pixels).hex()
+    assert predicted(pixels).hex()[:12] == reports[:12]
 
 
-def told_slowly(pixels):
+def predicted_slowly(pixels):
     """The floating-point predictor of Adobe's technical note 3, byte by byte."""
     made = bytearray()
     for row in pixels:
@@ -112,7 +112,7 @@ def told_slowly(pixels):
 
 def test_the_predictor_is_that_of_the_note():
     pixels = np.random.default_rng(2).normal(size=(3, 5, 3)).astype(np.float32)
-    assert predicted(pixels) == told_slowly(pixels)
+    assert predicted(pixels) == predicted_slowly(pixels)
 
 
 def test_floats_of_all_depths_hold_the_same_picture(shared):
@@ -237,7 +237,7 @@ def test_doubles_beyond_float32_are_refused_and_infinite_ones_kept(tmp_path):
 
 @pytest.mark.parametrize("planar", ["contig", "separate"])
 @pytest.mark.parametrize("compression", ["none", "zip"])
-def test_alpha_is_left_out_and_told(tmp_path, planar, compression):
+def test_alpha_is_left_out_and_reported(tmp_path, planar, compression):
     pixels = np.random.default_rng(9).normal(size=(6, 5, 4)).astype(np.float32)
     pixels[..., 3] = 1
     path = written_by_oiio(tmp_path / "a.tif", pixels, planarconfig=planar, compression=compression)
@@ -248,7 +248,7 @@ def test_alpha_is_left_out_and_told(tmp_path, planar, compression):
         np.testing.assert_array_equal(read(path).radiance, pixels[..., :3])
 
 
-def test_further_pages_are_told(tmp_path):
+def test_further_pages_are_reported(tmp_path):
     Image.new("F", (3, 2)).save(tmp_path / "a.tif", save_all=True, append_images=[Image.new("F", (3, 2))] * 2)
     with pytest.warns(UserWarning, match="only the first of its 3 pages is read"):
         read(tmp_path / "a.tif")
@@ -295,8 +295,8 @@ def test_every_attribute_comes_back_and_no_unit_is_lost(tmp_path, numbered):
 def test_another_program_finds_the_settings(tmp_path, numbered):
     write(tmp_path / "a.tif", RadianceMap(numbered, attributes=ATTRIBUTES))
     names = "ExposureTime", "FNumber", "Model", "Software", "Exif:LensModel"
-    told = attributes_by_openimageio(tmp_path / "a.tif", *names)
-    assert told == [pytest.approx(1 / 60), pytest.approx(5.6), "EOS 5D", "other 1.0", "EF 50mm"]
+    reports = attributes_by_openimageio(tmp_path / "a.tif", *names)
+    assert reports == [pytest.approx(1 / 60), pytest.approx(5.6), "EOS 5D", "other 1.0", "EF 50mm"]
 
 
 def test_settings_of_another_program_are_read(tmp_path, numbered):
@@ -332,7 +332,7 @@ def rationals(*numbers):
     return 5, [term for number in numbers for term in (round(number * 10000), 10000)]
 
 
-def test_other_primaries_are_converted_and_told(tmp_path, numbered):
+def test_other_primaries_are_converted_and_reported(tmp_path, numbered):
     named = {318: rationals(*BT2020.white), 319: rationals(*BT2020.red, *BT2020.green, *BT2020.blue)}
     path = with_tags(tmp_path / "a.tif", numbered, named)
     with pytest.warns(UserWarning, match=r"its primaries are 0\.708 0\.292 .*; converted to Rec\. 709"):
@@ -346,7 +346,7 @@ def test_other_primaries_are_converted_and_told(tmp_path, numbered):
         np.testing.assert_array_equal(read(senseless).radiance, numbered)
 
 
-def test_damaged_metadata_is_left_out_and_told(tmp_path, numbered):
+def test_damaged_metadata_is_left_out_and_reported(tmp_path, numbered):
     with pytest.warns(UserWarning, match="XMP packet is damaged"):
         np.testing.assert_array_equal(
             read(with_tags(tmp_path / "a.tif", numbered, {700: (1, b"<x")})).radiance, numbered

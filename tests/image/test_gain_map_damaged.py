@@ -61,7 +61,7 @@ def test_holes_in_the_data_of_either_picture_are_found(tmp_path: Path, whole: by
     assert f"gain map at byte {second}: expected whole data" in refused(tmp_path / "a.jpg", hole)
 
 
-def test_a_claimed_gain_map_that_is_not_there_is_told(tmp_path: Path, whole: bytes) -> None:
+def test_a_claimed_gain_map_that_is_not_there_is_reported(tmp_path: Path, whole: bytes) -> None:
     line = refused(tmp_path / "a.jpg", whole[: map_at(whole)])
     assert "behind its base picture: expected a JPEG with gain-map parameters, found none" in line
     second = map_at(whole)
@@ -72,7 +72,7 @@ def test_a_claimed_gain_map_that_is_not_there_is_told(tmp_path: Path, whole: byt
 
 
 def test_wild_places_in_the_index_lead_nowhere(tmp_path: Path, whole: bytes) -> None:
-    """The second picture's entry points before, into and behind the file; the directory still tells it."""
+    """The second picture's entry points before, into and behind the file; the directory still says it."""
     wanted_path = tmp_path / "whole.jpg"
     wanted_path.write_bytes(whole)
     wanted = gain_map.read(wanted_path).radiance
@@ -132,8 +132,8 @@ def packets(data: bytes, map_packet: bytes) -> bytes:
     second = map_at(data)
     header = jpeg_segments.header_at("a.jpg", io.BytesIO(data), second, ReadOptions())
     body = jpeg_segments.without_metadata(data[second:], header)
-    told = [jpeg_segments.segment(jpeg_segments.APP1, jpeg_segments.XMP + map_packet)]
-    return data[:second] + jpeg_segments.with_segments(body, told)
+    said = [jpeg_segments.segment(jpeg_segments.APP1, jpeg_segments.XMP + map_packet)]
+    return data[:second] + jpeg_segments.with_segments(body, said)
 
 
 def test_xmp_bombs_are_refused(tmp_path: Path, whole: bytes) -> None:
@@ -166,7 +166,7 @@ def test_a_senseless_factor_of_ours_is_not_believed(tmp_path: Path, whole: bytes
     assert (image.unit, image.attributes) == ("relative", {"rendition": "display"})
 
 
-def test_stray_bytes_among_the_headers_are_told_and_do_no_harm(tmp_path: Path, whole: bytes) -> None:
+def test_stray_bytes_among_the_headers_are_reported_and_do_no_harm(tmp_path: Path, whole: bytes) -> None:
     path = tmp_path / "a.jpg"
     path.write_bytes(whole)
     light, shown = gain_map.read(path).radiance, photographs.read(path).pixels
@@ -181,7 +181,7 @@ def test_stray_bytes_among_the_headers_are_told_and_do_no_harm(tmp_path: Path, w
     assert f"byte {at + 8192}: expected a marker" in refused(path, whole[:at] + bytes(9000) + whole[at:])
 
 
-def test_whether_there_is_a_gain_map_is_told_of_anything(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_whether_there_is_a_gain_map_is_reported_of_anything(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     def failing(*_: object) -> None:
         raise IndexError("of a fault")
 
@@ -243,7 +243,7 @@ def test_mutants_raise_nothing_else(tmp_path: Path, whole: bytes) -> None:
     assert min(outcomes.values()) > 3
 
 
-def test_errors_tell_where() -> None:
+def test_errors_say_where() -> None:
     with pytest.raises(FormatError) as caught:
         jpeg_segments.header_at("a.jpg", io.BytesIO(b"\xff\xd8\xff\xe1\x00"), 0, ReadOptions())
     assert (caught.value.where, caught.value.format) == ("byte 2", "JPEG")

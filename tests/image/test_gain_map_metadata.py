@@ -35,22 +35,22 @@ def from_xmp(packet: bytes) -> GainMapMetadata:
 
 
 def test_a_block_of_libultrahdr_is_read() -> None:
-    told = gain_map_metadata.from_iso(FOREIGN)
-    assert told.low == (0, 0, 0)
-    assert told.high == pytest.approx((5.6223764,) * 3, abs=1e-6)
-    assert told.gamma == (1, 1, 1)
-    assert told.base_offset == told.bright_offset == (0, 0, 0)
-    assert told.bright_headroom == told.high[0]
-    assert told.in_base_primaries
-    assert not told.base_is_bright
+    said = gain_map_metadata.from_iso(FOREIGN)
+    assert said.low == (0, 0, 0)
+    assert said.high == pytest.approx((5.6223764,) * 3, abs=1e-6)
+    assert said.gamma == (1, 1, 1)
+    assert said.base_offset == said.bright_offset == (0, 0, 0)
+    assert said.bright_headroom == said.high[0]
+    assert said.in_base_primaries
+    assert not said.base_is_bright
 
 
 def test_a_common_denominator_is_read_as_libultrahdr_1_2_writes_it() -> None:
     block = struct.pack(">HHBIIIiiIii", 0, 0, 0x08, 64, 0, 128, -32, 128, 64, 1, 2)
-    told = gain_map_metadata.from_iso(block)
-    assert (told.low[0], told.high[2], told.gamma[1]) == (-0.5, 2.0, 1.0)
-    assert (told.base_offset[0], told.bright_offset[0]) == (1 / 64, 1 / 32)
-    assert not told.in_base_primaries
+    said = gain_map_metadata.from_iso(block)
+    assert (said.low[0], said.high[2], said.gamma[1]) == (-0.5, 2.0, 1.0)
+    assert (said.base_offset[0], said.bright_offset[0]) == (1 / 64, 1 / 32)
+    assert not said.in_base_primaries
 
 
 def test_the_block_is_written_byte_for_byte() -> None:
@@ -63,32 +63,32 @@ def test_the_block_is_written_byte_for_byte() -> None:
     assert gain_map_metadata.from_iso(block) == THREE
 
 
-def test_both_forms_tell_the_same() -> None:
+def test_both_forms_say_the_same() -> None:
     packet = gain_map_metadata.with_description(xmp.packet({}), gain_map_metadata.description(THREE))
     assert from_xmp(packet) == gain_map_metadata.from_iso(gain_map_metadata.to_iso(THREE))
     assert b"<hdrgm:OffsetSDR><rdf:Seq><rdf:li>0.015625</rdf:li><rdf:li>0.00000095367431640625</rdf:li>" in packet
 
 
 def test_xmp_holds_scalars_lists_and_defaults() -> None:
-    told = from_xmp(ADOBE.format(bright="False", maximum=MAXIMUM).encode())
-    assert told.low == (-0.25, -0.5, -0.75)
-    assert told.high == (1.25, 1.25, 1.25)
-    assert told.gamma == (1, 1, 1)
-    assert told.base_offset == (0.03125,) * 3
-    assert told.bright_offset == (0.015625,) * 3
-    assert (told.base_headroom, told.bright_headroom) == (0.0, 1.3)
+    said = from_xmp(ADOBE.format(bright="False", maximum=MAXIMUM).encode())
+    assert said.low == (-0.25, -0.5, -0.75)
+    assert said.high == (1.25, 1.25, 1.25)
+    assert said.gamma == (1, 1, 1)
+    assert said.base_offset == (0.03125,) * 3
+    assert said.bright_offset == (0.015625,) * 3
+    assert (said.base_headroom, said.bright_headroom) == (0.0, 1.3)
 
 
 def test_another_version_is_refused_and_a_missing_one_taken_for_the_first() -> None:
-    told = ADOBE.format(bright="False", maximum=MAXIMUM)
+    said = ADOBE.format(bright="False", maximum=MAXIMUM)
     for version in ("99.0", "2.0", "", "10"):
         with pytest.raises(ValueError, match=f'hdrgm:Version is "{version}"; expected 1.0'):
-            from_xmp(told.replace('Version="1.0"', f'Version="{version}"').encode())
+            from_xmp(said.replace('Version="1.0"', f'Version="{version}"').encode())
     for missing in ('hdrgm:Version="1.1"', ""):
-        assert from_xmp(told.replace('hdrgm:Version="1.0"', missing).encode()) == from_xmp(told.encode())
+        assert from_xmp(said.replace('hdrgm:Version="1.0"', missing).encode()) == from_xmp(said.encode())
 
 
-def test_a_bright_base_is_told() -> None:
+def test_a_bright_base_is_reported() -> None:
     assert from_xmp(ADOBE.format(bright="True", maximum=MAXIMUM).encode()).base_is_bright
     block = struct.pack(">HHBIIIIiIiIIIiIiI", 0, 0, 0x40, 3, 1, 0, 1, -3, 1, 0, 1, 1, 1, 0, 1, 0, 1)
     assert gain_map_metadata.from_iso(block).base_is_bright
@@ -131,7 +131,7 @@ def test_a_senseless_block_is_refused(block: bytes, complaint: str) -> None:
         gain_map_metadata.from_iso(block)
 
 
-def test_a_directory_tells_lengths_and_padding() -> None:
+def test_a_directory_says_lengths_and_padding() -> None:
     packet = gain_map_metadata.with_description(xmp.packet({"a": "b"}), gain_map_metadata.directory(4711))
     assert gain_map_metadata.lengths_in(packet) == [("GainMap", 4711)]
     padded = packet.replace(b'Item:Length="4711"', b'Item:Length="4711" Item:Padding="9"')

@@ -109,7 +109,7 @@ def test_curves_of_every_kind() -> None:
         assert parsed.curves[:, 0] == pytest.approx(wanted, abs=1e-5)
 
 
-def test_a_wide_base_is_converted_and_told(tmp_path: Path) -> None:
+def test_a_wide_base_is_converted_and_reported(tmp_path: Path) -> None:
     (tmp_path / "a.jpg").write_bytes(file_of(profile_of(ADOBE, GAMMA_CURVE)))
     with pytest.warns(UserWarning) as caught:
         image = gain_map.read(tmp_path / "a.jpg")
@@ -121,7 +121,7 @@ def test_a_wide_base_is_converted_and_told(tmp_path: Path) -> None:
 
 
 def test_gains_for_the_bright_picture_s_primaries(tmp_path: Path) -> None:
-    """The base in sRGB, the gains for Display P3, which the map's own profile tells."""
+    """The base in sRGB, the gains for Display P3, which the map's own profile says."""
     (tmp_path / "a.jpg").write_bytes(file_of(profile_of(REC709, SRGB_CURVE), profile_of(P3, SRGB_CURVE)))
     with pytest.warns(UserWarning) as caught:
         image = gain_map.read(tmp_path / "a.jpg")
@@ -159,7 +159,7 @@ def test_other_and_damaged_profiles_are_none(profile: bytes) -> None:
         assert parsed is None
 
 
-def test_a_profile_not_understood_is_taken_for_srgb_and_told(tmp_path: Path) -> None:
+def test_a_profile_not_understood_is_taken_for_srgb_and_reported(tmp_path: Path) -> None:
     (tmp_path / "a.jpg").write_bytes(file_of(GOOD.replace(b"RGB XYZ ", b"GRAYXYZ ")))
     with pytest.warns(UserWarning) as caught:
         image = gain_map.read(tmp_path / "a.jpg")

@@ -109,7 +109,7 @@ def test_what_halves_cannot_hold_is_stored_as_float(tmp_path, largest, kind):
 
 
 @pytest.mark.parametrize(
-    ("levels", "told"),
+    ("levels", "said"),
     [
         ([], "expected"),
         ([np.zeros((6, 2, 3, 3))], "expected"),
@@ -121,19 +121,19 @@ def test_what_halves_cannot_hold_is_stored_as_float(tmp_path, largest, kind):
         ([np.full((6, 1, 1, 3), 1e39)], "18 values"),
     ],
 )
-def test_what_is_no_cube_is_refused(tmp_path, levels, told):
-    with pytest.raises(ValueError, match=told):
+def test_what_is_no_cube_is_refused(tmp_path, levels, said):
+    with pytest.raises(ValueError, match=said):
         write_cube(tmp_path / "cube.ktx2", levels)
     assert list(tmp_path.iterdir()) == []
 
 
-def test_a_cube_that_cannot_be_written_is_told(tmp_path):
+def test_a_cube_that_cannot_be_written_is_reported(tmp_path):
     with pytest.raises(OutputNotWritten, match="does not exist"):
         write_cube(tmp_path / "none" / "cube.ktx2", pyramid(1))
 
 
 @pytest.mark.parametrize(
-    ("place", "new", "told"),
+    ("place", "new", "said"),
     [
         (5, b"1", "no KTX 2.0 file"),
         (12, b"\x25", "vkFormat is 37"),
@@ -149,14 +149,14 @@ def test_a_cube_that_cannot_be_written_is_told(tmp_path):
         (88, b"\xbf", "level 0: expected 192 bytes of 6 faces, found 191 bytes"),
     ],
 )
-def test_another_or_a_damaged_file_is_told_in_one_line(tmp_path, place, new, told):
-    with pytest.raises(UnreadableFile, match=told) as caught:
+def test_another_or_a_damaged_file_is_reported_in_one_line(tmp_path, place, new, said):
+    with pytest.raises(UnreadableFile, match=said) as caught:
         read_cube(damaged(tmp_path, place, new))
     assert "\n" not in str(caught.value)
     assert "cube.ktx2" in str(caught.value)
 
 
-def test_a_file_cut_anywhere_is_told(tmp_path):
+def test_a_file_cut_anywhere_is_reported(tmp_path):
     path = tmp_path / "cube.ktx2"
     write_cube(path, pyramid(2))
     data = path.read_bytes()
@@ -166,14 +166,14 @@ def test_a_file_cut_anywhere_is_told(tmp_path):
             read_cube(path)
 
 
-def test_a_missing_file_is_told(tmp_path):
+def test_a_missing_file_is_reported(tmp_path):
     with pytest.raises(UnreadableFile, match="cannot be opened"):
         read_cube(tmp_path / "none.ktx2")
     with pytest.raises(UnreadableFile, match="cannot be opened"):
         read_cube(tmp_path)
 
 
-def test_alpha_that_is_left_out_is_told(tmp_path):
+def test_alpha_that_is_left_out_is_reported(tmp_path):
     path = damaged(tmp_path, 320 + 6, b"\x00\x38")  # ½ for the first texel's alpha
     with pytest.warns(UserWarning, match="1 texels are not opaque"):
         assert read_cube(path)[0].shape == (6, 2, 2, 3)

@@ -114,10 +114,10 @@ def test_pictures_of_others_are_read(shared):
     coarse, fine = read(folder / "off_luv24.tif"), read(folder / "off_luv32.tif")
     for image, least, most, mean in ((coarse, 0.0018, 20.9, 0.8435), (fine, 0.0009, 21.7, 0.8436)):
         assert (image.unit, image.size) == ("cd/m²", (333, 225))
-        told = image.radiance / 179  # its STONITS, which the README's numbers are before
-        assert told.min() == pytest.approx(least, abs=6e-5)
-        assert told.max() == pytest.approx(most, abs=0.06)
-        assert told.mean(dtype=np.float64) == pytest.approx(mean, abs=1e-4)
+        said = image.radiance / 179  # its STONITS, which the README's numbers are before
+        assert said.min() == pytest.approx(least, abs=6e-5)
+        assert said.max() == pytest.approx(most, abs=0.06)
+        assert said.mean(dtype=np.float64) == pytest.approx(mean, abs=1e-4)
     a, b = (image.radiance @ TO_XYZ[1] / 179 for image in (coarse, fine))
     held = a < 15.9
     assert np.abs(np.log2(a / b))[held].max() < 0.5 / 64

@@ -237,7 +237,7 @@ def test_stonits_scales_and_names_the_unit(tmp_path):
     assert image.radiance[0, 0] @ TO_XYZ[1] == pytest.approx(179 * 2 ** (0.5 / 256), rel=1e-6)
 
 
-def test_another_white_is_adapted_and_told(tmp_path):
+def test_another_white_is_adapted_and_reported(tmp_path):
     equal = [1, 3, 1, 3]
     path = tiff(tmp_path / "a.tif", packed([[0x4000_56C2]]), 1, 1, others={318: (5, equal)})
     with pytest.warns(UserWarning, match=r"its white is 0\.3333 0\.3333 \(x, y\); adapted to D65"):
@@ -252,7 +252,7 @@ def test_another_white_is_adapted_and_told(tmp_path):
         np.testing.assert_array_equal(plain.radiance, read(tmp_path / "b.tif").radiance)
 
 
-def test_codes_that_no_colour_has_are_neutral_and_told(tmp_path):
+def test_codes_that_no_colour_has_are_neutral_and_reported(tmp_path):
     stored = b"".join((768 << 14 | code).to_bytes(3, "big") for code in (16288, 16289, 16383)) + (16383).to_bytes(3)
     path = tiff(tmp_path / "a.tif", [stored], 4, 1, 24)
     with pytest.warns(UserWarning, match="2 of 4 pixels have a code that no colour has"):
@@ -298,11 +298,11 @@ def test_what_no_code_holds_is_refused(tmp_path, bits, pixel, message):
         (16, (1, 2, 1), "1 of 2 pixels have a colour, of which 16 bits keep nothing"),
     ],
 )
-def test_what_is_lost_is_told(tmp_path, bits, pixel, message):
+def test_what_is_lost_is_reported(tmp_path, bits, pixel, message):
     image = RadianceMap(np.array([[pixel, (1, 1, 1)]], np.float32))
-    with pytest.warns(UserWarning, match=message) as told:
+    with pytest.warns(UserWarning, match=message) as said:
         write(tmp_path / "a.tif", image, LogLuv(bits))
-    assert len(told) == 1
+    assert len(said) == 1
     luminance = read(tmp_path / "a.tif").radiance @ TO_XYZ[1]
     expected = np.maximum(0 if "darker" in message else -math.inf, image.radiance @ TO_XYZ[1])
     np.testing.assert_allclose(luminance, expected, rtol=0.006, atol=2e-4)
@@ -388,10 +388,10 @@ def test_blocks_over_one_another_are_refused(tmp_path):
         read(path)
 
 
-@pytest.mark.parametrize(("bits", "told"), [(16, "LogL, 16 bits"), (24, "LogLuv, 24 bits"), (32, "LogLuv, 32 bits")])
-def test_the_subtype_is_told_from_the_header(tmp_path, bits, told):
+@pytest.mark.parametrize(("bits", "said"), [(16, "LogL, 16 bits"), (24, "LogLuv, 24 bits"), (32, "LogLuv, 32 bits")])
+def test_the_subtype_is_recognised_from_the_header(tmp_path, bits, said):
     write(tmp_path / "a.tif", RadianceMap(np.ones((2, 2, 3), np.float32)), LogLuv(bits))
-    assert subtype(tmp_path / "a.tif") == told
+    assert subtype(tmp_path / "a.tif") == said
 
 
 @pytest.mark.parametrize(("bits", "red", "blue"), [(32, 0.0154, -0.0178), (24, -0.0095, 0.0235)])

@@ -120,7 +120,7 @@ def test_comments_are_kept(tmp_path):
     assert found.attributes == {"comments": "made by hand\nwidth, height"}
 
 
-def test_bytes_after_the_pixels_are_told(tmp_path):
+def test_bytes_after_the_pixels_are_reported(tmp_path):
     with pytest.warns(UserWarning, match=r"map\.pfm: 3 bytes after its pixels are left out"):
         found = files.read_radiance(saved(tmp_path, b"PF\n2 2\n-1.0\n", packed("<") + b"end"))
     np.testing.assert_array_equal(found.radiance, UPRIGHT)
@@ -231,7 +231,7 @@ def test_a_file_without_one_whole_row_cannot_be_salvaged(tmp_path):
         (b"PF" + b" " * 30000 + b"2 2\n-1\n", "byte 16384", "width"),
     ],
 )
-def test_a_damaged_header_is_told_by_place_and_word(tmp_path, header, where, expected):
+def test_a_damaged_header_is_reported_by_place_and_word(tmp_path, header, where, expected):
     with pytest.raises(FormatError) as refused:
         files.read_radiance(saved(tmp_path, header, packed("<")[:0] if header.endswith(b"-1") else packed("<")))
     assert refused.value.where == where
@@ -239,7 +239,7 @@ def test_a_damaged_header_is_told_by_place_and_word(tmp_path, header, where, exp
     assert "\n" not in str(refused.value)
 
 
-def test_line_ends_turned_to_dos_are_told(tmp_path):
+def test_line_ends_turned_to_dos_are_reported(tmp_path):
     line_feeds = struct.pack("<I", 0x3F0A0A0A) * 12
     path = saved(tmp_path, b"", (b"PF\n2 2\n-1.0\n" + line_feeds).replace(b"\n", b"\r\n"))
     with pytest.raises(FormatError, match="converted to CR LF"):

@@ -1,4 +1,4 @@
-"""What a photograph's file tells beside its pixels, written and looked at by other programs: camera, owner, place,
+"""What a photograph's file says beside its pixels, written and looked at by other programs: camera, owner, place,
 profile, and what is outside."""
 
 from __future__ import annotations
@@ -35,8 +35,8 @@ SETTINGS = Settings(
 def tags_by_pillow(path):
     with Image.open(path) as image:
         exif = image.getexif()
-        told = {tag: v.encode("latin-1").decode() if isinstance(v, str) else v for tag, v in exif.items()}
-        return told, exif.get_ifd(0x8825), image.info.get("icc_profile")
+        said = {tag: v.encode("latin-1").decode() if isinstance(v, str) else v for tag, v in exif.items()}
+        return said, exif.get_ifd(0x8825), image.info.get("icc_profile")
 
 
 @cache
@@ -53,8 +53,8 @@ def lab_profile():
 def test_make_and_model_are_written_as_they_were(tmp_path, suffix):
     path = tmp_path / f"a{suffix}"
     write(path, Photograph(GREY, camera="NIKON CORPORATION NIKON D700", settings=SETTINGS))
-    told, *_ = tags_by_pillow(path)
-    assert (told[0x010F], told[0x0110]) == ("NIKON CORPORATION", "NIKON D700")
+    said, *_ = tags_by_pillow(path)
+    assert (said[0x010F], said[0x0110]) == ("NIKON CORPORATION", "NIKON D700")
     assert attributes_by_openimageio(path, "Make", "Model") == ["NIKON CORPORATION", "NIKON D700"]
     again = read_photograph(path)
     assert (again.camera, again.settings) == ("NIKON CORPORATION NIKON D700", SETTINGS)
@@ -78,8 +78,8 @@ def test_a_camera_reads_back_the_same_by_whatever_is_known_of_it(tmp_path, suffi
     photograph = Photograph(GREY, camera=camera, settings=Settings(make=make, model=model))
     assert photograph.make_and_model == written
     write(tmp_path / f"a{suffix}", photograph)
-    told, *_ = tags_by_pillow(tmp_path / f"a{suffix}")
-    assert (told.get(0x010F, ""), told.get(0x0110, "")) == written
+    said, *_ = tags_by_pillow(tmp_path / f"a{suffix}")
+    assert (said.get(0x010F, ""), said.get(0x0110, "")) == written
     assert read_photograph(tmp_path / f"a{suffix}").camera == (camera or " ".join(filter(None, (make, model))))
 
 
@@ -95,8 +95,8 @@ def test_a_camera_written_in_latin_1_is_read_as_that(tmp_path, suffix):
 def test_owner_rights_words_and_place_are_seen_by_other_programs(tmp_path, suffix):
     path = tmp_path / f"a{suffix}"
     write(path, Photograph(GREY, exposure=Exposure(0.5), settings=SETTINGS))
-    told, place, _ = tags_by_pillow(path)
-    assert (told[0x013B], told[0x8298], told[0x010E]) == (SETTINGS.owner, SETTINGS.copyright, SETTINGS.comments)
+    said, place, _ = tags_by_pillow(path)
+    assert (said[0x013B], said[0x8298], said[0x010E]) == (SETTINGS.owner, SETTINGS.copyright, SETTINGS.comments)
     assert (place[1], place[2], place[3]) == ("S", (33, 51, 24.4224), "E")
     assert place[4] == pytest.approx((151, 12, 55.0692), abs=1e-9)
     assert attributes_by_openimageio(path, "Artist", "Copyright", "ImageDescription", "GPS:LatitudeRef") == [
@@ -118,9 +118,9 @@ def test_a_damaged_position_costs_no_other_tag(tmp_path):
     entry = data.index(b"\x25\x88\x04\x00")  # tag, type; then a count and the place
     data[entry + 8 : entry + 12] = b"\xf0\xff\xff\x0f"
     (tmp_path / "a.jpg").write_bytes(data)
-    with pytest.warns(UserWarning, match=r"a\.jpg: its EXIF is damaged \(") as told:
+    with pytest.warns(UserWarning, match=r"a\.jpg: its EXIF is damaged \(") as said:
         again = read_photograph(tmp_path / "a.jpg")
-    assert len(told) == 1
+    assert len(said) == 1
     assert (again.exposure, again.settings.owner, again.settings.latitude) == (Exposure(0.5), "Jörg 李", None)
 
 
@@ -139,7 +139,7 @@ def test_a_profile_is_written_as_it_was_embedded(tmp_path, suffix, pieces):
 
 
 @SUFFIXES
-def test_a_profile_that_cannot_be_of_three_channels_is_told_and_left_out(tmp_path, suffix):
+def test_a_profile_that_cannot_be_of_three_channels_is_reported_and_left_out(tmp_path, suffix):
     with pytest.warns(UserWarning, match="does not keep its profile, which is not an ICC profile of RGB"):
         write(tmp_path / f"a{suffix}", Photograph(GREY, profile=lab_profile()))
     assert tags_by_pillow(tmp_path / f"a{suffix}")[2] is None
@@ -185,17 +185,17 @@ def test_what_is_outside_is_an_alpha_of_0_in_other_programs(tmp_path, suffix, ki
     assert read_photograph(tmp_path / f"b{suffix}").outside is None
 
 
-def test_a_jpeg_tells_how_many_pixels_it_cannot_mark_as_outside(tmp_path):
+def test_a_jpeg_says_how_many_pixels_it_cannot_mark_as_outside(tmp_path):
     outside = np.zeros((16, 24), bool)
     outside[2, :7] = True
-    told = r"a\.jpg: does not keep which 7 of its pixels are outside the picture; \.png keeps everything"
-    with pytest.warns(UserWarning, match=told) as raised:
+    said = r"a\.jpg: does not keep which 7 of its pixels are outside the picture; \.png keeps everything"
+    with pytest.warns(UserWarning, match=said) as raised:
         write(tmp_path / "a.jpg", Photograph(GREY, outside=outside))
     assert raised[0].filename == __file__
     write(tmp_path / "a.jpg", Photograph(GREY, outside=np.zeros((16, 24), bool)))
 
 
-def test_words_too_many_for_the_exif_of_a_jpeg_are_told_and_the_rest_is_kept(tmp_path):
+def test_words_too_many_for_the_exif_of_a_jpeg_are_reported_and_the_rest_is_kept(tmp_path):
     photograph = Photograph(GREY, settings=replace(SETTINGS, comments="ü" * 40_000))
     with pytest.warns(UserWarning, match=r"a\.jpg: does not keep its comments of 40000 letters; \.png"):
         write(tmp_path / "a.jpg", photograph)
@@ -237,26 +237,26 @@ def test_a_radiance_map_keeps_the_same_facts_by_the_same_names(tmp_path, suffix)
     elif suffix == ".hdr":
         assert b"\nLATLONG= -33.856784 151.2153\n" in path.read_bytes()
     else:
-        told = attributes_by_openimageio(path, "latitude", "longitude", "cameraMake", "relume:copyright")
-        assert [told[0], told[1]] == pytest.approx([-33.856784, 151.2153], rel=1e-6)
-        assert told[2:] == ["NIKON CORPORATION", "© 2026"]
+        said = attributes_by_openimageio(path, "latitude", "longitude", "cameraMake", "relume:copyright")
+        assert [said[0], said[1]] == pytest.approx([-33.856784, 151.2153], rel=1e-6)
+        assert said[2:] == ["NIKON CORPORATION", "© 2026"]
 
 
 def test_a_radiance_header_without_a_sensible_place_keeps_its_line(tmp_path):
-    def told(lines):
+    def attributes_of(lines):
         header = b"#?RADIANCE\n" + lines + b"FORMAT=32-bit_rle_rgbe\n\n-Y 1 +X 1\n"
         (tmp_path / "a.hdr").write_bytes(header + bytes([128, 128, 128, 129]))
         return read_radiance(tmp_path / "a.hdr").attributes
 
-    assert told(b"LATLONG= 1 2\nLATLONG= 37.5 -122\n") == {"latitude": "37.5", "longitude": "-122"}
-    assert told(b"LATLONG= 91 0\n") == {"LATLONG": "91 0"}
-    assert told(b"LATLONG= 37.5\n") == {"LATLONG": "37.5"}
+    assert attributes_of(b"LATLONG= 1 2\nLATLONG= 37.5 -122\n") == {"latitude": "37.5", "longitude": "-122"}
+    assert attributes_of(b"LATLONG= 91 0\n") == {"LATLONG": "91 0"}
+    assert attributes_of(b"LATLONG= 37.5\n") == {"LATLONG": "37.5"}
     half = RadianceMap(np.ones((1, 1, 3), np.float32), attributes={"latitude": "1", "LATLONG": "3 4"})
     write(tmp_path / "b.hdr", half)
     assert read_radiance(tmp_path / "b.hdr").attributes == half.attributes
 
 
-def test_a_tiff_of_radiance_by_others_tells_its_copyright(tmp_path):
+def test_a_tiff_of_radiance_by_others_says_its_copyright(tmp_path):
     pixels = oiio.ImageBuf(np.ones((4, 4, 3), np.float32))
     pixels.specmod().attribute("Copyright", "© Ü")
     assert pixels.write(str(tmp_path / "a.tif")), pixels.geterror()

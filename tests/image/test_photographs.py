@@ -1,4 +1,4 @@
-"""JPEG, PNG and TIFF photographs: whole pixels or none, upright, with the exposure their EXIF tells."""
+"""JPEG, PNG and TIFF photographs: whole pixels or none, upright, with the exposure their EXIF says."""
 
 import io
 import os
@@ -26,7 +26,7 @@ from relume.image.photograph import Exposure, Photograph, Settings
 
 @pytest.fixture
 def smooth() -> np.ndarray:
-    """(48, 64, 3) uint8 whose red tells x, green y and blue neither: smooth, so that a JPEG keeps it."""
+    """(48, 64, 3) uint8 whose red says x, green y and blue neither: smooth, so that a JPEG keeps it."""
     y, x = np.mgrid[:48, :64]
     return np.stack([3 * x, 5 * y, np.full_like(x, 77)], axis=-1).astype(np.uint8)
 
@@ -51,7 +51,7 @@ def tiff(path, pixels):
     return path
 
 
-def test_the_virtual_camera_tells_its_exposure_name_and_focal_length(shared):
+def test_the_virtual_camera_says_its_exposure_name_and_focal_length(shared):
     path = sorted((shared / "shoots/room/plate").glob("*.jpg"))[0]
     photograph = read_photograph(path)
     assert photograph.exposure == Exposure(0.25, 8.0, 100.0)
@@ -86,8 +86,8 @@ def test_a_photograph_written_and_read_has_the_same_exposure(tmp_path, smooth, e
 def test_another_reader_finds_the_exposure_as_exif_rationals(tmp_path, smooth):
     write(tmp_path / "a.jpg", Photograph(smooth, exposure=Exposure(1 / 60, 5.6, 100), camera="Virtual curve_a"))
     names = "ExposureTime", "FNumber", "Exif:PhotographicSensitivity", "jpeg:subsampling"
-    told = attributes_by_openimageio(tmp_path / "a.jpg", *names)
-    assert told == [pytest.approx(1 / 60), pytest.approx(5.6), 100, "4:4:4"]
+    reports = attributes_by_openimageio(tmp_path / "a.jpg", *names)
+    assert reports == [pytest.approx(1 / 60), pytest.approx(5.6), 100, "4:4:4"]
 
 
 def test_an_iso_that_exif_cannot_hold_is_refused(tmp_path, smooth):
@@ -191,7 +191,7 @@ def test_settings_are_read_as_cameras_write_them(tmp_path, smooth):
 
 
 @pytest.mark.parametrize("when", ["0000:00:00 00:00:00", "    :  :     :  :  ", "yesterday"])
-def test_a_camera_without_a_clock_tells_no_time(tmp_path, smooth, when):
+def test_a_camera_without_a_clock_says_no_time(tmp_path, smooth, when):
     read_back = read_photograph(saved(tmp_path / "a.jpg", smooth, {}, {0x9003: when, 0x9291: "x", 0xA403: 7})).settings
     assert read_back == Settings()
 
@@ -282,7 +282,7 @@ def test_a_portrait_has_the_focal_length_of_the_landscape(tmp_path, smooth):
     assert (photograph.size, photograph.focal_length) == ((48, 64), 64.0)
 
 
-def test_canon_copies_resized_by_an_editor_tell_no_focal_length(shared):
+def test_canon_copies_resized_by_an_editor_say_no_focal_length(shared):
     folder = shared / "data/brackets"
     for file in [*(folder / "room").glob("*.jpg"), *(folder / "window").glob("*.jpg")]:
         with warnings.catch_warnings():
@@ -356,7 +356,7 @@ def test_damaged_pixels_are_refused(tmp_path, name, options, damage, said):
         read(path)
 
 
-def test_stray_bytes_among_the_headers_of_a_jpeg_are_told_and_do_no_harm(tmp_path, smooth):
+def test_stray_bytes_among_the_headers_of_a_jpeg_are_reported_and_do_no_harm(tmp_path, smooth):
     path = saved(tmp_path / "a.jpg", smooth)
     expected = read_photograph(path).pixels
     data = path.read_bytes()
@@ -366,7 +366,7 @@ def test_stray_bytes_among_the_headers_of_a_jpeg_are_told_and_do_no_harm(tmp_pat
         np.testing.assert_array_equal(read_photograph(path).pixels, expected)
 
 
-def test_exif_that_is_damaged_is_told_in_a_line_about_the_file_and_the_rest_is_read(tmp_path, smooth):
+def test_exif_that_is_damaged_is_reported_in_a_line_about_the_file_and_the_rest_is_read(tmp_path, smooth):
     whole = saved(tmp_path / "a.jpg", smooth, {0x0110: "One"}, {0x829A: IFDRational(1, 60)}).read_bytes()
     begin = whole.index(b"MM\0*")
     entry = whole.index(struct.pack(">HH", 0x829A, 5), begin)
@@ -375,9 +375,9 @@ def test_exif_that_is_damaged_is_told_in_a_line_about_the_file_and_the_rest_is_r
     for place, value in ((entry + 4, 2**32 - 1), (pointer, 2**31)):
         (tmp_path / "a.jpg").write_bytes(whole[:place] + struct.pack(">I", value) + whole[place + 4 :])
         for reader in (read_photograph, read_facts):
-            with pytest.warns(UserWarning) as told:
+            with pytest.warns(UserWarning) as reports:
                 found = reader(tmp_path / "a.jpg")
-            (line,) = {str(one.message) for one in told}
+            (line,) = {str(one.message) for one in reports}
             assert line.startswith(f"{tmp_path / 'a.jpg'}: its EXIF is damaged (")
             assert line.endswith("); exposure may be missing")
             assert (found.exposure, found.camera) == (None, "One")
@@ -385,7 +385,7 @@ def test_exif_that_is_damaged_is_told_in_a_line_about_the_file_and_the_rest_is_r
 
 @pytest.mark.parametrize("big", [False, True])
 def test_exif_of_a_tiff_and_a_bigtiff_is_read(tmp_path, smooth, big):
-    # Pillow writes no EXIF folder into a TIFF; photographs are believed that tell it in their first.
+    # Pillow writes no EXIF folder into a TIFF; photographs are believed that say it in their first.
     path = saved(tmp_path / "a.tif", smooth, {0x0110: "One", 0x829A: IFDRational(1, 60)}, big_tiff=big)
     assert path.read_bytes()[2] == (43 if big else 42)
     for found in (read_photograph(path), read_facts(path)):
@@ -394,14 +394,14 @@ def test_exif_of_a_tiff_and_a_bigtiff_is_read(tmp_path, smooth, big):
 
 def test_warnings_of_others_meanwhile_are_passed_on():
     damage: list[str] = []
-    with pytest.warns(UserWarning, match="^of another$") as told, exif.heard(damage):
+    with pytest.warns(UserWarning, match="^of another$") as reports, exif.heard(damage):
         warnings.warn_explicit("of another", UserWarning, __file__, 1)
         warnings.warn_explicit("Truncated File Read", UserWarning, PIL.__file__, 1)
         warnings.warn_explicit("Metadata Warning, tag 1 had too many entries", UserWarning, PIL.__file__, 1)
-    assert (len(told), damage) == (1, ["Truncated File Read"])
+    assert (len(reports), damage) == (1, ["Truncated File Read"])
 
 
-def test_the_facts_of_a_tiff_of_many_channels_are_refused_or_told_without_a_print(tmp_path, smooth, capfd):
+def test_the_facts_of_a_tiff_of_many_channels_are_refused_or_reported_without_a_print(tmp_path, smooth, capfd):
     data = saved(tmp_path / "a.tif", smooth).read_bytes()
     entry = data.index(struct.pack("<HHI", 277, 3, 1))
     for samples in (9, 65):
@@ -422,7 +422,7 @@ def test_radiance_and_camera_raw_are_refused_by_name(shared):
             read_photograph(data / path)
 
 
-def test_a_colour_profile_other_than_srgb_is_told(tmp_path, smooth):
+def test_a_colour_profile_other_than_srgb_is_reported(tmp_path, smooth):
     from PIL import ImageCms
 
     saved(tmp_path / "a.jpg", smooth, icc_profile=ImageCms.ImageCmsProfile(ImageCms.createProfile("sRGB")).tobytes())
@@ -467,7 +467,7 @@ def test_a_full_disk_leaves_the_old_photograph_and_no_temporary_file(tmp_path, s
     assert sorted(os.listdir(tmp_path)) == ["a.jpg", "a.png", "a.tif"]
 
 
-def test_a_file_is_told_by_its_content_and_not_by_its_suffix(tmp_path, smooth):
+def test_a_file_is_recognised_by_its_content_and_not_by_its_suffix(tmp_path, smooth):
     shutil.move(saved(tmp_path / "a.png", smooth), tmp_path / "a.jpg")
     np.testing.assert_array_equal(read_photograph(tmp_path / "a.jpg").pixels, smooth)
     buffer = io.BytesIO()

@@ -92,14 +92,14 @@ def test_every_kind_of_png_is_read_as_it_was_stored(tmp_path, colour, bits, inte
 def test_the_transparent_colour_is_outside(tmp_path, colour, bits):
     samples = np.random.default_rng(bits).integers(0, 2**bits, (6, 7, SAMPLES[colour]))
     samples[2, 3] = samples[5, 6] = key = samples[0, 0]
-    told = np.asarray(key, ">u2").tobytes()
-    (tmp_path / "a.png").write_bytes(encoded(samples, colour, bits, (b"tRNS", told)))
+    said = np.asarray(key, ">u2").tobytes()
+    (tmp_path / "a.png").write_bytes(encoded(samples, colour, bits, (b"tRNS", said)))
     outside = read_photograph(tmp_path / "a.png").outside
     assert outside is not None and outside[2, 3] and outside[5, 6]
     np.testing.assert_array_equal(outside, np.all(samples == key, axis=2))
 
 
-def test_a_palette_has_alpha_where_the_file_tells_it(tmp_path):
+def test_a_palette_has_alpha_where_the_file_says_it(tmp_path):
     indices = np.array([[[0], [1], [2]], [[2], [1], [0]]])
     data = encoded(indices, 3, 8, (b"PLTE", bytes(range(9))), (b"tRNS", b"\0\xff"))
     assert decoded(tmp_path / "a.png", data)[0].tolist() == [[0, 1, 2, 0], [3, 4, 5, 255], [6, 7, 8, 255]]

@@ -233,12 +233,12 @@ def test_xyze_forgives_the_rounding_of_floats_and_no_more(tmp_path, xyz, held):
     )
 
 
-def test_other_primaries_are_converted_told_and_remembered(tmp_path):
+def test_other_primaries_are_converted_reported_and_remembered(tmp_path):
     wide = "PRIMARIES= 0.7080 0.2920 0.1700 0.7970 0.1310 0.0460 0.3127 0.3290\n"
     path = picture(tmp_path / "a.hdr", [128, 0, 0, 129, 128, 128, 128, 129], "-Y 1 +X 2", wide)
-    with pytest.warns(UserWarning, match=r"a\.hdr: its primaries are 0\.708 0\.292 .*; converted to Rec\. 709") as told:
+    with pytest.warns(UserWarning, match=r"a\.hdr: its primaries are 0\.708 0\.292 .*; converted to Rec\. 709") as said:
         image = read_radiance(path)
-    assert (len(told), told[0].filename) == (1, __file__)
+    assert (len(said), said[0].filename) == (1, __file__)
     # ITU-R BT.2087 has Rec. 2020 red as this in Rec. 709.
     assert image.radiance[0, 0] == pytest.approx([1.6605, -0.1246, -0.0182], abs=1e-4)
     assert image.radiance[0, 1] == pytest.approx([1, 1, 1], abs=1e-6)

@@ -15,7 +15,7 @@ from relume.image.radiance import RadianceMap
 PIXEL = bytes([128, 128, 128, 129])
 
 
-def told(*lines: str) -> dict[str, str]:
+def attributes_of(*lines: str) -> dict[str, str]:
     header = "\n".join(["#?RADIANCE", *lines, "FORMAT=32-bit_rle_rgbe", "", "-Y 1 +X 1", ""])
     return read_header("a.hdr", io.BytesIO(header.encode() + PIXEL)).attributes
 
@@ -63,7 +63,7 @@ def test_what_radiance_has_names_for_is_kept_under_them(tmp_path):
     ]
 
 
-def test_an_attribute_never_passes_for_what_a_header_tells_of_the_pixels(tmp_path):
+def test_an_attribute_never_passes_for_what_a_header_says_of_the_pixels(tmp_path):
     attributes = {"EXPOSURE": "2", "FORMAT": "x", "PRIMARIES": "1 2", "CAMERA": "a", "primaries": "b", "relume:c": "d"}
     attributes |= {"pixel_aspect": "wide", "COLORCORR": "2 2 2", "PIXASPECT": "3"}
     write(tmp_path / "a.hdr", RadianceMap(np.ones((1, 1, 3), np.float32), attributes=attributes))
@@ -80,7 +80,7 @@ def test_no_attribute_can_end_the_header_or_begin_a_line(tmp_path):
     assert again.radiance.tolist() == [[[1, 1, 1]]]
 
 
-def test_names_that_no_line_can_begin_with_are_told(tmp_path):
+def test_names_that_no_line_can_begin_with_are_reported(tmp_path):
     attributes = {"a=b": "1", "c\nd": "2", "unit": "3", "kept": "4"}
     image = RadianceMap(np.ones((1, 1, 3), np.float32), attributes=attributes)
     with pytest.warns(UserWarning, match=r"a\.hdr: does not keep the attributes a=b, c\nd, unit") as raised:
@@ -90,17 +90,17 @@ def test_names_that_no_line_can_begin_with_are_told(tmp_path):
 
 
 def test_aspects_multiply_views_add_up_and_other_lines_are_listed():
-    assert told("PIXASPECT=0.5", "PIXASPECT= 0.5") == {"pixel_aspect": "4"}
-    assert told("VIEW= -vtv -vh 90", "VIEW= -vh 60") == {"view": "-vtv -vh 90 -vh 60"}
-    assert told("SOFTWARE= a", "SOFTWARE= b", "SOFTWARE= a") == {"software": "a; b"}
+    assert attributes_of("PIXASPECT=0.5", "PIXASPECT= 0.5") == {"pixel_aspect": "4"}
+    assert attributes_of("VIEW= -vtv -vh 90", "VIEW= -vh 60") == {"view": "-vtv -vh 90 -vh 60"}
+    assert attributes_of("SOFTWARE= a", "SOFTWARE= b", "SOFTWARE= a") == {"software": "a; b"}
 
 
 def test_commands_comments_and_the_headers_of_parts_are_no_variables():
     # pcomb and pcompos keep the headers of the pictures they joined, after a tab.
-    assert told("pcomb -e lo=(6*x/yres)+.1", "# EXPOSURE=2", "\tEXPOSURE=3", "\tVIEW= -vth") == {}
+    assert attributes_of("pcomb -e lo=(6*x/yres)+.1", "# EXPOSURE=2", "\tEXPOSURE=3", "\tVIEW= -vth") == {}
 
 
-def test_a_gamma_other_than_one_is_told(tmp_path):
+def test_a_gamma_other_than_one_is_reported(tmp_path):
     def with_gamma(value):
         header = f"#?RGBE\nGAMMA={value}\nFORMAT=32-bit_rle_rgbe\n\n-Y 1 +X 1\n"
         (tmp_path / "a.hdr").write_bytes(header.encode() + PIXEL)

@@ -60,7 +60,7 @@ def test_one_picture_may_mix_all_three_kinds_of_lines(tmp_path):
 
 
 @pytest.mark.parametrize(("width", "first"), [(7, (2, 2, 0, 7)), (8, (2, 2, 128, 8)), (32768, (2, 2, 128, 0))])
-def test_lines_whose_length_new_runs_cannot_tell_are_flat_whatever_they_begin_with(tmp_path, width, first):
+def test_lines_whose_length_new_runs_cannot_say_are_flat_whatever_they_begin_with(tmp_path, width, first):
     codes = np.full((1, width, 4), 136, np.uint8)
     codes[0, 0] = first
     image = read_radiance(picture(tmp_path / "a.hdr", codes.tobytes(), f"-Y 1 +X {width}"))
@@ -117,7 +117,7 @@ def test_runs_are_at_most_127_and_literals_128_bytes_long(tmp_path):
 
 
 @pytest.mark.parametrize(("width", "form"), [(7, "flat"), (8, "new runs"), (32767, "new runs"), (32768, "flat")])
-def test_lines_are_compressed_where_their_length_can_be_told(tmp_path, width, form):
+def test_lines_are_compressed_where_their_length_can_be_reported(tmp_path, width, form):
     image = RadianceMap(np.full((2, width, 3), 3, np.float32))
     write(tmp_path / "a.hdr", image)
     assert subtype(tmp_path / "a.hdr") == f"RGBE, {form}"

@@ -1,4 +1,4 @@
-"""Raw float files: nothing in them tells the size or the byte order, and nothing is guessed that could be otherwise."""
+"""Raw float files: nothing in them says the size or the byte order, and nothing is guessed that could be otherwise."""
 
 import gzip
 import struct
@@ -98,13 +98,13 @@ def test_a_given_size_that_does_not_fit_is_refused(tmp_path, numbered):
         files.read_radiance(path, ReadOptions(float_size=(0, 5)))
 
 
-def test_without_a_size_an_oblong_is_refused_and_its_pixels_told(tmp_path, numbered):
+def test_without_a_size_an_oblong_is_refused_and_its_pixels_reported(tmp_path, numbered):
     path = saved(tmp_path, numbered.astype("<f4").tobytes())
     with pytest.raises(UnreadableFile, match=r"35 pixels of three channels.*give it, --float-size WIDTHxHEIGHT"):
         files.read_radiance(path)
 
 
-def test_a_grey_square_is_told_where_no_coloured_picture_has_its_length(tmp_path):
+def test_a_grey_square_is_reported_where_no_coloured_picture_has_its_length(tmp_path):
     values = np.arange(1, 17, dtype="<f4")
     path = saved(tmp_path, values.tobytes())
     found = files.read_radiance(path).radiance
@@ -156,7 +156,7 @@ def test_values_that_make_sense_in_neither_order_are_asked_for(tmp_path):
     assert raw_float.subtype(path) == "colour, taken for square"
 
 
-def test_a_gzip_file_without_its_ending_is_told(tmp_path, square):
+def test_a_gzip_file_without_its_ending_is_reported(tmp_path, square):
     data = gzip.compress(square.astype("<f4").tobytes())
     data += bytes.fromhex("ff") * (-len(data) % 4)
     path = saved(tmp_path, data[: len(data) // 4 * 4])
@@ -165,7 +165,7 @@ def test_a_gzip_file_without_its_ending_is_told(tmp_path, square):
         files.read_radiance(path, options)
 
 
-def test_the_order_is_told_by_one_lit_pixel_in_a_black_picture(tmp_path):
+def test_the_order_is_shown_by_one_lit_pixel_in_a_black_picture(tmp_path):
     radiance = np.zeros((400, 400, 3), np.float32)
     radiance[123, 321] = 0.3, 17, 1 / 3
     orders: tuple[tuple[str, Literal["little", "big"]], ...] = (("<", "little"), (">", "big"))
@@ -176,7 +176,7 @@ def test_the_order_is_told_by_one_lit_pixel_in_a_black_picture(tmp_path):
         np.testing.assert_array_equal(files.read_radiance(path, ReadOptions(float_order=name)).radiance, radiance)
 
 
-def test_a_picture_that_was_written_here_and_is_taken_for_the_other_order_is_told(tmp_path):
+def test_a_picture_that_was_written_here_and_is_taken_for_the_other_order_is_reported(tmp_path):
     """Light of 1e-20, which as big-endian is more likely than it is as it was written."""
     value = np.frombuffer(bytes.fromhex("3f80601e"), "<f4")[0]  # 1.2e-20, or 1.003 from the other end
     files.write(tmp_path / "a.float", RadianceMap(np.full((40, 40, 3), value, np.float32)))
@@ -196,13 +196,13 @@ def test_a_few_stray_values_leave_the_order_clear_and_more_do_not(tmp_path, shar
     radiance = random.lognormal(0, 2, (64, 64, 3)).astype(np.float32)
     radiance[random.random(radiance.shape) < share] = 1e-30
     path = saved(tmp_path, radiance.astype("<f4").tobytes())
-    with warnings.catch_warnings(record=True) as told:
+    with warnings.catch_warnings(record=True) as said:
         warnings.simplefilter("always")
         np.testing.assert_array_equal(files.read_radiance(path).radiance, radiance)
-    assert len(told) == (0 if clear else 1)
+    assert len(said) == (0 if clear else 1)
 
 
-def test_values_of_which_half_make_sense_in_the_other_order_are_told(tmp_path):
+def test_values_of_which_half_make_sense_in_the_other_order_are_reported(tmp_path):
     radiance = np.random.default_rng(8).lognormal(0, 2, (32, 32, 3)).astype(np.float32)
     both = radiance.reshape(-1)[: 32 * 32 * 3 // 5 * 3]
     both[:] = (both.view(np.uint32) & 0xFFFFFF00 | 0x3F).view(np.float32)
@@ -227,9 +227,9 @@ def test_a_file_that_ends_early_is_refused_or_read_as_far_as_it_goes(tmp_path, n
         files.read_radiance(path)
     with pytest.raises(FormatError):
         files.read_radiance(path, ReadOptions(float_size=(70, 90)))
-    with pytest.warns(UserWarning, match=r"the last \d+ of 90 rows are missing") as told:
+    with pytest.warns(UserWarning, match=r"the last \d+ of 90 rows are missing") as said:
         found = files.read_radiance(path, ReadOptions(float_size=(70, 90), salvage=True))
-    there = 90 - int(str(told[0].message).split(" of 90")[0].split()[-1])
+    there = 90 - int(str(said[0].message).split(" of 90")[0].split()[-1])
     assert 30 < there < 60
     np.testing.assert_array_equal(found.radiance[:there], radiance[:there])
     assert not found.radiance[there:].any()
@@ -276,7 +276,7 @@ def test_gzip_that_claims_too_much_is_refused_before_it_is_unpacked(tmp_path, mo
         (lambda data: data[:-4] + struct.pack("<I", 300), "length check"),
     ],
 )
-def test_damaged_gzip_is_told_in_one_line(tmp_path, square, damage, message):
+def test_damaged_gzip_is_reported_in_one_line(tmp_path, square, damage, message):
     path = tmp_path / "probe.float.gz"
     path.write_bytes(damage(bytes(packed(square.astype("<f4").tobytes()))))
     for salvage in (False, True):

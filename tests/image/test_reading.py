@@ -85,7 +85,7 @@ def test_more_than_half_of_the_free_memory_is_refused(free):
 
 
 @pytest.mark.parametrize("text", [None, "MemTotal: 9 kB\n", "MemAvailable: much\n"])
-def test_a_machine_that_does_not_tell_its_memory_has_the_other_limits(free, text):
+def test_a_machine_that_does_not_say_its_memory_has_the_other_limits(free, text):
     free(text)
     refuse_absurd_amount("a.hdr", 2**33, 2**33)
     with pytest.raises(UnreadableFile, match="relume decodes 8589934592 here"):

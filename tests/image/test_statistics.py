@@ -1,4 +1,4 @@
-"""What is told of a map's pixels, against NumPy on small maps and by hand on planted ones."""
+"""What is reported of a map's pixels, against NumPy on small maps and by hand on planted ones."""
 
 from __future__ import annotations
 
@@ -25,29 +25,29 @@ def place(spot: Spot | None) -> tuple[int, int] | None:
 def test_percentiles_and_range_are_those_of_the_lit_pixels():
     pixels = np.random.default_rng(1).lognormal(0, 3, (701, 997, 3)).astype(np.float32)
     pixels[::3] = 0
-    told, seen = statistics(pixels), luminance(pixels)
+    said, seen = statistics(pixels), luminance(pixels)
     lit = seen[seen > 0]
-    assert told.lit == lit.size < seen.size
+    assert said.lit == lit.size < seen.size
     wanted = np.percentile(lit, PERCENTS, method="inverted_cdf")
-    assert list(told.percentiles) == list(PERCENTS)
-    assert list(told.percentiles.values()) == wanted.tolist()
+    assert list(said.percentiles) == list(PERCENTS)
+    assert list(said.percentiles.values()) == wanted.tolist()
     low, high = np.percentile(lit, (0.1, 99.9), method="inverted_cdf")
-    assert told.robust == (low, high)
-    assert told.robust_stops == pytest.approx(math.log2(high / low), abs=1e-5)
-    assert (told.darkest, told.brightest) == (lit.min(), lit.max())
-    assert told.stops == pytest.approx(math.log2(float(lit.max()) / float(lit.min())), abs=1e-5)
-    assert (told.minimum, told.maximum) == (0, pixels.max())
-    assert told.mean == pytest.approx(pixels.mean(dtype=np.float64), rel=1e-9)
-    assert told.mean_luminance == pytest.approx(seen.mean(dtype=np.float64), rel=1e-6)
+    assert said.robust == (low, high)
+    assert said.robust_stops == pytest.approx(math.log2(high / low), abs=1e-5)
+    assert (said.darkest, said.brightest) == (lit.min(), lit.max())
+    assert said.stops == pytest.approx(math.log2(float(lit.max()) / float(lit.min())), abs=1e-5)
+    assert (said.minimum, said.maximum) == (0, pixels.max())
+    assert said.mean == pytest.approx(pixels.mean(dtype=np.float64), rel=1e-9)
+    assert said.mean_luminance == pytest.approx(seen.mean(dtype=np.float64), rel=1e-6)
 
 
 def test_percentiles_of_a_handful_of_pixels_are_pixels():
-    told = statistics(grey([[1, 2, 3, 4]]))
-    assert [told.percentiles[percent] for percent in (1, 25, 50, 75, 99.9)] == pytest.approx([1, 1, 2, 3, 4])
-    assert told.robust == pytest.approx((1, 4)) and told.stops == pytest.approx(2)
+    said = statistics(grey([[1, 2, 3, 4]]))
+    assert [said.percentiles[percent] for percent in (1, 25, 50, 75, 99.9)] == pytest.approx([1, 1, 2, 3, 4])
+    assert said.robust == pytest.approx((1, 4)) and said.stops == pytest.approx(2)
 
 
-def test_a_range_beyond_what_a_ratio_of_floats_can_hold_is_told_in_stops():
+def test_a_range_beyond_what_a_ratio_of_floats_can_hold_is_reported_in_stops():
     tiny, huge = np.float32(2.0**-140), np.float32(2.0**120)
     assert statistics(grey([[tiny, huge]])).stops == pytest.approx(260, abs=1e-3)
 
@@ -57,48 +57,48 @@ def test_odd_values_are_counted_and_kept_out_of_everything_else():
     pixels[0, 0] = np.nan
     pixels[0, 1] = np.inf, -np.inf, 7
     pixels[39, 29, 1] = -0.5
-    told = statistics(pixels)
-    assert (told.nan, told.infinite, told.negative) == (3, 2, 1)
-    assert (told.minimum, told.maximum, told.at_maximum) == (-0.5, 7, 1)
-    assert told.lit == 40 * 30 - 2
+    said = statistics(pixels)
+    assert (said.nan, said.infinite, said.negative) == (3, 2, 1)
+    assert (said.minimum, said.maximum, said.at_maximum) == (-0.5, 7, 1)
+    assert said.lit == 40 * 30 - 2
     finite = pixels[np.isfinite(pixels)]
-    assert told.mean == pytest.approx(finite.mean(dtype=np.float64))
-    assert told.brightest == pytest.approx(2) and told.spot is not None
+    assert said.mean == pytest.approx(finite.mean(dtype=np.float64))
+    assert said.brightest == pytest.approx(2) and said.spot is not None
     seen = luminance(pixels[np.isfinite(pixels).all(-1)])
-    assert told.mean_luminance == pytest.approx(seen.mean(dtype=np.float64), rel=1e-6)
+    assert said.mean_luminance == pytest.approx(seen.mean(dtype=np.float64), rel=1e-6)
 
 
 @pytest.mark.parametrize("value", [np.nan, np.inf])
-def test_a_map_of_odd_values_alone_has_nothing_to_tell(value: float):
-    told = statistics(grey(np.full((3, 4), value)))
-    assert (told.minimum, told.maximum, told.mean, told.mean_luminance) == (None,) * 4
-    assert (told.darkest, told.robust, told.stops, told.robust_stops, told.spot, told.lone) == (None,) * 6
-    assert (told.lit, told.at_maximum, dict(told.percentiles)) == (0, 0, {})
-    assert told.nan + told.infinite == 36
+def test_a_map_of_odd_values_alone_has_nothing_to_say(value: float):
+    said = statistics(grey(np.full((3, 4), value)))
+    assert (said.minimum, said.maximum, said.mean, said.mean_luminance) == (None,) * 4
+    assert (said.darkest, said.robust, said.stops, said.robust_stops, said.spot, said.lone) == (None,) * 6
+    assert (said.lit, said.at_maximum, dict(said.percentiles)) == (0, 0, {})
+    assert said.nan + said.infinite == 36
 
 
 def test_a_black_map_has_values_and_no_light():
-    told = statistics(grey(np.zeros((3, 4))))
-    assert (told.minimum, told.maximum, told.mean, told.lit, told.stops, told.spot) == (0, 0, 0, 0, None, None)
+    said = statistics(grey(np.zeros((3, 4))))
+    assert (said.minimum, said.maximum, said.mean, said.lit, said.stops, said.spot) == (0, 0, 0, 0, None, None)
 
 
 def test_the_brightest_spot_is_where_it_was_put_with_its_light():
     plane = np.full((60, 90), 0.5)
     plane[41, 70:72] = 900, 1000
-    told = statistics(grey(plane))
-    assert place(told.spot) == (71, 41)
-    assert told.lone is None and told.spot is not None
-    assert told.spot.around == pytest.approx((900 + 1000 + 7 * 0.5) / 9)
-    assert told.brightest == pytest.approx(1000)
+    said = statistics(grey(plane))
+    assert place(said.spot) == (71, 41)
+    assert said.lone is None and said.spot is not None
+    assert said.spot.around == pytest.approx((900 + 1000 + 7 * 0.5) / 9)
+    assert said.brightest == pytest.approx(1000)
 
 
-def test_a_lone_pixel_is_told_beside_the_spot_and_does_not_hide_it():
+def test_a_lone_pixel_is_reported_beside_the_spot_and_does_not_hide_it():
     plane = np.full((60, 90), 0.5)
     plane[41, 70:73] = 90, 100, 90
     plane[7, 8] = 5000
-    told = statistics(grey(plane))
-    assert place(told.spot) == (71, 41) and place(told.lone) == (8, 7)
-    assert told.lone is not None and told.lone.luminance == pytest.approx(5000)
+    said = statistics(grey(plane))
+    assert place(said.spot) == (71, 41) and place(said.lone) == (8, 7)
+    assert said.lone is not None and said.lone.luminance == pytest.approx(5000)
     plane[7, 9] = 5000 / 15
     assert statistics(grey(plane)).lone is None, "a lamp with a glow about it is no lone pixel"
 
@@ -107,9 +107,9 @@ def test_a_lone_pixel_is_told_beside_the_spot_and_does_not_hide_it():
 def test_two_bright_pixels_side_by_side_are_a_lamp(step: tuple[int, int]):
     plane = np.full((9, 9), 0.5)
     plane[4, 4] = plane[4 + step[0], 4 + step[1]] = 100
-    told = statistics(grey(plane))
-    assert told.lone is None and told.spot is not None
-    assert told.spot.luminance == pytest.approx(100)
+    said = statistics(grey(plane))
+    assert said.lone is None and said.spot is not None
+    assert said.spot.luminance == pytest.approx(100)
 
 
 def test_little_memory_is_needed_beside_the_map():
@@ -124,8 +124,8 @@ def test_little_memory_is_needed_beside_the_map():
 def test_a_lone_pixel_in_the_dark_is_the_spot_itself():
     plane = np.zeros((9, 9))
     plane[8, 0] = 3
-    told = statistics(grey(plane))
-    assert place(told.spot) == (0, 8) and told.lone is None
+    said = statistics(grey(plane))
+    assert place(said.spot) == (0, 8) and said.lone is None
 
 
 @pytest.mark.parametrize("corner", [(0, 0), (0, 28), (18, 0), (18, 28)])
@@ -133,17 +133,17 @@ def test_a_spot_in_a_corner_is_found(corner: tuple[int, int]):
     plane = np.full((20, 30), 0.1)
     y, x = corner
     plane[y : y + 2, x : x + 2] = 8
-    told = statistics(grey(plane)).spot
-    assert told is not None and told.luminance == pytest.approx(8)
-    assert y <= told.y < y + 2 and x <= told.x < x + 2
+    said = statistics(grey(plane)).spot
+    assert said is not None and said.luminance == pytest.approx(8)
+    assert y <= said.y < y + 2 and x <= said.x < x + 2
 
 
-def test_of_a_clipped_sun_the_middle_is_told():
+def test_of_a_clipped_sun_the_middle_is_reported():
     y, x = np.mgrid[:200, :300]
     plane = np.where((x - 170) ** 2 + (y - 120) ** 2 <= 15**2, 64.0, 1.0)
-    told = statistics(grey(plane))
-    assert place(told.spot) == (170, 120)
-    assert told.at_maximum == np.count_nonzero(plane == 64) > 600
+    said = statistics(grey(plane))
+    assert place(said.spot) == (170, 120)
+    assert said.at_maximum == np.count_nonzero(plane == 64) > 600
 
 
 def test_the_spot_is_the_same_however_wide_the_map_lies():
@@ -156,9 +156,9 @@ def test_the_spot_is_the_same_however_wide_the_map_lies():
     y, x = np.unravel_index(np.where(together, seen, 0).argmax(), seen.shape)
     assert not together.flat[seen.argmax()], "the brightest pixel of this noise stands alone"
     for lying, top in ((pixels, y), (np.ascontiguousarray(pixels[::-1]), 1099 - y)):
-        told = statistics(lying)
-        assert place(told.spot) == (x, top)
-        assert told.lone is not None and told.lone.luminance == seen.max()
+        said = statistics(lying)
+        assert place(said.spot) == (x, top)
+        assert said.lone is not None and said.lone.luminance == seen.max()
 
 
 def test_a_map_without_pixels_is_refused():
@@ -171,13 +171,13 @@ def test_codes_are_counted_as_numpy_counts_them(dtype: type):
     top = np.iinfo(dtype).max
     pixels = np.random.default_rng(3).integers(0, top, (611, 700, 3), dtype, endpoint=True)
     pixels[:100, :, 0], pixels[:50, :, 1] = 0, top
-    told = code_values(Photograph(pixels))
-    assert (told.top, told.pixels) == (top, 611 * 700)
-    assert told.black == tuple((pixels == 0).mean((0, 1))) and told.white == tuple((pixels == top).mean((0, 1)))
-    assert (told.minimum, told.maximum) == (pixels.min(), pixels.max())
-    assert told.mean == pytest.approx(pixels.mean())
+    said = code_values(Photograph(pixels))
+    assert (said.top, said.pixels) == (top, 611 * 700)
+    assert said.black == tuple((pixels == 0).mean((0, 1))) and said.white == tuple((pixels == top).mean((0, 1)))
+    assert (said.minimum, said.maximum) == (pixels.min(), pixels.max())
+    assert said.mean == pytest.approx(pixels.mean())
     wanted = np.percentile(pixels, PERCENTS, method="inverted_cdf").tolist()
-    assert list(told.percentiles.values()) == wanted
+    assert list(said.percentiles.values()) == wanted
 
 
 def test_what_is_outside_the_picture_counts_nowhere():
@@ -185,7 +185,7 @@ def test_what_is_outside_the_picture_counts_nowhere():
     pixels[:, 3:] = 255
     outside = np.zeros((4, 6), bool)
     outside[:, 3:] = True
-    told = code_values(Photograph(pixels, outside=outside))
-    assert (told.pixels, told.maximum, told.white) == (12, 100, (0, 0, 0))
-    told = code_values(Photograph(pixels, outside=np.ones((4, 6), bool)))
-    assert (told.pixels, told.minimum, told.mean, dict(told.percentiles)) == (0, None, None, {})
+    said = code_values(Photograph(pixels, outside=outside))
+    assert (said.pixels, said.maximum, said.white) == (12, 100, (0, 0, 0))
+    said = code_values(Photograph(pixels, outside=np.ones((4, 6), bool)))
+    assert (said.pixels, said.minimum, said.mean, dict(said.percentiles)) == (0, None, None, {})

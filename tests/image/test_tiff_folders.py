@@ -265,14 +265,14 @@ def test_a_row_counts_where_all_planes_and_tiles_have_it():
     assert layout(planar.items()).rows_within(367) == 11
     assert layout(planar.items()).rows_within(327) == 7  # the second strip of the third plane
     tiles = {322: (8,), 323: (8,), 324: (8, 200, 392, 584), 325: (192,) * 4, 273: (), 279: ()}
-    told = layout(tiles.items())
-    assert (told.across, told.down, told.rows_within(776), told.rows_within(775), told.rows_within(250)) == (
-        2, 2, 12, 12, 2)  # fmt: skip
+    reports = layout(tiles.items())
+    assert (reports.across, reports.down) == (2, 2)
+    assert [reports.rows_within(size) for size in (776, 775, 250)] == [12, 12, 2]
 
 
 def test_rows_of_a_strip_may_be_more_than_the_picture_has():
-    told = layout({278: (2**32 - 1,), 273: (8,), 279: (360,)}.items())
-    assert (told.block, told.across, told.down) == ((10, 12), 1, 1)
+    reports = layout({278: (2**32 - 1,), 273: (8,), 279: (360,)}.items())
+    assert (reports.block, reports.across, reports.down) == ((10, 12), 1, 1)
 
 
 def test_a_missing_length_of_one_strip_is_the_rest_of_the_file():
@@ -289,7 +289,7 @@ def test_a_missing_length_of_one_strip_is_the_rest_of_the_file():
         ({256: b"10"}, r"tag 256 \(width\)"),
     ],
 )
-def test_what_breaks_the_format_is_told_by_its_tag(tags, said):
+def test_what_breaks_the_format_is_reported_by_its_tag(tags, said):
     with pytest.raises(FormatError, match=said):
         layout(tags.items())
 

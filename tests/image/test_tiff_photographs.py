@@ -69,8 +69,8 @@ def test_a_tiff_is_written_in_bytes_that_differ_from_the_pixel_before(tmp_path):
 def test_another_reader_finds_the_exposure_in_a_tiff(tmp_path, noisy):
     settings = Settings(make="Virtual", model="curve_a")
     write(tmp_path / "a.tif", Photograph(noisy, exposure=Exposure(1 / 60, 5.6, 204800), settings=settings))
-    told = attributes_by_openimageio(tmp_path / "a.tif", "ExposureTime", "FNumber", "Make", "Model")
-    assert told == [pytest.approx(1 / 60), pytest.approx(5.6), "Virtual", "curve_a"]
+    reports = attributes_by_openimageio(tmp_path / "a.tif", "ExposureTime", "FNumber", "Make", "Model")
+    assert reports == [pytest.approx(1 / 60), pytest.approx(5.6), "Virtual", "curve_a"]
     assert read_photograph(tmp_path / "a.tif").exposure == Exposure(1 / 60, 5.6, 204800)
 
 
@@ -95,7 +95,7 @@ def test_another_reader_finds_the_exposure_in_a_tiff(tmp_path, noisy):
         ("L", "a.tif", {"compression": "packbits"}, "8 bits, grey, PackBits"),
     ],
 )
-def test_the_form_is_told_from_the_header_alone(tmp_path, mode, name, options, words):
+def test_the_form_is_recognised_from_the_header_alone(tmp_path, mode, name, options, words):
     Image.new(mode, (40, 30)).save(tmp_path / name, **options)
     assert photographs.subtype(tmp_path / name) == words
 
@@ -117,7 +117,7 @@ def test_a_tiff_packed_otherwise_is_refused_by_the_name_of_its_packing(shared):
         photographs.read(shared / "data/malformed/tiff_gdal/byte_zstd_corrupted.tif")
 
 
-def test_further_pages_are_told_and_smaller_copies_are_not(tmp_path, noisy):
+def test_further_pages_are_reported_and_smaller_copies_are_not(tmp_path, noisy):
     page = Image.fromarray(noisy.astype(np.uint8))
     page.save(tmp_path / "a.tif", save_all=True, append_images=[page])
     with pytest.warns(UserWarning, match="only the first of its 2 pages is read"):
@@ -175,7 +175,7 @@ def with_chunk(path, name, content):
         (b"cICP", bytes([9, 18, 0, 1]), "its values are HLG, not sRGB"),
     ],
 )
-def test_a_png_encoded_otherwise_is_told_and_not_converted(tmp_path, noisy, name, content, said):
+def test_a_png_encoded_otherwise_is_reported_and_not_converted(tmp_path, noisy, name, content, said):
     path = with_chunk(saved(tmp_path / "a.png", noisy.astype(np.uint8)), name, content)
     with pytest.warns(UserWarning, match=said):
         np.testing.assert_array_equal(read_photograph(path).pixels, noisy.astype(np.uint8))
@@ -347,7 +347,7 @@ def test_of_a_packed_tiff_whole_strips_are_salvaged(tmp_path, noisy):
     np.testing.assert_array_equal(salvaged.pixels[:30], noisy[:30])
 
 
-def test_what_nobody_can_tell_is_not_salvaged(tmp_path, noisy):
+def test_what_nobody_can_say_is_not_salvaged(tmp_path, noisy):
     path = cut(saved(tmp_path / "a.jpg", noisy.astype(np.uint8), progressive=True), 0.7)
     with pytest.raises(UnreadableFile, match="a progressive JPEG that ends early"):
         photographs.read(path, SALVAGE)

@@ -112,13 +112,13 @@ def test_a_movie_without_frames_is_refused(tmp_path):
     assert list(tmp_path.iterdir()) == []
 
 
-def test_a_place_that_cannot_be_written_is_told(tmp_path):
+def test_a_place_that_cannot_be_written_is_reported(tmp_path):
     with pytest.raises(OutputNotWritten, match="does not exist"), Movie(tmp_path / "none" / "a.mp4"):
         pass
 
 
 @pytest.mark.skipif(not sys.platform.startswith("linux"), reason="/dev/full is Linux's")
-def test_a_full_disk_is_told(tmp_path):
+def test_a_full_disk_is_reported(tmp_path):
     with pytest.raises(OutputNotWritten, match=r"a\.mp4: cannot be written"), Movie(tmp_path / "a.mp4") as movie:
         movie._temporary.unlink()
         movie._temporary.symlink_to("/dev/full")
@@ -126,7 +126,7 @@ def test_a_full_disk_is_told(tmp_path):
     assert list(tmp_path.iterdir()) == []
 
 
-def test_a_wrong_call_is_told(tmp_path, monkeypatch):
+def test_a_wrong_call_is_reported(tmp_path, monkeypatch):
     with pytest.raises(ValueError, match=r"written to \.mp4"):
         Movie(tmp_path / "a.avi")
     with pytest.raises(ValueError, match="frames_per_second is 0"):

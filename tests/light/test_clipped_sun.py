@@ -102,7 +102,7 @@ def test_a_sun_cut_at_any_level_is_recovered(level):
 
 
 @pytest.mark.parametrize("mapping", [LatLong(), Angular()], ids=lambda m: m.name)
-def test_a_sun_and_a_lamp_are_told_apart(mapping):
+def test_a_sun_and_a_lamp_are_kept_apart(mapping):
     truth, lights = made(LIGHTS, mapping=mapping)
     found = recover_sun(cut(truth), read_grey_ball(photographed(lights), 0.18))
     assert worst(found.light, lights) < 0.01
@@ -137,7 +137,7 @@ def test_a_chart_of_known_reflectance_does_as_well():
     assert found.attributes["sun_recovered"] == "from 2 patches of a chart"
 
 
-def test_the_wrong_albedo_is_told_with_its_factor():
+def test_the_wrong_albedo_is_reported_with_its_factor():
     truth, lights = made()
     ball = photographed(lights)
     for albedo in (0.20, 0.36):
@@ -177,7 +177,7 @@ def test_more_sources_than_patches_are_refused():
         recover_sun(cut(truth), chart((irradiance(normal, lights) / np.pi, 1.0, tuple(normal))))
 
 
-def test_a_source_behind_the_ball_stays_as_it_is_and_is_told():
+def test_a_source_behind_the_ball_stays_as_it_is_and_is_reported():
     behind = normalised([0.1, 0.2, -1])
     truth, lights = made([*LIGHTS[:1], (behind, np.array([2.0, 2.0, 2.0]))])
     with pytest.warns(UserWarning, match="1 of 2 clipped sources light no side"):
@@ -222,7 +222,7 @@ def test_what_is_missing_is_spread_over_the_clipped_pixels_or_put_into_the_suns_
     assert np.all(chords[raised] < np.radians(2.8)) and np.all(raised[chords < np.radians(2.2)])
 
 
-def test_a_wide_clipped_source_is_told():
+def test_a_wide_clipped_source_is_reported():
     truth, lights = made()
     chords = np.linalg.norm(pixel_directions(LatLong(), 128) - lights[0][0], axis=-1)
     hazy = replace(
@@ -243,7 +243,7 @@ def test_clipped_pixels_are_gathered_by_where_they_are_also_across_the_seam():
     assert len(found[0]) == 3, "the strongest first"
 
 
-def test_what_clipped_is_told_by_the_mask_a_level_or_a_plateau():
+def test_what_clipped_is_shown_by_the_mask_a_level_or_a_plateau():
     truth, _ = made(LIGHTS, size=32)
     clipped = cut(truth, 3)
     assert clipped_pixels(clipped).sum() == 2
@@ -301,7 +301,7 @@ def test_a_photographed_matte_ball_is_found_as_a_mirrored_one_is():
     assert worst(recovered.light, lights) < 0.01
 
 
-def test_the_file_tells_how_the_sun_was_recovered(tmp_path):
+def test_the_file_says_how_the_sun_was_recovered(tmp_path):
     truth, lights = made(LIGHTS)
     found = recover_sun(cut(truth), read_grey_ball(photographed(lights), 0.18))
     picture = as_radiance_map(found.light)
@@ -320,7 +320,7 @@ def test_a_reflectance_that_cannot_be_is_refused(albedo):
         chart(((1, 1, 1), albedo, (0, 1, 0)))
 
 
-def test_a_wrong_call_is_told():
+def test_a_wrong_call_is_reported():
     white = (1, 1, 1), 0.5, (0, 1, 0)
     with pytest.raises(ValueError, match="no patch"):
         measure_chart(RadianceMap(np.ones((4, 4, 3), np.float32)), [])

@@ -63,7 +63,7 @@ def test_surfaces_are_lit_as_by_the_map(method):
     found = key.lights.irradiance_on(normals) + key.residual.irradiance(normals)
     difference = np.abs(found - truth) / truth.mean(0)
     assert difference.max() < 0.002
-    # Told for other normals, so it is not the very same number.
+    # Reported for other normals, so it is not the very same number.
     assert 0.4 < irradiance_error(light, key.lights, key.residual)[1] / difference.max() < 1.5
 
 

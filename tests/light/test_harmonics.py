@@ -297,7 +297,7 @@ def test_windows_take_away_the_ringing():
     )
 
 
-def test_negative_light_is_told():
+def test_negative_light_is_reported():
     lone = np.zeros((32, 64, 3), np.float32)
     lone[8, 20] = 1000
     with pytest.warns(UserWarning, match=r"degree 6 ring below 0: \d+\.\d% of the light"):
@@ -305,7 +305,7 @@ def test_negative_light_is_told():
     assert shown.radiance.min() == 0
 
 
-def test_a_wrong_call_is_told():
+def test_a_wrong_call_is_reported():
     light = EnvironmentMap(np.ones((2, 4, 3), np.float32))
     for degree in (-1, 1001):
         with pytest.raises(ValueError, match="expected 0 to 1000"):

@@ -173,7 +173,7 @@ def test_lamps_of_a_room_are_where_they_are_and_as_strong(maps):
     assert len(found.distant.directions) == 0
 
 
-def test_placed_lamps_tell_the_irradiance_elsewhere_and_distant_ones_do_not(maps):
+def test_placed_lamps_say_the_irradiance_elsewhere_and_distant_ones_do_not(maps):
     taken = extract_sun(maps[0], 5)
     found = triangulated(taken.lights(), compact(maps[1]), FIRST, SECOND)
     truth = maps[2].irradiance(NORMALS)
@@ -188,7 +188,7 @@ def test_placed_lamps_tell_the_irradiance_elsewhere_and_distant_ones_do_not(maps
     assert error[0] < np.abs(guess - truth).max() / truth.mean() < error[1]
 
 
-def test_lamps_that_one_probe_does_not_see_are_told(maps):
+def test_lamps_that_one_probe_does_not_see_are_reported(maps):
     second = compact(room(SECOND, lamps=(0, 1, 3, 4)))
     first = compact(maps[0])
     found = triangulated(first, second, FIRST, SECOND)
@@ -218,7 +218,7 @@ def test_the_sun_is_far_and_stays_distant():
     assert len(lone.points.positions) == 0 and len(lone.far) == 1 and list(lone.unmatched[1]) == [1, 2]
 
 
-def test_intensity_tells_lamps_apart_whose_rays_meet_twice():
+def test_intensity_says_lamps_apart_whose_rays_meet_twice():
     # Both lamps and both probes lie in one plane, so that every ray meets every other.
     first, second = np.array([0.0, 0, 0]), np.array([1.0, 0, 0])
     places = [[0.2, 0, -2], [0.8, 0, -1.5]]
@@ -230,7 +230,7 @@ def test_intensity_tells_lamps_apart_whose_rays_meet_twice():
         np.testing.assert_allclose(found.points.intensity, [[3, 3, 3], [1, 1, 1]])
 
 
-def test_colour_tells_lamps_apart():
+def test_colour_says_lamps_apart():
     first, second = np.array([0.0, 0, 0]), np.array([1.0, 0, 0])
     red, blue = [[0.2, 0, -2]], [[0.8, 0, -2]]
     seen = points(red, [[3.0, 1, 0.5]], first), points(blue, [[0.5, 1, 6.0]], second)
@@ -238,14 +238,14 @@ def test_colour_tells_lamps_apart():
         triangulated(*seen, first, second)
 
 
-def test_the_nearer_probe_tells_more_of_the_place():
+def test_the_nearer_probe_says_more_of_the_place():
     # Rays from 1 m and from 4 m that miss by 17 cm of each other.
     first, second = np.array([0.0, 0, 0]), np.array([4.0, 0, -1])
     seen = points([[0, 0, -1]], np.ones((1, 3)), first), points([[0, 0.17, -1]], np.ones((1, 3)), second)
     found = triangulated(*seen, first, second, uncertainty=np.radians(1))
     assert found.misses == pytest.approx([0.17], rel=0.01)
     assert found.points.positions[0] == pytest.approx([0, 0.17 / 17, -1], abs=2e-3)
-    # A degree from 4 m, in the direction that the nearer probe cannot tell.
+    # A degree from 4 m, in the direction that the nearer probe cannot say.
     assert found.uncertainty == pytest.approx([4 * np.radians(1)], rel=0.01)
 
 
@@ -289,7 +289,7 @@ def test_probes_at_one_place_are_refused(maps):
             triangulated(lights, lights, FIRST, SECOND, **words)
 
 
-def test_that_no_lamp_matches_is_told_in_a_line(maps):
+def test_that_no_lamp_matches_is_reported_in_a_line(maps):
     first, second = compact(maps[0]), compact(maps[1])
     turned = replace(second, directions=second.directions @ rotation_about([0.3, 1, 0.2], 2.0).T)
     with pytest.raises(LampsNotMatched, match=r"none of 5 and 5 lamps match: .*check the places") as report:

@@ -358,7 +358,7 @@ def test_constant_light_stays_itself_under_lobes_narrower_than_the_maps_pixels(n
 
 
 @pytest.mark.parametrize("n", [1e7, 1e9])
-def test_a_lobe_narrower_than_any_pixel_is_a_mirror_and_that_is_told(n):
+def test_a_lobe_narrower_than_any_pixel_is_a_mirror_and_that_is_reported(n):
     light = spiky(16)
     with pytest.warns(UserWarning, match="taken for a mirror"):
         narrow = reflection_map(light, Phong(n), 16)

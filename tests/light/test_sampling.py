@@ -192,7 +192,7 @@ def test_no_number_gives_no_direction():
     assert directions.shape == (0, 3) and density.shape == (0,)
 
 
-def test_a_wrong_call_is_told():
+def test_a_wrong_call_is_reported():
     light = EnvironmentMap(np.ones((2, 4, 3), np.float32))
     with pytest.raises(ValueError, match="black all over"):
         EnvironmentSampler(EnvironmentMap(np.zeros((2, 4, 3), np.float32)))

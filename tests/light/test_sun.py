@@ -175,7 +175,7 @@ def test_a_glint_is_not_taken_for_a_sun():
         extract_sun(under_sun(TOWARDS["high"], 0.6, 30.0))
 
 
-def test_a_clipped_sun_is_told_by_the_mask_or_by_its_plateau():
+def test_a_clipped_sun_is_shown_by_the_mask_or_by_its_plateau():
     light = under_sun(TOWARDS["high"], 3, size=64)
     assert not extract_sun(light).suns[0].clipped and not extract_sun(light).suns[0].flat
     clipped = np.zeros(light.radiance.shape[:2], np.uint8)

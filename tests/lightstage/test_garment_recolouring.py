@@ -52,7 +52,7 @@ def test_the_tint_is_where_the_cloth_stands_between_black_and_white():
     assert ClothAlbedos().tint(0.8).tolist() == [1, 1, 1] and ClothAlbedos().tint(0.03).tolist() == [0, 0, 0]
 
 
-def test_a_cloth_outside_the_two_is_extrapolated_and_told():
+def test_a_cloth_outside_the_two_is_extrapolated_and_reported():
     with pytest.warns(UserWarning, match="extrapolated"):
         assert ClothAlbedos(0.8, 0.2).tint(0.05)[0] == pytest.approx(-0.25)
 
@@ -89,7 +89,7 @@ def test_a_field_is_reclothed_block_by_block():
     np.testing.assert_array_equal(field.block(slice(1, 3), slice(4, 9)), whole(field)[1:3, 4:9])
 
 
-def test_the_noise_told_of_a_field_is_at_least_that_of_the_mix():
+def test_the_noise_reported_of_a_field_is_at_least_that_of_the_mix():
     black, white, tint = np.full((5, 1, 1, 3), 0.2, np.float32), np.full((5, 1, 1, 3), 0.9, np.float32), 0.3
     field = RecolouredField(
         Pictures(black, LIGHTS, noise=Noise(1e-4, 2e-3)),
@@ -98,12 +98,12 @@ def test_the_noise_told_of_a_field_is_at_least_that_of_the_mix():
     )
     true = (1 - tint) ** 2 * (1e-4 + 2e-3 * 0.2) + tint**2 * (2e-4 + 3e-3 * 0.9)
     assert field.noise is not None
-    told = field.noise.constant + field.noise.slope * float(whole(field)[0, 0, 0, 0])
-    assert true <= told < 3 * true
+    said = field.noise.constant + field.noise.slope * float(whole(field)[0, 0, 0, 0])
+    assert true <= said < 3 * true
 
 
 @pytest.mark.parametrize("shift", [(0, 1), (2, -1), (-4, 3)])
-def test_a_subject_that_moved_is_told(shift):
+def test_a_subject_that_moved_is_reported(shift):
     black, white = takes()
     moved = np.roll(white, shift, (0, 1))
     assert displacement(black, white) < 0.1
@@ -112,7 +112,7 @@ def test_a_subject_that_moved_is_told(shift):
         recolour_clothing(RadianceMap(black), RadianceMap(moved), np.ones(3))
 
 
-def test_a_picture_without_edges_tells_no_displacement():
+def test_a_picture_without_edges_gives_no_displacement():
     flat = np.ones((40, 40, 3), np.float32)
     assert displacement(flat, 2 * flat) == 0
 

@@ -1,4 +1,4 @@
-"""Two views of a ball under a sun give back the light they saw, without a seam; what nobody saw is told."""
+"""Two views of a ball under a sun give back the light they saw, without a seam; what nobody saw is reported."""
 
 from dataclasses import replace
 
@@ -112,7 +112,7 @@ def test_a_round_hole_is_filled_harmonically():
     start = np.repeat(np.where(hole, 99.0, harmonic)[..., None], 3, -1)
     got = continued(start, ~hole)
     assert np.abs(got[..., 0] - harmonic)[hole].max() < 0.02
-    assert np.abs(got[..., 0] - field)[hole].max() > 0.03  # another smooth field through other values is told apart
+    assert np.abs(got[..., 0] - field)[hole].max() > 0.03  # another smooth field through other values is distinguished
     np.testing.assert_array_equal(got[~hole], start[~hole])
 
 

@@ -17,10 +17,10 @@ FRONT, SIDE = np.array([0.0, 0.17, 1.0]), np.array([1.0, 0.17, 0.0])
 SIZE = 96
 
 
-def view(camera: np.ndarray, *, told: np.ndarray | None = None, **picture) -> BallView:
-    """The ball photographed from `camera`, and viewed as if from `told`."""
+def view(camera: np.ndarray, *, said: np.ndarray | None = None, **picture) -> BallView:
+    """The ball photographed from `camera`, and viewed as if from `reported`."""
     photograph = photograph_ball(lobes, camera, **picture)
-    return unwrap_ball(photograph, camera=camera if told is None else told, centre=CENTRE, focal_length=3400.0)
+    return unwrap_ball(photograph, camera=camera if said is None else said, centre=CENTRE, focal_length=3400.0)
 
 
 @pytest.fixture(scope="module")
@@ -132,7 +132,7 @@ def test_a_picture_without_a_ball_is_refused_by_name():
 @pytest.mark.slow
 def test_a_pose_wrong_by_two_degrees_is_registered_back(front):
     wrong = CENTRE + turned(SIDE - CENTRE, np.array([0.0, 1.0, 0.0]), 2.0)
-    tilted = view(SIDE, told=wrong)
+    tilted = view(SIDE, said=wrong)
     off = degrees_between(tilted.towards_camera, SIDE - CENTRE)
     assert off == pytest.approx(2.0, abs=0.15)
     probe = blend_views([front, tilted], size=SIZE)

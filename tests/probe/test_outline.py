@@ -200,7 +200,7 @@ def banded() -> np.ndarray:
     ceiling = np.hypot(x - cx + 1.2, y - cy - 2.6) < radius - 3.0
     light = np.where(ceiling, 0.8 + 0.2 * texture(x - cx, y - cy, 40.0, 5), np.where(ball, 0.2, 0.1))
     light = light.reshape(width, finer, width, finer).mean((1, 3))
-    # The rim is in the shade along the lower left, where nothing tells it from the ground.
+    # The rim is in the shade along the lower left, where nothing says it from the ground.
     middle = (np.arange(width) + 0.5)[None], (np.arange(width) + 0.5)[:, None]
     far = np.hypot(middle[0] - cx, middle[1] - cy) > radius - 6
     light = np.where(far & (np.arctan2(middle[1] - cy, middle[0] - cx) % (2 * np.pi) < 1.2), 0.1, light)

@@ -29,7 +29,7 @@ FALLOFF = (-0.3, 0.05, -0.05)
 NORMALS = normalised(np.random.default_rng(1).normal(size=(60, 3)))
 
 
-def views_of(told: bool, *, focal_error: float = 0.0, distortion: float = 0.0) -> list[PanoramaView]:
+def views_of(said: bool, *, focal_error: float = 0.0, distortion: float = 0.0) -> list[PanoramaView]:
     return [
         PanoramaView(
             photograph(
@@ -37,7 +37,7 @@ def views_of(told: bool, *, focal_error: float = 0.0, distortion: float = 0.0) -
                 distortion=distortion, seed=index,
             ),
             FOCAL_LENGTH * (1 + focal_error),
-            turn if told else None,
+            turn if said else None,
             f"view {index}",
         )
         for index, (turn, gain) in enumerate(zip(ROTATIONS, GAINS, strict=True))
@@ -73,7 +73,7 @@ def off_world(result: Panorama, turns: list[np.ndarray]) -> np.ndarray:
 
 
 def irradiance_error(result: Panorama, world_turn: np.ndarray) -> float:
-    """Largest relative error over all directions; the scale, which nothing tells, is taken out."""
+    """Largest relative error over all directions; the scale, which nothing says, is taken out."""
     true, found = WORLD.irradiance(NORMALS), result.light.irradiance(NORMALS @ world_turn.T)
     ratio = found / true
     return float(np.abs(ratio / ratio.mean() - 1).max())
@@ -306,7 +306,7 @@ def test_views_that_do_not_overlap_are_named():
     assert "\n" not in str(caught.value)
 
 
-def ring_and_sky(told: bool) -> tuple[list[PanoramaView], list[np.ndarray]]:
+def ring_and_sky(said: bool) -> tuple[list[PanoramaView], list[np.ndarray]]:
     """Six matched views about the horizon, and one of a sky without features."""
     turns = [orientation(np.radians(40 * i)) for i in range(5)] + [orientation(np.radians(100), np.radians(80))]
     views = [
@@ -314,7 +314,7 @@ def ring_and_sky(told: bool) -> tuple[list[PanoramaView], list[np.ndarray]]:
         for i, turn in enumerate(turns)
     ]
     blank = RadianceMap(np.ones((160, 224, 3), np.float32))
-    views[5] = PanoramaView(blank, 128, turns[5] if told else None, "sky")
+    views[5] = PanoramaView(blank, 128, turns[5] if said else None, "sky")
     return views, turns
 
 

@@ -155,7 +155,7 @@ def test_views_are_levelled_by_the_plane_of_their_right_axes():
     skew = rotation_from_vector(np.array([0.3, 0.8, -0.2]))
     turn = levelling([skew @ rotation for rotation in level])
     np.testing.assert_allclose(turn @ skew, np.eye(3), atol=1e-12)
-    # Of a column of views only the cameras' own up can tell.
+    # Of a column of views only the cameras' own up can say.
     column = [skew @ orientation(0, np.radians(pitch)) for pitch in (-20, 20)]
     np.testing.assert_allclose(levelling(column) @ skew, np.eye(3), atol=1e-12)
 

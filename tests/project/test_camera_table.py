@@ -60,7 +60,7 @@ def test_lines_drawn_on_the_plate_give_the_camera_and_its_residual(tmp_path: Pat
     assert fit.residual is not None and fit.residual < 0.01 and len(fit.points) == 8
 
 
-def test_lines_that_tell_no_focal_length_take_it_from_the_plate(tmp_path: Path) -> None:
+def test_lines_that_say_no_focal_length_take_it_from_the_plate(tmp_path: Path) -> None:
     ahead = Camera(1200, 800, 1400.0, np.array([0.2, 0.5, 2.0]), np.eye(3))
     points = {name: ahead.project(np.array(p)) for name, p in (("o", (0, 0, 0)), ("x", (0.3, 0, 0)), ("z", (0, 0, 0.3)),
                                                                ("xz", (0.3, 0, 0.3)))}  # fmt: skip
@@ -158,7 +158,7 @@ GRID = 'grid = { photograph = "g.jpg", squares = [9, 6], square = 0.03, %s }\n'
         (GRID.replace("[9, 6]", "[6, 9]") % "estimate_k1 = true", "the long side comes first"),
     ],
 )
-def test_a_table_that_contradicts_itself_is_told_in_one_line(tmp_path: Path, text: str, message: str) -> None:
+def test_a_table_that_contradicts_itself_is_reported_in_one_line(tmp_path: Path, text: str, message: str) -> None:
     with pytest.raises(InvalidShot) as caught:
         table(tmp_path, text)
     assert message in str(caught.value) and "\n" not in str(caught.value)

@@ -39,7 +39,7 @@ SECONDS = (1 / 256, 1 / 128, 1 / 64, 1 / 32, 1 / 16, 1 / 8)
 
 @pytest.fixture(scope="module")
 def eventful() -> MergeResult:
-    """A bracket that has everything: one frame told wrong, one shifted, a thing that moved, a lamp, a border."""
+    """A bracket that has everything: one frame reported wrong, one shifted, a thing that moved, a lamp, a border."""
     scene = 16 * textured(240, 160)
     scene[20:30, 200:215] = 50_000.0
     photographs = list(exposed(scene, [Exposure(t, 4.0, 100.0, "EXIF") for t in SECONDS]))
@@ -236,7 +236,7 @@ def test_a_photograph_alone_is_reported(tmp_path):
     assert "Alignment" not in headings(report(found, tmp_path)) and "Ghosts" not in headings(report(found, tmp_path))
 
 
-def test_noise_that_was_measured_is_told(eventful, tmp_path):
+def test_noise_that_was_measured_is_reported(eventful, tmp_path):
     noise = Noise(np.array([1e-4, 2e-4, 3e-4]), np.array([0.01, 0.02, 0.03]))
     changed = replace(
         eventful, brackets=(), cameras=_calibrated(eventful, replace(eventful.camera.calibration, noise=noise))
@@ -249,7 +249,7 @@ def test_noise_that_was_measured_is_told(eventful, tmp_path):
     assert "shot noise" not in report(silent, tmp_path)
 
 
-def test_what_was_clipped_is_told_with_its_bounds_and_no_more():
+def test_what_was_clipped_is_reported_with_its_bounds_and_no_more():
     found = ClippingReport(12, 3, 7, 1000, 0.0123, 456.0, (1.0, 2.0, 3.0), 0.25, 4.0)
     assert clipped_facts(found, "cd/m²") == [
         ("saturated in every photograph", "12 of 1000 pixels"),
@@ -339,7 +339,7 @@ def test_the_scale_of_the_relative_error_fits_the_picture(drawn):
     assert drawn[0].axes[0].images[0].get_clim() == pytest.approx((2.02, 5.97), rel=0.01)
 
 
-def test_what_a_bracket_is_is_told_at_its_top(eventful, plain, tmp_path):
+def test_what_a_bracket_is_is_reported_at_its_top(eventful, plain, tmp_path):
     table = {row[0]: row[1:] for row in rows(report(replace(eventful, seconds={}), tmp_path))}
     assert table["camera"] == [MAKER] and table["photographs"] == ["6 of 240 × 160 pixels"]
     assert table["unit"] == ["relative units"] and table["scale"] == ["none; radiance is relative"]
@@ -367,7 +367,7 @@ def test_what_a_bracket_is_is_told_at_its_top(eventful, plain, tmp_path):
 
 
 @pytest.mark.parametrize("part, words", [(0, "0 %"), (1, "below 0.01 %"), (10, "0.01 %"), (25_000, "25 %")])
-def test_few_pixels_are_not_told_as_none(part, words):
+def test_few_pixels_are_not_reported_as_none(part, words):
     assert percent(part, 100_000) == words
 
 

@@ -50,7 +50,7 @@ def test_planes_that_lack_what_is_needed_are_refused(tmp_path):
         read_motion(tmp_path / "other.exr")
 
 
-def test_other_formats_are_told_that_an_exr_is_needed_and_what_for(tmp_path, capsys):
+def test_other_formats_are_reported_that_an_exr_is_needed_and_what_for(tmp_path, capsys):
     files.write(tmp_path / "a.hdr", RadianceMap(np.ones((6, 9, 3), np.float32)))
     words = ["develop", str(tmp_path / "a.hdr"), "-o", str(tmp_path / "a.png")]
     line = refused([*words, "--vectors", str(tmp_path / "a.hdr"), "--set", "motion.kind='vectors'"], capsys)

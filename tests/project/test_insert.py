@@ -161,11 +161,11 @@ def test_a_grid_of_another_size_than_the_plate_is_refused(copied_room: tuple[Pat
         insert(shot.model_copy(update={"camera": shot.camera.model_copy(update={"grid": other})}), out, renderer=FAKE)
 
 
-def test_a_single_photograph_is_a_plate_when_the_balls_tell_its_camera(copied_room: tuple[Path, Path]) -> None:
+def test_a_single_photograph_is_a_plate_when_the_balls_say_its_camera(copied_room: tuple[Path, Path]) -> None:
     path, out = copied_room
     shot = read_shot(path)
     single = shot.plate.model_copy(update={"photographs": ["plate/IMG_0003.jpg"], "denoise": False})
-    # The photographs of one ball tell it, and a second would have to be found too.
+    # The photographs of one ball say it, and a second would have to be found too.
     assert shot.light.balls is not None
     light = shot.light.model_copy(update={"balls": shot.light.balls[:1], "size": 64})
     result = insert(shot.model_copy(update={"plate": single, "light": light}), out, renderer=FAKE)
@@ -194,7 +194,7 @@ def test_ball_photographs_without_exposure_ask_for_times(copied_room: tuple[Path
         insert(read_shot(path), out, renderer=FAKE)
 
 
-def test_times_for_the_plate_alone_are_refused_when_the_balls_tell_an_aperture(copied_room: tuple[Path, Path]) -> None:
+def test_times_for_the_plate_alone_are_refused_when_the_balls_say_an_aperture(copied_room: tuple[Path, Path]) -> None:
     path, out = copied_room
     shot = read_shot(path)
     timed = shot.plate.model_copy(update={"times": [0.25, 1.0, 4.0, 16.0]})
@@ -215,7 +215,7 @@ def test_a_plate_in_candelas_is_not_mixed_with_relative_light(
         insert(shot.model_copy(update={"plate": plate, "light": light}), out, renderer=FAKE)
 
 
-def test_a_ball_camera_that_stood_elsewhere_is_told(copied_room: tuple[Path, Path]) -> None:
+def test_a_ball_camera_that_stood_elsewhere_is_reported(copied_room: tuple[Path, Path]) -> None:
     path, out = copied_room
     shot = read_shot(path)
     assert shot.light.balls is not None

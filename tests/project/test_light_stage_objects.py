@@ -33,7 +33,7 @@ mesh = "ball.ply"
 
 
 def change_of(distance: np.ndarray) -> Change:
-    """A grey ball that was rendered, as far away as told."""
+    """A grey ball that was rendered, as far away as reported."""
     matte = np.isfinite(distance).astype(np.float32)
     grey = np.float32(0.2) * matte[..., None].repeat(3, -1)
     depth = np.where(matte > 0, distance, 0).astype(np.float32)

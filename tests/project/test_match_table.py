@@ -66,10 +66,10 @@ def test_the_fall_off_is_given_or_of_the_lens_or_from_a_profile(tmp_path):
     assert lens is not None and 1 + sum(lens.coefficients) == pytest.approx((1 + 130_000 / 640_000) ** -2, abs=1e-5)
 
 
-@pytest.mark.parametrize("name, told", [("bare.json", "bare.json holds no fall-off"), ("none.json", "none.json")])
-def test_a_profile_without_a_fall_off_is_refused_in_one_line(tmp_path, name, told):
+@pytest.mark.parametrize("name, said", [("bare.json", "bare.json holds no fall-off"), ("none.json", "none.json")])
+def test_a_profile_without_a_fall_off_is_refused_in_one_line(tmp_path, name, said):
     response = Response(np.tile(np.linspace(-5, 1, 256), (3, 1)), np.ones(3))
     write_profile(tmp_path / "bare.json", CameraProfile("A", response))
-    with pytest.raises(InvalidShot, match=f"^match.vignetting: .*{told}") as refusal:
+    with pytest.raises(InvalidShot, match=f"^match.vignetting: .*{said}") as refusal:
         MatchTable(vignetting=name).vignetting_in(Path(tmp_path), 800.0, (600, 400))
     assert "\n" not in str(refusal.value)

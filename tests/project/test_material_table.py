@@ -27,7 +27,7 @@ def test_a_preset_takes_the_place_of_the_meshs_own():
     assert isinstance(MaterialTable(preset="rolled_brass").apply(Diffuse((0, 0, 0))), Ward)
 
 
-def test_a_field_that_the_preset_has_not_is_told():
+def test_a_field_that_the_preset_has_not_is_reported():
     with pytest.raises(ValueError, match="roughness: a Ward surface has none; it has alpha_x, alpha_y, diffuse"):
         MaterialTable(preset="rolled_brass", roughness=0.3).apply(TIN)
     with pytest.raises(ValueError, match="alpha_x: a glTF material has none"):

@@ -131,7 +131,7 @@ def test_by_ratio_the_plate_keeps_its_share_of_the_light(made: tuple[Shot, Path,
     assert np.abs(added - result.composite)[shadow].max() > 0.01
 
 
-def test_an_object_out_of_the_picture_is_told(made: tuple[Shot, Path, Inserted], tmp_path: Path) -> None:
+def test_an_object_out_of_the_picture_is_reported(made: tuple[Shot, Path, Inserted], tmp_path: Path) -> None:
     shot, _, _ = made
     moved = [shot.objects[0].model_copy(update={"translate": (0.0, 0.0, 50.0)})]
     table = shot.render.model_copy(update={"samples": 16})
@@ -156,9 +156,10 @@ def test_a_shot_is_handed_over_whole_and_not_rendered(
 ) -> None:
     shot, out = small_shot_in(tmp_path), tmp_path / name
     assert main(["insert", str(shot), "-o", str(out), "--to", name, "--json"]) == 0
-    told = json.loads(capsys.readouterr().out)
+    reports = json.loads(capsys.readouterr().out)
     assert (
-        Path(told["written"]) == out / SHOT_FORMATS[name].main and (out / SHOT_FORMATS[name].main).stat().st_size > 100
+        Path(reports["written"]) == out / SHOT_FORMATS[name].main
+        and (out / SHOT_FORMATS[name].main).stat().st_size > 100
     )
     assert not (out / "composite.exr").exists() and not (out / "stages" / "render.npz").exists()
 
@@ -166,7 +167,7 @@ def test_a_shot_is_handed_over_whole_and_not_rendered(
 def run_child(shot: Path, out: Path) -> subprocess.Popen[str]:
     start = "import sys; from relume.cli import main; sys.exit(main(sys.argv[1:]))"
     command = [sys.executable, "-c", start, "insert", str(shot), "-o", str(out), "--json"]
-    # A terminal's Ctrl-C reaches a child that was not told to ignore it.
+    # A terminal's Ctrl-C reaches a child that was not asked to ignore it.
     return subprocess.Popen(
         command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True,
         preexec_fn=lambda: signal.signal(signal.SIGINT, signal.default_int_handler),

@@ -82,7 +82,7 @@ def probe_of(shot: Shot) -> Probe:
         ("[render]\nnoise = 0", "render.noise"),
     ],
 )
-def test_a_table_that_cannot_be_is_told_by_its_key_in_one_line(folder: Path, change: str, words: str) -> None:
+def test_a_table_that_cannot_be_is_reported_by_its_key_in_one_line(folder: Path, change: str, words: str) -> None:
     with pytest.raises(InvalidShot) as caught:
         shot_of(folder, SHOT + change)
     assert words in str(caught.value) and "\n" not in str(caught.value) and "shot.toml" in str(caught.value)
@@ -153,10 +153,12 @@ CAMERA = Camera.looking_at(np.array([0, 1.0, 3.0]), np.zeros(3), width=60, heigh
         ((0.0, 0.4, 0.0), 0.5, "object 'ball' reaches 0.1 m into the plane"),
     ],
 )
-def test_objects_that_stand_strangely_are_told(centre: tuple[float, float, float], radius: float, words: str) -> None:
+def test_objects_that_stand_strangely_are_reported(
+    centre: tuple[float, float, float], radius: float, words: str
+) -> None:
     ball = sphere(Diffuse((1, 1, 1)), centre=centre, radius=radius, fine=2)
-    (told,) = doubts_about([ball], CAMERA, [Plane(Diffuse((1, 1, 1)))])
-    assert words in told and "\n" not in told
+    (said,) = doubts_about([ball], CAMERA, [Plane(Diffuse((1, 1, 1)))])
+    assert words in said and "\n" not in said
 
 
 def test_a_camera_inside_an_object_is_refused() -> None:

@@ -31,7 +31,7 @@ def test_it_is_the_composite_of_what_there_is(tmp_path):
     assert list(tmp_path.iterdir()) == []
 
 
-def test_a_preview_that_cannot_be_written_is_told_and_stops_nothing(tmp_path):
+def test_a_preview_that_cannot_be_written_is_reported_and_stops_nothing(tmp_path):
     previews = Previews(tmp_path / "nowhere", RadianceMap(PLATE), Film(1.0))
     with pytest.warns(UserWarning, match="no preview: .*nowhere"):
         sums = accumulate(passing, passes=2, watch=RenderSession(preview=previews))

@@ -56,14 +56,14 @@ def test_a_short_shot_file_has_a_plane_and_defaults(tmp_path: Path) -> None:
         (GOOD.replace('["plate/*.jpg"]', "[]"), "plate.photographs"),
     ],
 )
-def test_what_is_wrong_or_contradicts_itself_is_told_in_one_line(tmp_path: Path, text: str, message: str) -> None:
+def test_what_is_wrong_or_contradicts_itself_is_reported_in_one_line(tmp_path: Path, text: str, message: str) -> None:
     with pytest.raises(InvalidShot) as caught:
         shot_of(tmp_path, text)
     line = str(caught.value)
     assert message in line and "shot.toml" in line and "\n" not in line
 
 
-def test_a_missing_shot_file_and_a_binary_one_are_told(tmp_path: Path) -> None:
+def test_a_missing_shot_file_and_a_binary_one_are_reported(tmp_path: Path) -> None:
     with pytest.raises(InvalidShot, match="no such shot file"):
         read_shot(tmp_path / "none.toml")
     (tmp_path / "shot.toml").write_bytes(b"\xff\xfe\x00")

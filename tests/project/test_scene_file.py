@@ -406,13 +406,13 @@ def test_files_that_are_missing_or_of_no_use_are_named_with_their_key(folder: Pa
     assert line == f"objects.0.mesh: {folder / 'none.obj'}: no such mesh file; check the path"
 
 
-def test_an_image_on_a_mesh_without_texture_coordinates_is_told(folder: Path) -> None:
+def test_an_image_on_a_mesh_without_texture_coordinates_is_reported(folder: Path) -> None:
     material = '[materials.ball]\nkind = "glossy"\nbumps = { map = "grey.png", height = 0.1 }\n'
     line = refusal(folder, HEAD + material + '[[objects]]\nmesh = "plain.obj"\nmaterial = "ball"\n')
     assert line.startswith("objects.0.material: 'ball' has an image, and mesh ") and "no texture coordinates" in line
 
 
-def test_a_missing_scene_file_and_a_mesh_without_light_are_told(folder: Path) -> None:
+def test_a_missing_scene_file_and_a_mesh_without_light_are_reported(folder: Path) -> None:
     with pytest.raises(InvalidScene, match="no such scene file"):
         read_scene(folder / "none.toml")
     with pytest.raises(UnreadableFile, match=r"none\.obj: no such mesh file"):

@@ -102,12 +102,12 @@ def test_lights_stand_in_the_order_of_the_file_and_beside_a_map(folder: Path) ->
         ("falloff = { linear = 40 }", Linear(40)),
     ],
 )
-def test_a_point_of_light_falls_with_the_square_unless_told(folder: Path, falloff: str, law: object) -> None:
+def test_a_point_of_light_falls_with_the_square_unless_asked(folder: Path, falloff: str, law: object) -> None:
     light = light_of(folder, f'kind = "point"\nposition = [1, 2, 3]\nintensity = [4, 5, 6]\n{falloff}')
     assert light == PointLight((1, 2, 3), (4, 5, 6), law)  # type: ignore[arg-type]
 
 
-def test_a_material_of_whitted_is_as_in_python_unless_told(folder: Path) -> None:
+def test_a_material_of_whitted_is_as_in_python_unless_asked(folder: Path) -> None:
     found, plain = blob_of(folder, ""), WhittedMaterial(name="blob")
     names = (
         "diffuse", "specular", "transmission", "ambient", "highlight", "exponent", "ior", "fresnel", "coated",
@@ -116,7 +116,7 @@ def test_a_material_of_whitted_is_as_in_python_unless_told(folder: Path) -> None
     assert [getattr(found, name) for name in names] == [getattr(plain, name) for name in names]
 
 
-def test_a_material_of_whitted_with_everything_told(folder: Path) -> None:
+def test_a_material_of_whitted_with_everything_reported(folder: Path) -> None:
     found = blob_of(
         folder,
         """diffuse = [0.3, 0.1, 0.1]
@@ -147,12 +147,12 @@ def test_paint_is_a_grey_checks_or_an_image(folder: Path) -> None:
     assert image == pytest.approx(0.502886, abs=1e-5)  # sRGB 188 of 255
 
 
-def test_a_material_that_creates_energy_is_told_and_used(folder: Path) -> None:
+def test_a_material_that_creates_energy_is_reported_and_used(folder: Path) -> None:
     with pytest.warns(UserWarning, match="'blob' creates energy"):
         assert blob_of(folder, "diffuse = 0.6\nspecular = 0.6").specular == (0.6, 0.6, 0.6)
 
 
-def test_a_polygon_stands_as_it_is_told(folder: Path) -> None:
+def test_a_polygon_stands_as_it_is_given(folder: Path) -> None:
     text = '[[objects]]\npolygon = [[0, 0, 0], [1, 0, 0], [1, 1, 0]]\nmaterial = "blob"\n'
     (polygon,) = scene_of(folder, HEAD + BLOB + text).scene.objects
     assert isinstance(polygon, Polygon) and polygon.name == "objects.0"
@@ -205,13 +205,13 @@ def test_what_does_not_move_is_the_same_scene_at_any_time(folder: Path) -> None:
     assert mesh.whitted == Whitted() and not mesh.asks_whitted
 
 
-def test_the_renderer_is_whitted_unless_told(folder: Path) -> None:
+def test_the_renderer_is_whitted_unless_asked(folder: Path) -> None:
     found = scene_of(folder, HEAD + BLOB + BALL)
     assert found.whitted == Whitted() and not found.asks_whitted
     assert whitted_of(folder, "") == Whitted()
 
 
-def test_the_renderer_with_everything_told(folder: Path) -> None:
+def test_the_renderer_with_everything_reported(folder: Path) -> None:
     found = whitted_of(
         folder,
         """depth = 5
@@ -236,17 +236,17 @@ def test_the_renderer_with_everything_told(folder: Path) -> None:
         ('attenuation = "none"', Whitted(attenuation=Unattenuated())),
     ],
 )
-def test_the_renderer_with_something_told(folder: Path, keys: str, expected: Whitted) -> None:
+def test_the_renderer_with_something_reported(folder: Path, keys: str, expected: Whitted) -> None:
     assert whitted_of(folder, keys) == expected
 
 
-def test_the_docs_tell_the_renderers_defaults() -> None:
+def test_the_docs_say_the_renderers_defaults() -> None:
     page = (Path(__file__).parents[2] / "docs/scene-file.md").read_text(encoding="utf-8")
     table = page.partition("| `[whitted]` | meaning")[2].partition("\n\n")[0]
-    told = {row.split("|")[1].strip(" `"): row.split("|")[3].strip(" `") for row in table.splitlines()[2:]}
+    said = {row.split("|")[1].strip(" `"): row.split("|")[3].strip(" `") for row in table.splitlines()[2:]}
     plain, finer = Whitted(), Antialiasing()
     assert plain.antialiasing == finer and plain.attenuation == Unattenuated()
-    assert told == {
+    assert said == {
         "depth": f"{plain.depth}",
         "contribution": f"1/{1 / plain.contribution:g}",
         "attenuation": '"none"',

@@ -80,7 +80,7 @@ def test_frames_that_are_none_are_refused(text):
         frames_in(text)
 
 
-def test_keys_are_interpolated_each_value_by_those_that_tell_it(folder):
+def test_keys_are_interpolated_each_value_by_those_that_say_it(folder):
     shot = shot_of(folder, SHOT + KEYS)
     there = at_frame(shot, 2)
     assert there.objects[0].translate == pytest.approx((2, 0, 0))
@@ -153,7 +153,7 @@ def test_a_camera_that_moves_needs_plates_that_do(folder):
         ('frames = "1"\nrates = 4', "unknown key; did you mean rate"),
     ],
 )
-def test_wrong_tables_are_told_by_their_keys(folder, change, words):
+def test_wrong_tables_are_reported_by_their_keys(folder, change, words):
     with pytest.raises(InvalidShot, match=words):
         shot_of(folder, SHOT.replace('frames = "1-4"', change))
 
@@ -163,7 +163,7 @@ def test_keys_out_of_order_are_refused(folder):
         shot_of(folder, SHOT + KEYS.replace("frame = 5", "frame = 1"))
 
 
-def test_a_value_that_keys_make_but_no_file_may_have_is_told_with_its_frame(folder):
+def test_a_value_that_keys_make_but_no_file_may_have_is_reported_with_its_frame(folder):
     keys = "".join(
         f"\n[[objects.keyframes]]\nframe = {f}\nscale = {s}\n" for f, s in ((1, 9), (2, 0.01), (4, 0.01), (5, 9))
     )
@@ -186,7 +186,7 @@ def test_the_light_turns_counter_clockwise_seen_from_above_and_grows_by_stops():
 
 
 class Maker:
-    """A fake job that writes a flat picture whose brightness tells where the object is, and counts its calls."""
+    """A fake job that writes a flat picture whose brightness says where the object is, and counts its calls."""
 
     def __init__(self, stop_at: float | None = None) -> None:
         self.made: list[float] = []

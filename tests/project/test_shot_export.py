@@ -74,9 +74,9 @@ def under(root, path):
 
 
 def value_of(element):
-    told = element.get("value")
-    assert told is not None
-    return told
+    said = element.get("value")
+    assert said is not None
+    return said
 
 
 def quietly(value, folder, name):
@@ -103,18 +103,18 @@ def test_blender_gets_the_camera_in_its_terms(tmp_path):
     camera = replace(shot().camera, centre=(13.0, 7.0), aperture=0.01, focus=1.5)
     quietly(shot(camera=camera), tmp_path / "out", "blender")
     tree = ast.parse((tmp_path / "out" / "shot.py").read_text(encoding="utf-8"))
-    told = next(
+    said = next(
         ast.literal_eval(each.value)
         for each in tree.body
         if isinstance(each, ast.Assign) and isinstance(each.targets[0], ast.Name) and each.targets[0].id == "SHOT"
     )
     # 36 mm across are 24 pixels.
-    assert told["camera"]["lens"] == pytest.approx(45.0)
+    assert said["camera"]["lens"] == pytest.approx(45.0)
     # The principal point is a pixel right of and above the middle: the frame moves left and down.
-    assert told["camera"]["shift"] == pytest.approx((-1 / 24, -1 / 24))
-    assert told["camera"]["f_stop"] == pytest.approx(0.045 / 0.02) and told["camera"]["focus"] == 1.5
-    assert np.allclose(np.array(told["camera"]["axes"]).T, camera.rotation)
-    assert (told["objects"], told["real"], told["distant"]) == ("objects.glb", "real.glb", None)
+    assert said["camera"]["shift"] == pytest.approx((-1 / 24, -1 / 24))
+    assert said["camera"]["f_stop"] == pytest.approx(0.045 / 0.02) and said["camera"]["focus"] == 1.5
+    assert np.allclose(np.array(said["camera"]["axes"]).T, camera.rotation)
+    assert (said["objects"], said["real"], said["distant"]) == ("objects.glb", "real.glb", None)
 
 
 def test_blender_finds_the_strength_of_each_wall(tmp_path):
@@ -203,9 +203,9 @@ def test_mitsuba_gets_what_fills_a_body(tmp_path):
     root = ET.fromstring((tmp_path / "out" / "shot.xml").read_bytes())
     medium = under(root, "shape/medium[@name='interior']")
     # −ln ½ / 0.1 m
-    told = value_of(under(medium, "rgb[@name='sigma_t']")).split(", ")
+    said = value_of(under(medium, "rgb[@name='sigma_t']")).split(", ")
     scale = float(value_of(under(medium, "float[@name='scale']")))
-    assert [scale * float(part) for part in told] == pytest.approx([6.93147, 13.86294, 0.0], abs=1e-4)
+    assert [scale * float(part) for part in said] == pytest.approx([6.93147, 13.86294, 0.0], abs=1e-4)
     place = ET.fromstring((tmp_path / "out" / "place.xml").read_bytes())
     assert under(place, "integrator").get("type") == "volpath"
 

@@ -40,15 +40,15 @@ def test_a_light_far_brighter_or_darker_than_those_around_is_named(strength: flo
     assert line.startswith("1 picture is 4 times brighter or darker") and line.endswith(": lamp 17")
 
 
-def test_an_unlit_half_is_told_with_its_middle_and_the_light_nearest_to_it() -> None:
+def test_an_unlit_half_is_reported_with_its_middle_and_the_light_nearest_to_it() -> None:
     above = LIGHTS.chosen(np.flatnonzero(LIGHTS.directions[:, 1] > 0))
     field = matte(above)
     (line,) = doubts_of(field, levels_of(field)[0])
     assert len(above) == 30
     # Twice the breadth of a mean cell is 2 √(4π/30), 74°.
     nearest = np.degrees(np.arccos(np.clip(even_directions(20000) @ above.directions.T, -1, 1).max(axis=1)))
-    told = f"{(nearest > 74.2).mean():.0%} of the sphere is further than 74° from any"
-    assert line.startswith(f"lights do not stand all around: {told}; towards (")
+    said = f"{(nearest > 74.2).mean():.0%} of the sphere is further than 74° from any"
+    assert line.startswith(f"lights do not stand all around: {said}; towards (")
     assert re.search(r"towards \(-?0(\.\d+)?, -1, -?0(\.\d+)?\) the nearest is lamp \d+, [89]\d° away$", line)
 
 
@@ -130,7 +130,7 @@ def test_the_page_holds_all_it_shows_and_asks_nothing_of_the_net(tmp_path: Path)
     assert not re.search(r"https?://|fetch\(|XMLHttpRequest|@import", text)
 
 
-def test_the_page_tells_that_its_pixels_are_averages(tmp_path: Path) -> None:
+def test_the_page_says_that_its_pixels_are_averages(tmp_path: Path) -> None:
     lights = StageLights.towards(even_directions(5))
     wide = Pictures(np.random.default_rng(3).random((5, 2, 962, 3), np.float32), lights)
     write_stage_report(wide, tmp_path / "report.html", {})

@@ -234,9 +234,9 @@ def test_previews_come_after_one_two_four_and_eight_passes_and_after_a_resume_go
 
 
 def test_progress_rises_to_one():
-    told = []
-    accumulate(trace, passes=5, progress=told.append)
-    assert told == pytest.approx([0.2, 0.4, 0.6, 0.8, 1.0, 1.0])
+    said = []
+    accumulate(trace, passes=5, progress=said.append)
+    assert said == pytest.approx([0.2, 0.4, 0.6, 0.8, 1.0, 1.0])
 
 
 def test_progress_may_cancel_and_what_was_done_is_kept(tmp_path):
@@ -402,7 +402,7 @@ def slow(seed):
     assert process.returncode == 130
 
 
-def test_a_disk_that_is_full_is_told_in_one_line_and_the_old_state_stays(tmp_path):
+def test_a_disk_that_is_full_is_reported_in_one_line_and_the_old_state_stays(tmp_path):
     accumulate(trace, passes=2, seed=3, key=KEY, watch=RenderSession(tmp_path / "p"))
     before = (tmp_path / "p").read_bytes()
     limit = """
@@ -417,7 +417,7 @@ resource.setrlimit(resource.RLIMIT_FSIZE, (2000, 2000))
     assert [file.name for file in tmp_path.iterdir()] == ["p"]
 
 
-def test_a_folder_that_cannot_be_made_is_told(tmp_path):
+def test_a_folder_that_cannot_be_made_is_reported(tmp_path):
     (tmp_path / "file").write_text("")
     with pytest.raises(OutputNotWritten, match="file"):
         accumulate(trace, passes=2, key=KEY, watch=RenderSession(tmp_path / "file" / "p"))
@@ -496,7 +496,7 @@ def test_a_scene_that_nothing_changes_is_done_at_once():
 
 
 def test_an_estimate_from_few_passes_is_not_too_small():
-    # The mean of |error| of normal noise is √(2/π)·σ/√n; without correction four passes tell 8 % less.
+    # The mean of |error| of normal noise is √(2/π)·σ/√n; without correction four passes say 8 % less.
     rng = np.random.default_rng(1)
     planes = [rng.normal(1.0, 0.1, (100, 100, 3)) for _ in range(4)]
     zeros, ones = np.zeros((100, 100, 3)), np.ones((100, 100))

@@ -54,7 +54,7 @@ def test_a_pixel_is_the_mean_of_its_four_corners_and_neighbours_share_them():
     np.testing.assert_array_equal(rays, [[1, 1, 2], [2, 2, 4]])  # the last row and column pay for the border too
 
 
-def test_an_edge_is_told_by_its_area_to_the_hundredth_and_costs_only_the_pixels_it_crosses():
+def test_an_edge_is_found_by_its_area_to_the_hundredth_and_costs_only_the_pixels_it_crosses():
     means, rays, asked = picture(half_plane, 10, 10, Antialiasing(3, 0.1))
     area = area_of_half_plane()
     assert np.abs(means - area).max() < 0.02

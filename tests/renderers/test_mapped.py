@@ -445,10 +445,10 @@ def test_materials_of_the_same_lobe_share_its_table():
     assert tables[2][1] is not tables[0][0]
 
 
-def test_progress_is_told_and_the_seed_changes_nothing():
-    told, scene = [], Scene(sunny(16), objects=(ball(GREY),))
-    one = Prefiltered().render(scene, CLOSE, seed=1, progress=told.append)
-    assert told[-1] == 1.0
+def test_progress_is_reported_and_the_seed_changes_nothing():
+    said, scene = [], Scene(sunny(16), objects=(ball(GREY),))
+    one = Prefiltered().render(scene, CLOSE, seed=1, progress=said.append)
+    assert said[-1] == 1.0
     np.testing.assert_array_equal(one.radiance, Prefiltered().render(scene, CLOSE, seed=2).radiance)
 
 

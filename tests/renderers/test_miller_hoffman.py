@@ -75,7 +75,7 @@ def test_section_3_line_9_adds_the_weighted_look_ups_of_N_and_R(w_d, w_s):
 
 
 def test_section_3_the_reflected_direction_is_the_eyes_mirrored_at_the_normal():
-    # Lines 6 to 8, seen in a mirror of a light that tells its direction.
+    # Lines 6 to 8, seen in a mirror of a light that says its direction.
     N, E = surfaces()
     found = []
     for axis in np.eye(3):

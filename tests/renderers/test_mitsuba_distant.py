@@ -136,7 +136,7 @@ def test_what_stands_outside_is_refused():
     assert Mitsuba(samples=4).render(Scene(light, (floor,), distant=ROOM), camera).radiance.shape == (4, 4, 3)
 
 
-def test_a_wall_that_hides_another_is_told():
+def test_a_wall_that_hides_another_is_reported():
     corners, faces = cuboid((-2, -2, -2), (2, 2, 2))
     pillar = 0.2 * corners * [1, 9, 1] + [1.0, 0, 0]
     both = Enclosure(np.concatenate([corners, pillar]).astype(np.float32), np.concatenate([faces, faces + 8]))

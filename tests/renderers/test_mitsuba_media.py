@@ -41,7 +41,7 @@ def crossed(mi: Any, medium: Medium, distance: float) -> tuple[np.ndarray, np.nd
     return every, np.broadcast_to(np.array(weight).reshape(3, -1), (3, SAMPLES)), np.array(onward.d)
 
 
-def test_media_are_told_apart_by_their_shapes_and_empty_ones_take_nothing(mi):
+def test_media_are_kept_apart_by_their_shapes_and_empty_ones_take_nothing(mi):
     thin, thick = Medium((1.0, 2.0, 3.0)), Medium((4.0, 5.0, 6.0))
     media, shapes = media_of(mi, thick, None, thin, thick)
     assert [int(np.array(media.number(shape))[0]) for shape in shapes] == [1, 0, 2, 1]

@@ -116,11 +116,11 @@ def test_a_noise_target_that_cannot_be_met_traces_all_samples():
 
 
 def test_progress_rises_to_one():
-    told = []
-    render(SCENE, CAMERA, Mitsuba(samples=64), progress=told.append)
-    assert told == sorted(told)
-    assert told[0] > 0
-    assert told[-1] == 1.0
+    said = []
+    render(SCENE, CAMERA, Mitsuba(samples=64), progress=said.append)
+    assert said == sorted(said)
+    assert said[0] > 0
+    assert said[-1] == 1.0
 
 
 def test_the_scalar_variant_makes_the_same_picture():

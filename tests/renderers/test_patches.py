@@ -516,7 +516,7 @@ def test_strange_patches_are_met_where_fine_triangles_are(number, finest, monkey
     patches, mesh = Patches(net[None], GREY), RayCaster.of([fine(net[None], 128)])
     origins, directions = some_rays(patches, 4000, 17 + number)
     hits, slow = hits_of(patches, origins, directions), mesh.nearest(origins, directions)
-    # Where the triangles tell the same of all rays near by, they tell the truth.
+    # Where the triangles say the same of all rays near by, they say the truth.
     sure = np.ones(len(origins), bool)
     for nudge in 0.002 * np.concatenate([np.eye(3), -np.eye(3)]):
         aside = mesh.nearest(origins, normalised(directions + nudge))
@@ -605,8 +605,8 @@ def test_scenes_of_all_shapes_are_met_as_the_slow_twin_meets_them():
     for i, (origin, direction) in enumerate(zip(origins, directions, strict=True)):
         distance, shape, primitive = naive.nearest_hit(shapes, origin, direction)
         if shape in (-1, 1) or hits.shape[i] == 1:
-            told = [(h.distance[i], h.shape[i], h.primitive[i]) for h in nearby]
-            wrong += not any(s == shape and p == primitive and (s < 0 or abs(d - distance) < 0.02) for d, s, p in told)
+            said = [(h.distance[i], h.shape[i], h.primitive[i]) for h in nearby]
+            wrong += not any(s == shape and p == primitive and (s < 0 or abs(d - distance) < 0.02) for d, s, p in said)
         else:
             assert (hits.shape[i], hits.primitive[i]) == (shape, primitive)
             assert hits.distance[i] == pytest.approx(distance, rel=1e-9)

@@ -190,7 +190,7 @@ def test_texture_coordinates_go_over_the_rectangle_whose_u_runs_along_the_first_
     np.testing.assert_allclose(surface.dp_dv, np.tile(place(10 * left[None], at=(0, 0, 0)), (2, 1)), atol=1e-12)
 
 
-def test_a_vertex_told_twice_changes_nothing():
+def test_a_vertex_reported_twice_changes_nothing():
     once, twice = polygon(ELL, turn=TILT), polygon(np.concatenate([ELL[:1], ELL]), turn=TILT)
     origins, directions = rays_at(place(np.random.default_rng(9).uniform(0, 3, size=(400, 2)), at=(0, 0, 0)), 10)
     one, two = (RayCaster.of([shape]).nearest(origins, directions) for shape in (once, twice))

@@ -500,7 +500,7 @@ def test_the_derivatives_lead_from_one_hit_to_the_next(shape):
     assert both.sum() > 50
     expected = here.dp_du[both] * change[:, :1] + here.dp_dv[both] * change[:, 1:]
     seamless = np.abs(change[:, 0]) < 0.5
-    # uv, single precision, is told to 6e-8 of some metres.
+    # uv, single precision, is asked to 6e-8 of some metres.
     np.testing.assert_allclose(expected[seamless], (there.point - here.point)[both][seamless], atol=6e-6)
     assert np.linalg.norm(expected[seamless], axis=-1).max() > 1e-3
 

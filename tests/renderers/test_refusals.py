@@ -1,4 +1,4 @@
-"""What reflection maps and Whitted's method cannot show is refused, or told, in one line."""
+"""What reflection maps and Whitted's method cannot show is refused, or reported, in one line."""
 
 from __future__ import annotations
 
@@ -56,7 +56,7 @@ def test_whitted_looks_through_the_principal_point():
 FULL = Material(clearcoat=0.5, emission=(1.0, 0.0, 0.0), alpha=0.5, sheen_color=(0.1, 0.1, 0.1), name="cloth")
 
 
-def test_what_of_a_material_is_not_shown_is_told():
+def test_what_of_a_material_is_not_shown_is_reported():
     assert unsupported_features(FULL) == ("emission", "alpha", "clearcoat", "sheen")
     glass = Material(transmission=1.0, dispersion=1.0, thin=True, attenuation_color=(0.5, 0.5, 0.5))
     assert unsupported_features(glass) == ("thinness", "dispersion")

@@ -41,7 +41,7 @@ def in_furnace(material, **settings) -> np.ndarray:
 @pytest.mark.parametrize("transmission", [0.0, 0.5])
 def test_no_material_makes_light_and_smooth_ones_lose_none(metallic, roughness, transmission):
     seen = in_furnace(rl.Material(WHITE, metallic, roughness, transmission))
-    # A constellation of 64 lights tells constant light to a few per cent; what diffuses inside a ball is lost.
+    # A constellation of 64 lights says constant light to a few per cent; what diffuses inside a ball is lost.
     assert seen.mean() <= 1.02
     assert seen.max() <= 1.15
     if roughness == 0 and transmission == 0:
@@ -185,7 +185,7 @@ def test_noise_that_nobody_measured_is_not_called_certainty():
         assert np.all(variance == 0) if known else np.all(np.isnan(variance))
 
 
-def test_an_eye_in_glass_is_told_of_and_one_in_a_hollow_is_not():
+def test_an_eye_in_glass_is_reported_of_and_one_in_a_hollow_is_not():
     clear = WhittedMaterial(transmission=WHITE)
     ball = rl.Sphere((0, 0, 5), 2.0, clear, "ball")
     hollow = rl.Sphere((0, 0, 5), 1.0, replace(clear, ior=1 / 1.5), "hollow")
@@ -194,14 +194,14 @@ def test_an_eye_in_glass_is_told_of_and_one_in_a_hollow_is_not():
     rl.Whitted().render(rl.Scene(FURNACE, objects=(ball, hollow)), CAMERA)
 
 
-def test_triangles_without_area_are_told_of():
+def test_triangles_without_area_are_reported():
     points = np.array([[0, 0, 0], [1, 0, 0], [2, 0, 0], [0, 1, 0]], np.float32)
     mesh = rl.Mesh(points, np.array([[0, 1, 2], [0, 1, 3]], np.int32), rl.Diffuse((0.5, 0.5, 0.5)), name="sheet")
     with pytest.warns(UserWarning, match="1 of the 2 triangles of 'sheet' have no area"):
         rl.Whitted().render(rl.Scene(FURNACE, objects=(mesh,)), CAMERA)
 
 
-def test_a_tree_without_end_is_cut_and_told_of():
+def test_a_tree_without_end_is_cut_and_reported_of():
     pane = WhittedMaterial(specular=HALF, transmission=HALF, ior=1.0)
     panes = tuple(wall(9, z, pane) for z in np.linspace(-1, 0, 8))
     scene = rl.Scene(FURNACE, objects=panes)

@@ -152,7 +152,7 @@ def test_section_1_a_smooth_mesh_is_lit_where_both_its_facet_and_its_normal_face
 @pytest.mark.parametrize(
     ("falloff", "share"), [(Unattenuated(), 1), (Linear(8.0), 0.75), (Linear(1.5), 0), (SquareLaw(), 0.25)]
 )
-def test_section_1_lights_fall_with_distance_as_they_are_told(falloff, share):
+def test_section_1_lights_fall_with_distance_as_they_are_reported(falloff, share):
     lamp = PointLight((0.0, 2.0, 0.0), UNIT, falloff)
     scene = Scene(DARKNESS, (Plane(WhittedMaterial(grey(0.8))),), lights=(lamp,))
     np.testing.assert_allclose(seen(scene, [0, 1, 0], -UP), 0.8 * share, rtol=1e-6)

@@ -138,7 +138,7 @@ def test_what_is_not_rendered_is_said(tmp_path):
 
 
 @pytest.mark.parametrize("change", ["cut", "node", "loop", "kind", "sparse", "falling", "text"])
-def test_a_damaged_file_is_told_in_one_line(tmp_path, change):
+def test_a_damaged_file_is_reported_in_one_line(tmp_path, change):
     header, blob = animated(SWING, NODES)
     if change == "cut":
         blob = blob[:70]
@@ -159,7 +159,7 @@ def test_a_damaged_file_is_told_in_one_line(tmp_path, change):
     assert "\n" not in str(caught.value)
 
 
-def test_two_nodes_of_one_name_are_told_apart_or_refused(tmp_path):
+def test_two_nodes_of_one_name_are_kept_apart_or_refused(tmp_path):
     path = written(tmp_path, SWING)
     motion = motion_in(path)
     two = replace(motion, nodes=(*motion.nodes, motion.nodes[1]))

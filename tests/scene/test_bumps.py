@@ -50,7 +50,7 @@ def test_wrinkled_normals_are_of_unit_length_and_differ():
 
 
 def heights_on_the_floor(wrinkles, side, count):
-    """The displacement of a floor, summed up from the slopes that its normals tell."""
+    """The displacement of a floor, summed up from the slopes that its normals say."""
     east = np.linspace(0, side, count)
     points = np.stack(np.meshgrid(east, [0.0], east, indexing="ij"), -1).reshape(-1, 3)
     normals = of_wrinkles(wrinkles, points, np.broadcast_to(NORMAL, points.shape))

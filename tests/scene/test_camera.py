@@ -118,6 +118,6 @@ def test_a_straight_line_has_the_deviations_of_the_textbook():
     np.testing.assert_allclose(noisy.deviations, [np.sqrt(1 / 5), np.sqrt(1 / 10)], rtol=1e-6)
 
 
-def test_what_the_measurements_do_not_tell_has_no_deviation_but_the_rest_has():
+def test_what_the_measurements_do_not_say_has_no_deviation_but_the_rest_has():
     found = least_squares(lambda v: np.array([v[0] - 1, 2 * v[0] - 2, v[0] - 1]), np.zeros(2), 1.0)
     assert found.deviations[0] == pytest.approx(1 / np.sqrt(6), rel=1e-6) and found.deviations[1] == np.inf

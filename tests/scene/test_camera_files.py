@@ -280,7 +280,7 @@ def test_a_usd_file_that_is_missing_beside_another_is_named(tmp_path, capfd):
 # --- Blender --------------------------------------------------------------------------------------------------------
 
 
-def told(**changes):
+def blender_camera(**changes):
     return {
         "format": FORMAT, "matrix_world": placed(world=Z_UP).tolist(), "unit": 1.0, "lens": 35.0,
         "sensor_width": 36.0, "sensor_height": 24.0, "sensor_fit": "AUTO", "shift": [0.0, 0.0],
@@ -289,7 +289,7 @@ def told(**changes):
 
 
 def blender(folder, size=(360, 240), **changes):
-    return read_camera(written(folder, json.dumps(told(**changes)), "camera.json"), *size)
+    return read_camera(written(folder, json.dumps(blender_camera(**changes)), "camera.json"), *size)
 
 
 def test_a_blender_camera_comes_back(tmp_path):
@@ -342,7 +342,7 @@ def test_the_script_is_python_that_writes_what_is_read(tmp_path, monkeypatch):
     assert found.focus == 3.0 and found.aperture == pytest.approx(0.035 / 5.6)
 
 
-def test_blenders_own_camera_of_the_room_is_the_one_its_grid_tells(tmp_path, shared):
+def test_blenders_own_camera_of_the_room_is_the_one_its_grid_says(tmp_path, shared):
     from relume.image.files import read_photograph
 
     room = shared / "shoots" / "room"
@@ -391,10 +391,10 @@ def test_blenders_own_camera_of_the_room_is_the_one_its_grid_tells(tmp_path, sha
         ),
         ("a.json", "{}", "not a camera; expected what fSpy exports, or what relume's script writes"),
         ("a.json", "{", "not valid JSON"),
-        ("a.json", json.dumps(told(lens=0)), "a lens of 0"),
-        ("a.json", json.dumps(told(resolution=[100, 100])), "made for a picture of 100×100, not 360×240"),
-        ("a.json", json.dumps(told(pixel_aspect=[2, 1])), "pixels are not square"),
-        ("a.json", json.dumps(told(focus=-1.0)), "focus -1.0"),
+        ("a.json", json.dumps(blender_camera(lens=0)), "a lens of 0"),
+        ("a.json", json.dumps(blender_camera(resolution=[100, 100])), "made for a picture of 100×100, not 360×240"),
+        ("a.json", json.dumps(blender_camera(pixel_aspect=[2, 1])), "pixels are not square"),
+        ("a.json", json.dumps(blender_camera(focus=-1.0)), "focus -1.0"),
         ("a.json", json.dumps({"format": FORMAT}), "its camera lacks something"),
     ],
 )

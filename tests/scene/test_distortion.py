@@ -106,7 +106,7 @@ def test_a_straightened_picture_sees_all_and_comes_back(lens):
     assert np.abs(again - smooth(camera.rays())[2:-2, 2:-2]).max() < 1e-3
 
 
-def test_what_the_picture_does_not_reach_is_nan_and_wrong_calls_are_told():
+def test_what_the_picture_does_not_reach_is_nan_and_wrong_calls_are_reported():
     camera = Camera(8, 6, 10.0, np.zeros(3), np.eye(3))
     picture = np.ones((6, 8), np.float32)
     right = Camera(8, 6, 10.0, np.zeros(3), np.eye(3), centre=(0.0, 3.0))

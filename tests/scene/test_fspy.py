@@ -35,9 +35,9 @@ def project(state, image=b"\x89PNG", version=1, magic=b"fspy"):
     return magic + struct.pack("<III", version, len(text), len(image)) + text + image
 
 
-def saved(told=None, unit="Meters", axis="xPositive"):
+def saved(said=None, unit="Meters", axis="xPositive"):
     settings = {"referenceDistanceUnit": unit, "referenceDistance": 1, "referenceDistanceAxis": axis}
-    return project({"cameraParameters": told or parameters(), "calibrationSettingsBase": settings})
+    return project({"cameraParameters": said or parameters(), "calibrationSettingsBase": settings})
 
 
 def written(folder, data, name="shot.fspy"):
@@ -54,7 +54,7 @@ def test_a_project_gives_back_its_camera(tmp_path):
 
 
 @pytest.mark.parametrize(("unit", "metres"), [("Centimeters", 0.01), ("Feet", 0.3048), ("Inches", 0.0254)])
-def test_the_reference_distance_tells_the_unit(tmp_path, unit, metres):
+def test_the_reference_distance_gives_the_unit(tmp_path, unit, metres):
     camera = read_fspy(written(tmp_path, saved(unit=unit)), 1200, 800)
     np.testing.assert_allclose(camera.position, CAMERA.position * metres, rtol=1e-14)
 
@@ -94,17 +94,17 @@ def test_the_vanishing_points_fspy_reports_are_those_of_the_camera_it_reports(tm
         [-0.5374758933300462, 0.002440640853491923, -0.8432755820971537, -3.292501097791757],
         [0.0, 0.0, 0.0, 1.0],
     ]
-    told = parameters() | {
+    said = parameters() | {
         "cameraTransform": {"rows": turn}, "horizontalFieldOfView": 1.5479845321227295,
         "imageWidth": 1439, "imageHeight": 956,
     }  # fmt: skip
-    camera = read_fspy(written(tmp_path, saved(told)), 1439, 956, up="y")
+    camera = read_fspy(written(tmp_path, saved(said)), 1439, 956, up="y")
     seen = np.array([[1.6051650133994935, 0.001021010320067342], [-0.652074716204382, 0.0029610261811691915]])
     rays = camera.rays_through([719.5, 478] + seen * [719.5, -719.5])
     np.testing.assert_allclose(rays, [[-1, 0, 0], [0, 0, 1]], atol=1e-12)
     assert camera.position.tolist() == [turn[0][3], turn[1][3], turn[2][3]]
     with pytest.warns(UserWarning, match='its Y axis is more upright .* give up = "y"'):
-        read_fspy(written(tmp_path, saved(told)), 1439, 956)
+        read_fspy(written(tmp_path, saved(said)), 1439, 956)
 
 
 @pytest.mark.parametrize(

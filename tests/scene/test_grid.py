@@ -97,7 +97,7 @@ def test_the_focal_length_comes_from_the_photograph_unless_given():
     assert camera_from_grid(photograph, squares=SQUARES, square=SQUARE).focal_length == true.focal_length
 
 
-def test_a_photograph_that_tells_no_focal_length_asks_for_it():
+def test_a_photograph_that_says_no_focal_length_asks_for_it():
     photograph = photograph_of_the_board(camera_at(0, 40), name="grid.jpg")
     with pytest.raises(GridNotFound, match=r"grid\.jpg: no focal length in its EXIF; give camera\.focal_length"):
         camera_from_grid(photograph, squares=SQUARES, square=SQUARE)
@@ -177,14 +177,14 @@ def test_a_photographed_board_behind_a_distorting_lens_gives_back_the_camera():
     assert blind.residual is not None and blind.residual > 2 * fit.residual
 
 
-def test_a_slanted_board_tells_the_focal_length_with_its_uncertainty():
+def test_a_slanted_board_gives_the_focal_length_with_its_uncertainty():
     true = replace(camera_at(35, 30, target=(0, 0, 0)), position=camera_at(35, 30, target=(0, 0, 0)).position * 0.6)
     found = []
     for seed in range(10):
         with pytest.warns(UserWarning, match=r"from one flat board is \d+\.\d ± \d+\.\d pixels") as caught:
             fit = fit_corners(board_seen_by(true, 0.1, seed), (480, 360), square=SQUARE, focal_length=None)
-        told = float(str(caught[0].message).split("± ")[1].split(" pixels")[0])
-        found.append((fit.camera.focal_length - 720) / told)
+        said = float(str(caught[0].message).split("± ")[1].split(" pixels")[0])
+        found.append((fit.camera.focal_length - 720) / said)
         assert np.linalg.norm(fit.camera.position - true.position) < 0.03
     # Ten draws of a unit normal: their root mean square leaves [0.4, 1.8] once in a thousand.
     assert 0.4 < np.sqrt(np.mean(np.square(found))) < 1.8
@@ -212,7 +212,7 @@ def test_a_k1_that_noise_could_have_made_is_left_out():
     assert fit.camera.distortion is None and np.array_equal(fit.camera.position, plain.camera.position)
 
 
-def test_a_board_seen_from_straight_above_does_not_tell_the_focal_length():
+def test_a_board_seen_from_straight_above_does_not_give_the_focal_length():
     above = Camera(480, 360, 720.0, np.array([0, 0.8, 0]), np.array([[1.0, 0, 0], [0, 0, 1], [0, -1, 0]]))
     with pytest.raises(GridNotFound, match=r"top\.jpg: .*does not determine the focal length .*give camera"):
         fit_corners(board_seen_by(above, 0.1), (480, 360), square=SQUARE, focal_length=None, name="top.jpg")
@@ -232,7 +232,7 @@ def test_what_contradicts_itself_is_refused():
 
 
 @pytest.mark.skipif(not ROOM.is_dir(), reason=f"the room shoot is not in {ROOM}")
-def test_the_room_shoot_tells_its_focal_length_and_its_residual():
+def test_the_room_shoot_says_its_focal_length_and_its_residual():
     truth = json.loads((ROOM / "truth" / "shoot.json").read_text())["plate_camera"]
     photograph = read_photograph(ROOM / "plate_grid.jpg")
     with pytest.warns(UserWarning, match="focal length from one flat board"):

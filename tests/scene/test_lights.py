@@ -45,13 +45,13 @@ def test_checks_are_cubes_and_a_material_is_black_unless_it_says_otherwise():
         (0.9, lambda: WhittedMaterial((0.9, 0.9, 0.9), specular=(0.8, 0.8, 0.8), coated=True)),
     ],
 )
-def test_a_material_tells_the_most_that_a_channel_sends_out(most: float, material: Callable[[], WhittedMaterial]):
+def test_a_material_says_the_most_that_a_channel_sends_out(most: float, material: Callable[[], WhittedMaterial]):
     with warnings.catch_warnings():
         warnings.simplefilter("error")
         assert material().most() == pytest.approx(most)
 
 
-def test_a_material_that_creates_energy_is_told():
+def test_a_material_that_creates_energy_is_reported():
     with pytest.warns(UserWarning, match=r"'neon' creates energy: its coefficients add up to 1\.3"):
         WhittedMaterial((0.2, 0.7, 0.1), specular=(0.6, 0.6, 0.6), name="neon")
 
@@ -140,7 +140,7 @@ def test_newells_teapot_is_whole(shared: Path):
         ("1\n3 3\n" + "0 0 nan\n" * 16, "not finite"),
     ],
 )
-def test_a_file_that_holds_no_patches_is_told(tmp_path: Path, text: str | None, line: str):
+def test_a_file_that_holds_no_patches_is_reported(tmp_path: Path, text: str | None, line: str):
     if text is not None:
         (tmp_path / "a.bpt").write_text(text)
     with pytest.raises(UnreadableFile, match=line) as caught:

@@ -152,10 +152,10 @@ def test_traced_frames_show_each_moment_of_a_scene_and_prepare_only_what_changed
     method = Whitted(antialiasing=None, threads=1)
     still = list(traced_frames(method, lambda share: scene, CAMERA, None, 3))
     assert len(made) == 1 and np.array_equal(still[0].radiance, still[2].radiance)
-    told: list[float] = []
-    turning = list(traced_frames(method, lambda s: scene, CAMERA, Turntable(), 4, progress=told.append))
+    said: list[float] = []
+    turning = list(traced_frames(method, lambda s: scene, CAMERA, Turntable(), 4, progress=said.append))
     assert len(made) == 1 + 4
-    assert told == [0.25, 0.5, 0.75, 1]
+    assert said == [0.25, 0.5, 0.75, 1]
     # The ball begins at the right, goes behind, to the left, and comes before the camera.
     across = [float(np.average(np.arange(40), weights=f.matte.sum(axis=0))) for f in turning]
     assert across[0] > 25 and across[2] < 14 and across[1] == pytest.approx(across[3], abs=0.5)

@@ -51,14 +51,14 @@ def test_a_picture_is_decoded_and_multiplied(read, tmp_path):
     np.testing.assert_allclose(material.base_color[0, 0], [0.2158605, 0.1079303, 0], atol=1e-6)
 
 
-def test_a_missing_picture_is_told_with_its_material(read):
+def test_a_missing_picture_is_reported_with_its_material(read):
     with pytest.raises(
         UnreadableFile, match=r"paint\.mtl: the map_Kd of its material 'tin', gone\.png, cannot be read"
     ):
         read("map_Kd gone.png")
 
 
-def test_numbers_that_cannot_be_are_told_with_their_material(read):
+def test_numbers_that_cannot_be_are_reported_with_their_material(read):
     with pytest.raises(UnreadableFile, match=r"paint\.mtl: the material 'tin' cannot be read \(.*base_color"):
         read("Kd 5 0 0")
 

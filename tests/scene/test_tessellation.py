@@ -119,7 +119,7 @@ def star(points: int) -> list[list[float]]:
         (FRAME, 8.0),
         (SPIRAL, 10.0),
         (star(7), 14 / 2 * 0.3 * np.sin(np.pi / 7)),
-        ([[0, 0], [0.5, 0], [1, 0], [1, 0], [1, 1], [0, 1], [0, 0.25]], 1.0),  # on its sides, and told twice
+        ([[0, 0], [0.5, 0], [1, 0], [1, 0], [1, 1], [0, 1], [0, 0.25]], 1.0),  # on its sides, and reported twice
     ],
     ids=["square", "chevron", "comb", "frame", "spiral", "star", "with vertices that say nothing"],
 )
@@ -153,7 +153,7 @@ def test_an_outline_that_crosses_itself_is_refused_by_its_name():
 
 
 def test_a_polygon_in_space_keeps_its_side_and_has_the_texture_coordinates_that_rays_see():
-    # A chevron that leans, told from a point on its side.
+    # A chevron that leans, reported from a point on its side.
     u, v = np.array([0.6, 0, -0.8]), np.array([0.48, 0.8, 0.36])
     flat = np.array(CHEVRON[1:] + CHEVRON[:1], float)
     polygon = Polygon(np.array([5, -2, 1]) + flat[:, :1] * u + flat[:, 1:] * v, GREY, "chevron")

@@ -133,7 +133,7 @@ def test_one_set_and_one_upright_line_are_enough_with_the_focal_length():
         fitted(rolled, AxisLines(x=edges(rolled, 0)), focal_length=1400.0)
 
 
-def test_a_cropped_photograph_tells_its_principal_point():
+def test_a_cropped_photograph_says_its_principal_point():
     camera = replace(CAMERA, centre=(700.0, 330.0))
     fit = fitted(camera, drawn(camera, "xyz"), estimate_centre=True)
     assert fit.camera.centre == pytest.approx((700, 330), abs=1e-4)
@@ -160,7 +160,7 @@ def test_lines_behind_a_distorting_lens_are_straightened():
         CameraHeight(0.8),
     ],
 )
-def test_any_known_length_tells_the_size(length):
+def test_any_known_length_gives_the_size(length):
     fit = fitted(CAMERA, drawn(CAMERA, "xz"), length)
     assert np.linalg.norm(fit.camera.position - CAMERA.position) < 1e-7
 
@@ -198,7 +198,7 @@ def test_a_real_room_comes_back_from_lines_along_its_box(shared):
         ),
     ],
 )
-def test_lines_that_tell_no_camera_are_refused_in_one_line(lines, given, message):
+def test_lines_that_say_no_camera_are_refused_in_one_line(lines, given, message):
     with pytest.raises(ValueError, match=message) as caught:
         fitted(CAMERA, lines(), **given)
     assert "\n" not in str(caught.value)
@@ -211,7 +211,7 @@ def test_lines_that_are_no_lines_are_refused():
         AxisLines(z=[[[0, 0], [9, 0]], [[5, 5], [6, 5]]])
 
 
-def test_lengths_that_tell_no_size_are_refused():
+def test_lengths_that_say_no_size_are_refused():
     lines, above = drawn(CAMERA, "xz"), (600.0, -3000.0)
     with pytest.raises(ValueError, match="lies above the horizon"):
         fitted(CAMERA, lines, GroundLength(at(CAMERA, 0, 0, 0), above, 1.0))

@@ -1,4 +1,4 @@
-"""The energy audit: what it measures, and that it tells a lost sun and nothing else."""
+"""The energy audit: what it measures, and that it says a lost sun and nothing else."""
 
 import numpy as np
 import pytest
@@ -39,7 +39,7 @@ def test_clipped_and_unseen_solid_angles_are_those_of_the_marked_pixels():
     assert found.facts()["clipped sr"] == pytest.approx(cap, rel=1e-3)
 
 
-def test_blocks_of_a_large_map_tell_the_same_as_its_pixels(monkeypatch):
+def test_blocks_of_a_large_map_say_the_same_as_its_pixels(monkeypatch):
     light = sunny(256, sun=400)
     whole = light.audit()
     monkeypatch.setattr("relume.sphere.audit._ROWS", 64)

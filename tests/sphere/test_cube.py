@@ -154,7 +154,7 @@ def test_a_mirrored_cube_is_met_by_a_mirrored_direction(axis, sign, faces):
     assert faces_of(mirrored).mean((1, 2, 3)) == pytest.approx(means)
 
 
-def test_a_wrong_call_is_told():
+def test_a_wrong_call_is_reported():
     with pytest.raises(ValueError, match="power of two"):
         mips(noise(6))
     with pytest.raises(ValueError, match='axis is "y"'):

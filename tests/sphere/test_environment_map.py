@@ -127,7 +127,7 @@ def test_beyond_its_field_a_fisheye_shows_nothing():
     assert light.lookup(Z).tolist() == [0, 0, 0] and light.lookup(-Z).tolist() == [1, 2, 0.5]
 
 
-def test_what_a_file_told_stays_with_its_light():
+def test_what_a_file_reported_stays_with_its_light():
     light = EnvironmentMap(noise(LatLong(), 12).radiance, attributes={"owner": "me"})
     picture = as_radiance_map(light.remapped(Angular(), 12).rotated(rotation_about(X, 1)))
     assert picture.attributes == {"owner": "me", "mapping": "angular"}
@@ -299,7 +299,7 @@ def test_a_picture_twice_as_wide_as_high_is_a_lat_long():
 
 
 @pytest.mark.parametrize(("height", "width"), [(6, 6), (4, 9)])
-def test_a_picture_of_another_shape_does_not_tell_its_mapping(height, width):
+def test_a_picture_of_another_shape_does_not_say_its_mapping(height, width):
     with pytest.raises(ValueError, match=f"{width}×{height} pixels does not say its mapping"):
         as_environment(RadianceMap(np.ones((height, width, 3), np.float32)))
 

@@ -108,7 +108,7 @@ def test_marks_follow_the_picture():
     assert np.all(view.clipped == OUTSIDE)
 
 
-def test_wrong_calls_are_told():
+def test_wrong_calls_are_reported():
     light, picture = smooth(size=8), RadianceMap(np.ones((4, 4, 3), np.float32), unit="cd/m²")
     with pytest.raises(ValueError, match='picture is in "cd/m²" and the light in "relative"'):
         insert_view(light, picture, AHEAD, 1.0)

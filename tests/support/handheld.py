@@ -16,7 +16,7 @@ from relume.image.photograph import Exposure, Photograph
 from synthetic import VirtualCamera
 
 FINE = 2
-"""Pixels of the scene per pixel of a frame, each way, unless told."""
+"""Pixels of the scene per pixel of a frame, each way, unless asked."""
 MARGIN = 110
 """Pixels of a frame that the scene reaches beyond the picture on every side."""
 

@@ -51,7 +51,7 @@ def spread_tent(distance: np.ndarray, step: float) -> np.ndarray:
 def carried(picture, motion, remoteness, same: float, samples: int) -> np.ndarray:
     """Every pixel carried along its vector, nearer ones before farther ones; nothing behind them guessed."""
     height, width = picture.shape[:2]
-    total, told = np.zeros(picture.shape), np.zeros((height, width))
+    total, said = np.zeros(picture.shape), np.zeros((height, width))
     columns, rows = np.arange(width), np.arange(height)
     for time in (np.arange(samples) + 0.5) / samples - 0.5:
         splats = []
@@ -76,5 +76,5 @@ def carried(picture, motion, remoteness, same: float, samples: int) -> np.ndarra
         scale = np.where(covered + seen < 0.5, 1, 1 / np.maximum(covered + seen, 1e-9))
         for part, layer in ((covered, layers[0]), (seen, layers[1])):
             total += (scale * part / np.maximum(layer[..., 3], 1e-12))[..., None] * layer[..., :3]
-            told += scale * part
-    return total / told[..., None]
+            said += scale * part
+    return total / said[..., None]

@@ -27,11 +27,11 @@ def by_openimageio(path: Path) -> np.ndarray:
 
 
 def attributes_by_openimageio(path: Path, *names: str) -> list[Any]:
-    """What a file tells under these names, None for each that it has not."""
+    """What a file says under these names, None for each that it has not."""
     import OpenImageIO as oiio
 
     source = oiio.ImageInput.open(str(path))
     assert source is not None, oiio.geterror()
-    told = [source.spec().getattribute(name) for name in names]
+    said = [source.spec().getattribute(name) for name in names]
     source.close()
-    return told
+    return said

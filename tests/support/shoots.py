@@ -70,7 +70,7 @@ def written(folder: Path, photographs: Sequence[Photograph]) -> list[str]:
 
 
 def raw_files(folder: Path, instants: Sequence[np.ndarray], seconds: Sequence[float]) -> list[Path]:
-    """DNG files of luminances (H, W), one an exposure; 1 is white at one second, whatever the aperture they tell."""
+    """DNG files of luminances (H, W), one an exposure; 1 is white at one second, whatever the aperture they say."""
     folder.mkdir(parents=True, exist_ok=True)
     paths = []
     for index, (light, t) in enumerate(zip(instants, seconds, strict=True)):

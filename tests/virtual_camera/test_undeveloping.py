@@ -1,4 +1,4 @@
-"""The camera backwards: what was developed comes back within its pixel values' steps, and what was cut off is told."""
+"""The camera backwards: what was developed comes back within its pixel values' steps, and losses are reported."""
 
 from dataclasses import dataclass
 

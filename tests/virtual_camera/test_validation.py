@@ -43,7 +43,7 @@ def test_a_picture_without_any_number_cannot_be_repaired():
         validate_radiance(RadianceMap(flat(np.nan)), repair=True)
 
 
-def test_negative_values_are_told_and_taken_as_nothing():
+def test_negative_values_are_reported_and_taken_as_nothing():
     radiance = flat()
     radiance[1, 1, 2] = -0.25
     with pytest.warns(UserWarning, match=r"1 of 144 values are negative, as low as -0\.25"):

@@ -103,7 +103,7 @@ def test_a_spark_and_what_is_beside_the_ball_are_not_the_lamp() -> None:
     assert find_highlight(picture, CIRCLE) == pytest.approx((71.3, 38.6), abs=0.1)
 
 
-def test_a_ball_without_lamp_is_told() -> None:
+def test_a_ball_without_lamp_is_reported() -> None:
     for picture in (np.zeros((100, 120, 3)), np.full((100, 120, 3), 0.3)):
         with pytest.raises(BallNotFound, match=r"b\.png: the ball shows no lamp"):
             read_ball([picture], MirrorBall(CIRCLE), ["b.png"])
@@ -111,7 +111,7 @@ def test_a_ball_without_lamp_is_told() -> None:
         find_highlight(spot(10, 10, 2), outline_of_circle(300, 300, 20))
 
 
-def test_a_mask_tells_the_ball_though_its_foot_is_hidden() -> None:
+def test_a_mask_shows_the_ball_though_its_foot_is_hidden() -> None:
     rows, columns = np.indices((100, 120)) + 0.5
     disc = np.hypot(columns - 60.4, rows - 48.8) < 37.3
     whole = outline_of_mask(disc)
@@ -137,8 +137,8 @@ def test_two_balls_give_the_published_directions_within_two_degrees(thing: str) 
     if not folder.is_dir():
         pytest.skip("the real sets are not beside the repository")
     for name in ("LightProbe-1", "LightProbe-2"):
-        found, told = published(folder / name)
-        assert degrees_between(found, told).max() < 2
+        found, said = published(folder / name)
+        assert degrees_between(found, said).max() < 2
 
 
 @pytest.fixture(scope="module")
@@ -171,13 +171,13 @@ def shading_error(direction: np.ndarray, light: int) -> float:
 def test_where_the_chrome_ball_and_the_usual_reference_differ_the_gray_ball_sides_with_the_chrome_ball(
     chrome_directions: np.ndarray,
 ) -> None:
-    told = read_directions(OLAT / "uw_psm" / "lights.txt")
-    apart = degrees_between(chrome_directions, told)
+    said = read_directions(OLAT / "uw_psm" / "lights.txt")
+    apart = degrees_between(chrome_directions, said)
     differing = np.flatnonzero(apart > 2)
     assert list(differing) == [0, 1, 6, 7, 8, 9]
     assert apart[[2, 3, 4, 5, 10, 11]].max() < 2
     for light in map(int, differing):
-        assert shading_error(chrome_directions[light], light) < shading_error(told[light], light)
+        assert shading_error(chrome_directions[light], light) < shading_error(said[light], light)
 
 
 def test_the_chrome_ball_is_found_without_its_mask(chrome: list[np.ndarray], chrome_directions: np.ndarray) -> None:
@@ -201,7 +201,7 @@ def readings(places: np.ndarray, lights: np.ndarray) -> BallReadings:
     return BallReadings(on_ball, normalised(lights - on_ball))
 
 
-def test_rays_that_meet_tell_the_place() -> None:
+def test_rays_that_meet_give_the_place() -> None:
     positions, distances = light_places([readings(ball, LIGHTS) for ball in BALLS], ["a", "b"])
     np.testing.assert_allclose(positions, LIGHTS, atol=1e-12)
     np.testing.assert_allclose(distances, 0, atol=1e-12)
@@ -215,7 +215,7 @@ def test_the_residual_is_the_distance_to_rays_that_pass_each_other() -> None:
     np.testing.assert_allclose(distances, [0.01])
 
 
-def test_parallel_rays_are_told_by_name() -> None:
+def test_parallel_rays_are_reported_by_name() -> None:
     far = np.array([[0.0, 0.0, 1000.0], [0.5, 1.0, 0.8]])
     with pytest.warns(UserWarning, match="b.png: the balls' rays are parallel within half a degree"):
         light_places([readings(ball, far) for ball in BALLS], ["b.png", "c.png"])

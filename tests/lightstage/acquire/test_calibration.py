@@ -62,7 +62,7 @@ def on_ball(noise: float) -> Calibration:
         return calibrate(Pictures(pictures(target.normals, 0.5, intensities(), noise), LIGHTS), target)
 
 
-def test_a_matte_ball_tells_irradiances_within_one_percent_at_one_percent_noise() -> None:
+def test_a_matte_ball_says_irradiances_within_one_percent_at_one_percent_noise() -> None:
     found = on_ball(0.01)
     error = np.abs(found.irradiances / intensities() - 1)[found.measured]
     assert found.measured.sum() > 45
@@ -113,7 +113,7 @@ def test_the_normal_of_a_flat_target_is_found_where_some_lamps_are_dim() -> None
     assert degrees_between(found, TILTED) < 0.5
 
 
-def test_a_target_without_a_normal_tells_the_dim_lamps() -> None:
+def test_a_target_without_a_normal_shows_the_dim_lamps() -> None:
     levels = np.ones((60, 3))
     levels[::5] = [0.5, 0.6, 0.7]
     with pytest.warns(UserWarning, match="do not reach"):

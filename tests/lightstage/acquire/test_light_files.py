@@ -37,7 +37,7 @@ def test_an_lp_is_written_as_it_was_read(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize(
-    ("text", "told"),
+    ("text", "said"),
     [
         ("3\na 0 0 1\nb 0 1 0\n", "line 1 says 3 lights, but 2 follow"),
         ("# x\n\n1\na 0 0 1\nb 0 1 0\n", "line 3 says 1 lights, but 2 follow"),
@@ -50,10 +50,10 @@ def test_an_lp_is_written_as_it_was_read(tmp_path: Path) -> None:
         ("0\n", "lists no light"),
     ],
 )
-def test_a_wrong_lp_is_refused_in_one_line(tmp_path: Path, text: str, told: str) -> None:
+def test_a_wrong_lp_is_refused_in_one_line(tmp_path: Path, text: str, said: str) -> None:
     with pytest.raises(InvalidStage) as caught:
         read_lp(file(tmp_path, text))
-    assert told in str(caught.value) and "\n" not in str(caught.value)
+    assert said in str(caught.value) and "\n" not in str(caught.value)
 
 
 def test_a_name_that_an_lp_cannot_hold_is_refused(tmp_path: Path) -> None:
@@ -70,7 +70,7 @@ def test_directions_stand_in_rows_or_in_columns(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize(
-    ("text", "told"),
+    ("text", "said"),
     [
         ("3\n0 0 1\n", "line 1 says 3"),
         ("0 0 1\n0 1\n", "line 2"),
@@ -78,8 +78,8 @@ def test_directions_stand_in_rows_or_in_columns(tmp_path: Path) -> None:
         ("1 2\n3 4\n", "expected x, y"),
     ],
 )
-def test_a_wrong_list_is_refused(tmp_path: Path, text: str, told: str) -> None:
-    with pytest.raises(InvalidStage, match=told):
+def test_a_wrong_list_is_refused(tmp_path: Path, text: str, said: str) -> None:
+    with pytest.raises(InvalidStage, match=said):
         read_directions(file(tmp_path, text))
 
 

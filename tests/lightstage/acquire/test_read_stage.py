@@ -69,7 +69,7 @@ def test_photographs_are_srgb_unless_the_stage_says_otherwise(tmp_path: Path) ->
     np.testing.assert_allclose(whole(deep), 0.2158605, rtol=1e-5)
 
 
-def test_the_steps_of_codes_are_told_in_the_field_s_values(tmp_path: Path) -> None:
+def test_the_steps_of_codes_are_reported_in_the_field_s_values(tmp_path: Path) -> None:
     values = np.full((3, 4, 4, 3), 128, np.uint8)
     linear = read_stage(stage_of(tmp_path / "a", values, "png", encoding="linear", light=HALF))
     assert isinstance(linear, PictureFolder) and linear.step() == pytest.approx(1 / 255 / 0.5)
@@ -80,7 +80,7 @@ def test_the_steps_of_codes_are_told_in_the_field_s_values(tmp_path: Path) -> No
     assert isinstance(radiance, PictureFolder) and radiance.step() == 0
 
 
-def test_a_target_is_for_an_import_and_that_is_told(tmp_path: Path) -> None:
+def test_a_target_is_for_an_import_and_that_is_reported(tmp_path: Path) -> None:
     folder = stage_of(tmp_path, pictures(), target={"rectangle": [0, 0, 2, 2], "reflectance": 0.5})
     with pytest.warns(UserWarning, match='"target" is passed over here; an import'):
         field = read_stage(folder)
@@ -89,7 +89,7 @@ def test_a_target_is_for_an_import_and_that_is_told(tmp_path: Path) -> None:
     assert stage.target is not None and stage.target.reflectance == 0.5 and source == folder / "stage.json"
 
 
-def test_pictures_without_a_file_of_their_lights_are_told_by_their_folder(tmp_path: Path) -> None:
+def test_pictures_without_a_file_of_their_lights_are_reported_by_their_folder(tmp_path: Path) -> None:
     stage, source = find_stage_file(stage_of(tmp_path, pictures()))
     source.unlink()
     files.write(tmp_path / "off.exr", RadianceMap(pictures()[0]))
@@ -114,7 +114,7 @@ def test_a_response_beside_the_stage_linearises_its_photographs(tmp_path: Path) 
     assert "has 256 values a channel" in refusal(folder)
 
 
-def test_told_exposures_divide(tmp_path: Path) -> None:
+def test_reported_exposures_divide(tmp_path: Path) -> None:
     folder = stage_of(tmp_path, np.full((3, 4, 4, 3), 128, np.uint8), "png", encoding="linear")
     table = json.loads((folder / "stage.json").read_text())
     for light, seconds in zip(table["lights"], (1, 2, 0.5), strict=True):
@@ -161,12 +161,12 @@ def test_a_bracket_of_each_light_is_merged_on_one_scale(tmp_path: Path) -> None:
     np.testing.assert_allclose(whole(read_stage(folder)), light, rtol=0.06)
 
 
-def test_a_bracket_whose_exposures_nobody_tells_is_refused(tmp_path: Path) -> None:
+def test_a_bracket_whose_exposures_nobody_says_is_refused(tmp_path: Path) -> None:
     folder, _ = bracketed(tmp_path, exposures=False)
     assert "0_0.png: its exposure is not known" in refusal(folder)
 
 
-def test_saturated_pixels_are_told_once_and_marked(tmp_path: Path) -> None:
+def test_saturated_pixels_are_reported_once_and_marked(tmp_path: Path) -> None:
     values = np.full((3, 4, 4, 3), 90, np.uint8)
     values[1:, 2, 3] = 255
     field = read_stage(stage_of(tmp_path, values, "png"))
@@ -177,7 +177,7 @@ def test_saturated_pixels_are_told_once_and_marked(tmp_path: Path) -> None:
     assert len(caught) == 1
 
 
-def test_roundings_below_zero_are_nothing_and_told_once(tmp_path: Path) -> None:
+def test_roundings_below_zero_are_nothing_and_reported_once(tmp_path: Path) -> None:
     values = pictures()
     values[:, 1, 2, 0] = -1e-4
     with pytest.warns(UserWarning, match=r"0\.exr: values down to -0.0001") as caught:
@@ -187,17 +187,17 @@ def test_roundings_below_zero_are_nothing_and_told_once(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize(
-    ("value", "told"),
+    ("value", "said"),
     [
         (-0.5, "1.exr: negative radiance, -0.5 at pixel (2, 3)"),
         (np.nan, "1.exr: pixel (2, 3) is no number"),
         (np.inf, "1.exr: pixel (2, 3) is no number"),
     ],
 )
-def test_impossible_light_is_refused_by_file_and_pixel(tmp_path: Path, value: float, told: str) -> None:
+def test_impossible_light_is_refused_by_file_and_pixel(tmp_path: Path, value: float, said: str) -> None:
     values = pictures()
     values[1, 3, 2, 1] = value
-    assert told in refusal(stage_of(tmp_path, values))
+    assert said in refusal(stage_of(tmp_path, values))
 
 
 @pytest.mark.parametrize("ending", ["exr", "png"])
@@ -213,7 +213,7 @@ def test_two_sizes_are_refused(tmp_path: Path) -> None:
     assert "1.exr is 8×5 pixels, the first picture 7×5" in refusal(folder)
 
 
-def test_missing_pictures_are_counted_and_strangers_told(tmp_path: Path) -> None:
+def test_missing_pictures_are_counted_and_strangers_reported(tmp_path: Path) -> None:
     folder = stage_of(tmp_path, pictures())
     files.write(folder / "mask.exr", RadianceMap(pictures(1)[0]))
     with pytest.warns(UserWarning, match=r"1 pictures beside those of the lights are named by none, such as mask\.exr"):
@@ -244,10 +244,10 @@ def test_an_lp_of_another_computer_finds_its_pictures(tmp_path: Path) -> None:
     assert "2 lists of lights, other.lp and shots.lp; name the one meant" in refusal(folder)
 
 
-def test_a_folder_that_tells_nothing_is_told_what_to_add(tmp_path: Path) -> None:
+def test_a_folder_that_says_nothing_is_refused_with_what_to_add(tmp_path: Path) -> None:
     files.write(tmp_path / "a.exr", RadianceMap(pictures(1)[0]))
-    told = refusal(tmp_path)
-    assert "stage.json" in told and ".lp" in told and "mirrored ball" in told
+    said = refusal(tmp_path)
+    assert "stage.json" in said and ".lp" in said and "mirrored ball" in said
     assert "no such folder" in refusal(tmp_path / "nowhere")
     assert "neither a stage file" in refusal(tmp_path / "a.exr")
 

@@ -101,7 +101,7 @@ def test_frames_in_which_the_ball_shows_no_lamp_are_gaps() -> None:
     assert np.isnan(directions[1]).all()
 
 
-def test_what_does_not_turn_is_told() -> None:
+def test_what_does_not_turn_is_reported() -> None:
     random = np.random.default_rng(1).normal(0, 1, (100, 3))
     with pytest.raises(InvalidStage, match="no steady rotation"):
         fit_rotation(random / np.linalg.norm(random, axis=1, keepdims=True))
@@ -140,7 +140,7 @@ def test_a_folder_of_frames_is_a_stage_as_it_lies(tmp_path: Path) -> None:
         frame_paths(tmp_path / "empty")
 
 
-def test_what_is_no_video_is_told_in_one_line(tmp_path: Path) -> None:
+def test_what_is_no_video_is_reported_in_one_line(tmp_path: Path) -> None:
     pytest.importorskip("av")
     (tmp_path / "x.mp4").write_bytes(b"no video" * 20)
     for name in ("x.mp4", "missing.mp4"):

@@ -31,7 +31,7 @@ def refused(folder: Path, table: object) -> str:
     return str(caught.value)
 
 
-def test_a_light_is_told_by_direction_position_or_two_angles(tmp_path: Path) -> None:
+def test_a_light_is_given_by_direction_position_or_two_angles(tmp_path: Path) -> None:
     stage = read_stage_file(written(tmp_path, {"lights": THREE}))
     np.testing.assert_allclose(stage.stage_lights().directions, [[0, 1, 0], [0, 0, 1], [1, 0, 0]], atol=1e-15)
     assert [entry.irradiance for entry in stage.lights] == [(1, 1, 1), (1, 2, 4), (1, 1, 1)]
@@ -49,11 +49,11 @@ def test_a_position_is_seen_from_the_subject(tmp_path: Path) -> None:
 def test_the_two_angles_of_the_head_are_its_directions(tmp_path: Path) -> None:
     if not HEAD.is_file():
         pytest.skip("the head's stage is not beside the repository")
-    told = json.loads(HEAD.read_text())
+    said = json.loads(HEAD.read_text())
     by_direction = read_stage_file(HEAD).stage_lights()
-    for light in told["lights"]:
+    for light in said["lights"]:
         del light["direction"]
-    by_angles = read_stage_file(written(tmp_path, told)).stage_lights()
+    by_angles = read_stage_file(written(tmp_path, said)).stage_lights()
     np.testing.assert_allclose(by_angles.directions, by_direction.directions, atol=1e-9)
 
 
@@ -108,7 +108,7 @@ def test_a_grid_out_of_order_is_no_grid(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize(
-    ("change", "told"),
+    ("change", "said"),
     [
         ({"directoin": [0, 0, 1]}, 'unknown key "directoin"; did you mean direction?'),
         ({"direction": None}, "expected three numbers"),
@@ -122,16 +122,16 @@ def test_a_grid_out_of_order_is_no_grid(tmp_path: Path) -> None:
         ({"file": "b.exr"}, "two lights are called"),
     ],
 )
-def test_a_wrong_light_is_named(tmp_path: Path, change: dict[str, object], told: str) -> None:
+def test_a_wrong_light_is_named(tmp_path: Path, change: dict[str, object], said: str) -> None:
     text = refused(tmp_path, {"lights": [THREE[0] | change, *THREE[1:]]})
-    assert told in text and ("lights[0]" in text or "b.exr" in text)
+    assert said in text and ("lights[0]" in text or "b.exr" in text)
 
 
 VIEW = {"position": [0, 0, 1], "look_at": [0, 0, 0], "hfov_deg": 30}
 
 
 @pytest.mark.parametrize(
-    ("change", "told"),
+    ("change", "said"),
     [
         (
             {"light": {"irradiance": 10}},
@@ -159,8 +159,8 @@ VIEW = {"position": [0, 0, 1], "look_at": [0, 0, 0], "hfov_deg": 30}
         ({"target": {"rectangle": [0, 0, 1, 1], "reflectance": 2}}, "at most 1"),
     ],
 )
-def test_a_misspelt_key_or_a_wrong_stage_is_refused(tmp_path: Path, change: dict[str, object], told: str) -> None:
-    assert told in refused(tmp_path, {"lights": THREE} | change)
+def test_a_misspelt_key_or_a_wrong_stage_is_refused(tmp_path: Path, change: dict[str, object], said: str) -> None:
+    assert said in refused(tmp_path, {"lights": THREE} | change)
 
 
 def test_keys_of_other_programs_are_kept(tmp_path: Path) -> None:

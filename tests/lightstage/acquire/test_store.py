@@ -121,7 +121,7 @@ def test_what_is_dimmest_of_all_is_off_by_two_to_the_minus_39_of_its_picture(tmp
     assert 2**-41 < error.max() <= 2**-39 * 0.51
 
 
-def test_halves_round_by_less_than_the_variance_that_is_told(tmp_path):
+def test_halves_round_by_less_than_the_variance_that_is_reported(tmp_path):
     dim = VALUES**8
     build_store(Pictures(dim, LIGHTS), tmp_path / "s")
     found = read_store(tmp_path / "s")
@@ -132,7 +132,7 @@ def test_halves_round_by_less_than_the_variance_that_is_told(tmp_path):
     assert 0.02 < squared.sum() / (found.rounding.slope * dim.astype(np.float64)).sum() < 1
 
 
-def test_eight_bits_tell_the_variance_of_their_rounding(tmp_path):
+def test_eight_bits_say_the_variance_of_their_rounding(tmp_path):
     build_store(FIELD, tmp_path / "s", dtype=np.uint8)
     found = read_store(tmp_path / "s")
     measured = float(np.var(whole(found).astype(np.float64) - VALUES))
@@ -143,7 +143,7 @@ def test_eight_bits_tell_the_variance_of_their_rounding(tmp_path):
     assert read_store(tmp_path / "unknown").noise is None
 
 
-def test_eight_bits_that_are_coarse_are_told(tmp_path):
+def test_eight_bits_that_are_coarse_are_reported(tmp_path):
     glinting = VALUES.copy()
     glinting[:, 3, 4] = 200
     # A step of 200/255 rounds by its √12th part, 0.226; the mean is 0.5 + 200/10080.
@@ -152,9 +152,9 @@ def test_eight_bits_that_are_coarse_are_told(tmp_path):
 
 
 def test_every_picture_is_asked_for_once(tmp_path):
-    counted, told = Failing(), []
-    build_store(counted, tmp_path / "s", progress=told.append)
-    assert counted.asked == list(range(COUNT)) and told == [0.5, 1.0]
+    counted, reports = Failing(), []
+    build_store(counted, tmp_path / "s", progress=reports.append)
+    assert counted.asked == list(range(COUNT)) and reports == [0.5, 1.0]
 
 
 def test_a_build_that_was_cut_short_is_refused_and_goes_on_where_it_stopped(tmp_path):
@@ -236,7 +236,7 @@ def test_facts_of_files_change_with_their_names_sizes_and_times(tmp_path):
     assert file_facts([folder])[0] == (first, 5, 2_000_000_000)
 
 
-def test_a_part_that_is_lost_while_the_rest_is_written_is_told_before_the_store_counts_as_whole(tmp_path):
+def test_a_part_that_is_lost_while_the_rest_is_written_is_reported_before_the_store_counts_as_whole(tmp_path):
     class Losing(Failing):
         def block(self, lights, rows):
             if lights.start:
@@ -249,7 +249,7 @@ def test_a_part_that_is_lost_while_the_rest_is_written_is_told_before_the_store_
         read_store(tmp_path / "s")
 
 
-def test_the_mesh_and_the_size_of_the_lamps_are_kept_and_a_lost_mesh_is_told(tmp_path, monkeypatch):
+def test_the_mesh_and_the_size_of_the_lamps_are_kept_and_a_lost_mesh_is_reported(tmp_path, monkeypatch):
     build_store(FIELD, tmp_path / "plain")
     assert stored_geometry(tmp_path / "plain") == (None, None)
     mesh = tmp_path / "head.glb"
@@ -309,7 +309,7 @@ def test_what_a_type_cannot_hold_is_refused(tmp_path, kind, value, said):
         build_store(Pictures(odd, LIGHTS), tmp_path / "s", dtype=kind)
 
 
-def test_too_little_memory_is_told_before_anything_is_written_and_little_is_enough(tmp_path):
+def test_too_little_memory_is_reported_before_anything_is_written_and_little_is_enough(tmp_path):
     with pytest.raises(ValueError, match=r"max_memory is 1 MB; pictures of 280×36 need 34 MB"):
         build_store(FIELD, tmp_path / "s", max_memory=1_000_000)
     assert not (tmp_path / "s").exists()
@@ -337,7 +337,7 @@ def test_a_later_version_is_refused(tmp_path):
         read_store(tmp_path / "s")
 
 
-def test_without_zarr_one_line_tells_what_to_install(tmp_path, monkeypatch):
+def test_without_zarr_one_line_says_what_to_install(tmp_path, monkeypatch):
     build_store(FIELD, tmp_path / "s")
     monkeypatch.setitem(sys.modules, "zarr", None)
     for work in (lambda: read_store(Path(tmp_path / "s")), lambda: build_store(FIELD, tmp_path / "t")):

@@ -102,7 +102,7 @@ def test_bounded_least_squares_finds_what_scipy_finds():
     np.testing.assert_allclose(ours, theirs, atol=1e-7)
 
 
-def test_a_level_out_of_reach_is_told_with_the_level_that_can_be_had():
+def test_a_level_out_of_reach_is_reported_with_the_level_that_can_be_had():
     lights, light, irradiance = lit_pixels()
     with pytest.warns(UserWarning, match="at their maximum"):
         result = drive(lights, light, LampPrimaries.rgb(maximum=irradiance.max() / 4))
@@ -115,7 +115,7 @@ def test_a_level_out_of_reach_is_told_with_the_level_that_can_be_had():
     assert faithful.clipped == 0 and faithful.residual.max() < 1e-3
 
 
-def test_white_lamps_are_told_to_miss_a_coloured_map():
+def test_white_lamps_are_reported_to_miss_a_coloured_map():
     with pytest.warns(UserWarning, match="colours that no mix of white"):
         result = drive(EVEN, smooth_map(), LampPrimaries.white())
     assert result.beyond_gamut > 0.1
@@ -148,7 +148,7 @@ def test_a_given_subject_looks_as_its_own_field_says():
     assert result.residual.max() < 1e-6
 
 
-def test_a_smooth_subject_is_told_between_the_lights_of_its_field():
+def test_a_smooth_subject_is_reported_between_the_lights_of_its_field():
     axes = even_directions(40)
 
     def pictures(directions):

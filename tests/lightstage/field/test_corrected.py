@@ -140,7 +140,7 @@ def test_pictures_without_noise_have_that_of_their_rounding() -> None:
     assert estimate_noise(clean, step=1 / 255).constant == pytest.approx((1 / 255) ** 2 / 12)
 
 
-def test_dark_pictures_tell_no_noise() -> None:
+def test_dark_pictures_say_no_noise() -> None:
     dark = Pictures(np.zeros((6, 20, 20, 3), np.float32), StageLights.towards(even_directions(6)))
     with pytest.raises(ValueError, match="the pictures are dark"):
         estimate_noise(dark)
@@ -175,7 +175,7 @@ def test_a_lamp_at_half_the_distance_is_four_times_as_bright() -> None:
         NearLights(np.zeros((1, 3)), points, np.ones(3)).pattern(slice(0, 1), slice(0, 1))
 
 
-def test_a_board_tells_the_pattern_of_near_lamps_with_dust_and_noise_on_it() -> None:
+def test_a_board_shows_the_pattern_of_near_lamps_with_dust_and_noise_on_it() -> None:
     pattern = near()
     board = 0.8 * pattern[..., None] * (1 + 0.01 * np.random.default_rng(6).standard_normal((3, *BOARD, 3)))
     board[:, ::7, ::5] *= 0.5
@@ -186,7 +186,7 @@ def test_a_board_tells_the_pattern_of_near_lamps_with_dust_and_noise_on_it() -> 
     np.testing.assert_allclose(flat.mean(axis=(1, 2)), 1, rtol=1e-5)
 
 
-def test_a_light_that_the_board_does_not_show_stays_even_and_is_told() -> None:
+def test_a_light_that_the_board_does_not_show_stays_even_and_is_reported() -> None:
     board = np.full((3, *BOARD, 3), 0.5, np.float32)
     board[1] = 0
     with pytest.warns(UserWarning, match="1 of 3 lights do not show on the board"):

@@ -62,7 +62,7 @@ def test_the_noise_of_the_diffuse_part_is_what_noise_does_to_it() -> None:
     assert samples.var() == pytest.approx(found.constant + found.slope * 2 * crossed, rel=0.02)
 
 
-def test_a_shifted_take_is_told() -> None:
+def test_a_shifted_take_is_reported() -> None:
     parallel, crossed = pair()
     moved = replace(crossed, values=np.roll(crossed.values, 3, axis=2))
     with pytest.warns(UserWarning, match=r"shifted by \(\+3, \+0\) pixels"):
@@ -70,7 +70,7 @@ def test_a_shifted_take_is_told() -> None:
 
 
 @pytest.mark.parametrize("drift", [0.985, 1.0, 1.015])
-def test_a_polariser_that_was_not_turned_is_told(drift: float) -> None:
+def test_a_polariser_that_was_not_turned_is_reported(drift: float) -> None:
     parallel = pair()[0]
     noise = RANDOM.normal(0, 0.01, parallel.values.shape)
     again = replace(parallel, values=(drift * parallel.values + noise).astype(np.float32))

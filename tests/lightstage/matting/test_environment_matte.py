@@ -64,7 +64,7 @@ def photographed(matte: EnvironmentMatte, level: np.ndarray | float = 1.0, noise
 
 
 def new_backdrop() -> np.ndarray:
-    """Smooth colours (64, 64, 3), 0 to 1, with a square in the corner that tells which way up it is."""
+    """Smooth colours (64, 64, 3), 0 to 1, with a square in the corner that says which way up it is."""
     v, u = np.mgrid[:TEXELS, :TEXELS] / TEXELS
     backdrop = np.stack([u, v, 0.5 + 0.5 * np.sin(5 * (u + v))], axis=-1)
     backdrop[4:14, 6:20] = [1, 0, 0]
@@ -91,7 +91,7 @@ def test_a_known_matte_is_found_again():
     assert found.texels == (TEXELS, TEXELS)
 
 
-def test_two_areas_are_told_apart(monkeypatch):
+def test_two_areas_are_kept_apart(monkeypatch):
     true, _, rim = scene()
     found = environment_matte(photographed(true))
     both = rim & (found.colours.min(axis=(0, 3)) > 0.05)

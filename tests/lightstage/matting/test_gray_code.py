@@ -54,8 +54,8 @@ def exchanged(shown: Patterns, first: int, second: int) -> Patterns:
 
 
 def test_the_gray_code_of_eight_texels_is_the_printed_one():
-    told = [gray_stripes("x", level, 8).white.astype(int).tolist() for level in range(3)]
-    assert told == [[0, 0, 0, 0, 1, 1, 1, 1], [0, 0, 1, 1, 1, 1, 0, 0], [0, 1, 1, 0, 0, 1, 1, 0]]
+    said = [gray_stripes("x", level, 8).white.astype(int).tolist() for level in range(3)]
+    assert said == [[0, 0, 0, 0, 1, 1, 1, 1], [0, 0, 1, 1, 1, 1, 0, 0], [0, 1, 1, 0, 0, 1, 1, 0]]
 
 
 @pytest.mark.parametrize("texels", [256, 200])
@@ -121,9 +121,9 @@ def test_a_list_of_patterns_says_the_same_as_the_names(tmp_path):
 @pytest.mark.parametrize("name", ["black", "white", "gray_x0", "gray_x3", "gray_y2"])
 def test_a_missing_picture_is_named(tmp_path, name):
     write(tmp_path, patterns(), leave_out=(name,))
-    with pytest.raises(UnreadableFile, match=name) as told:
+    with pytest.raises(UnreadableFile, match=name) as said:
         read_patterns(tmp_path)
-    assert "\n" not in str(told.value)
+    assert "\n" not in str(said.value)
 
 
 def test_two_sizes_and_two_pictures_of_one_pattern_are_named(tmp_path):

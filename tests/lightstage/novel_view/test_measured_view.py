@@ -153,7 +153,7 @@ def test_of_two_equal_cameras_the_nearer_one_counts_more() -> None:
     assert weigh(normals, near, ahead, np.zeros(1), deep) == 0
 
 
-def test_what_no_camera_saw_is_a_hole_and_is_told() -> None:
+def test_what_no_camera_saw_is_a_hole_and_is_reported() -> None:
     with pytest.warns(UserWarning, match=r"no camera saw \d+% of what the new view shows"):
         found = measured_view(SourceView(source(0).field), sunlight(), camera(90), ball())
     shown = Subject.of(ball()).seen(camera(90)).met
@@ -225,7 +225,7 @@ def test_a_mesh_that_does_not_match_the_camera_is_refused() -> None:
         measured_view(SourceView(field), irradiances, camera(10), [])
 
 
-def test_wrong_calls_are_told_in_a_line() -> None:
+def test_wrong_calls_are_reported_in_a_line() -> None:
     field = source(0).field
     with pytest.raises(ValueError, match=r"irradiances are \(3, 3\); expected 100 × 3"):
         measured_view(SourceView(field), np.ones((3, 3)), camera(10), ball())
@@ -244,22 +244,22 @@ def test_wrong_calls_are_told_in_a_line() -> None:
 @pytest.mark.parametrize(("name", "most"), [("point_0", 0.07), ("point_1", 0.12)])
 def test_the_head_is_seen_from_a_second_camera_as_it_is(name: str, most: float) -> None:
     """On the skin and the matte ball where both cameras see them; asked is 12 %."""
-    told = json.loads((STAGE / "stage.json").read_text())
-    lights = StageLights.towards(np.array([each["direction"] for each in told["lights"]]), grid=(12, 24))
+    said = json.loads((STAGE / "stage.json").read_text())
+    lights = StageLights.towards(np.array([each["direction"] for each in said["lights"]]), grid=(12, 24))
     first, second = (
         Camera.looking_at(
-            told[key]["position"],
-            told[key]["look_at"],
+            said[key]["position"],
+            said[key]["look_at"],
             width=256,
             height=256,
-            focal_length=128 / np.tan(np.radians(told[key]["hfov_deg"] / 2)),
+            focal_length=128 / np.tan(np.radians(said[key]["hfov_deg"] / 2)),
         )
         for key in ("camera_front", "camera_right")
     )
-    values = np.stack([read_radiance(STAGE / each["file"]).radiance for each in told["lights"]])
+    values = np.stack([read_radiance(STAGE / each["file"]).radiance for each in said["lights"]])
     field = Pictures(values, lights, first)
     meshes = read_meshes(STAGE / "objects" / "subject.glb")
-    direction = next(each["direction"] for each in told["truth_points"] if each["truth"] == name)
+    direction = next(each["direction"] for each in said["truth_points"] if each["truth"] == name)
     # Smooth weights of the lights about it, which sum to about 1.
     apart = np.arccos(np.clip(lights.directions @ lights.directions.T, -1, 1))
     towards = np.arccos(np.clip(lights.directions @ np.array(direction), -1, 1))

@@ -94,16 +94,16 @@ def test_between_the_lights_and_beyond_them_shares_change_without_a_jump() -> No
     shares = Smooth().weights(HALF, towards)
     ends = 700, 3000  # beyond these the nearest light alone speaks, and may change at once
     assert np.abs(np.diff(shares[: ends[0]], axis=0)).max() < 0.02
-    told = reached(HALF, towards)
-    assert told[: ends[0]].min() == 1 and told[ends[1] :].max() == 0
-    assert np.abs(np.diff(told)).max() < 4e-3
+    said = reached(HALF, towards)
+    assert said[: ends[0]].min() == 1 and said[ends[1] :].max() == 0
+    assert np.abs(np.diff(said)).max() < 4e-3
 
 
 def test_a_full_stage_reaches_all_directions() -> None:
     assert reached(LIGHTS, even_directions(20000)).min() == 1
 
 
-def test_the_share_of_light_from_beyond_the_lights_is_told() -> None:
+def test_the_share_of_light_from_beyond_the_lights_is_reported() -> None:
     two = np.array([[0.0, 0, 1], [0, 0, -1]])
     np.testing.assert_allclose(unreached_share(HALF, two, np.array([[3.0, 3, 3], [1, 1, 1]])), 0.25, atol=1e-12)
     assert unreached_share(LIGHTS, two, np.ones((2, 3))) == 0

@@ -141,9 +141,9 @@ def test_a_label_chooses_the_light_of_its_pixels():
 
 
 def test_progress_ends_at_one():
-    told: list[float] = []
-    weighted_sum(Lazy(FIELD), E1, memory=200_000, progress=told.append)
-    assert told == sorted(told) and told[-1] == 1 and len(told) > 1
+    reports: list[float] = []
+    weighted_sum(Lazy(FIELD), E1, memory=200_000, progress=reports.append)
+    assert reports == sorted(reports) and reports[-1] == 1 and len(reports) > 1
 
 
 @pytest.mark.parametrize(
@@ -158,7 +158,7 @@ def test_wrong_irradiances_are_refused(irradiances, said):
         weighted_sum(FIELD, irradiances)
 
 
-def test_too_little_memory_is_told_with_what_is_needed():
+def test_too_little_memory_is_reported_with_what_is_needed():
     with pytest.raises(ValueError, match=r"need at least 0\.\d MB"):
         weighted_sum(Lazy(FIELD), E1, memory=1000)
 
@@ -192,10 +192,10 @@ def test_all_pictures_are_made_in_one_pass_over_the_field():
 def test_where_memory_is_short_the_field_is_read_again_and_nothing_changes():
     counted, memory = Lazy(FEW), 300_000
     assert pictures_at_once(counted, memory) == 3
-    told: list[float] = []
-    found = list(weighted_sums(counted, SEVERAL, memory=memory, progress=told.append))
+    reports: list[float] = []
+    found = list(weighted_sums(counted, SEVERAL, memory=memory, progress=reports.append))
     assert sum(counted.asked) == 3 * FEW.values.size
-    assert told == sorted(told) and told[-1] == 1
+    assert reports == sorted(reports) and reports[-1] == 1
     for picture, whole in zip(found, weighted_sums(FEW, SEVERAL), strict=True):
         np.testing.assert_array_equal(picture.radiance, whole.radiance)
 

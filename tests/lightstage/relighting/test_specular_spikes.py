@@ -109,22 +109,22 @@ def test_encoded_fields_find_the_same_spikes() -> None:
 
 
 def test_progress_ends_with_one() -> None:
-    told: list[float] = []
+    said: list[float] = []
     pairs = [shared(each) for each in RNG.random((3, 100, 3))]
     list(
         relight_spiky_sequence(
-            Piecewise(), *(np.stack(e) for e in zip(*pairs, strict=True)), memory=24_000, progress=told.append
+            Piecewise(), *(np.stack(e) for e in zip(*pairs, strict=True)), memory=24_000, progress=said.append
         )
     )
-    assert told == sorted(told) and told[-1] == pytest.approx(1)
+    assert said == sorted(said) and said[-1] == pytest.approx(1)
 
 
-def test_what_is_below_zero_is_told_once_and_left() -> None:
+def test_what_is_below_zero_is_reported_once_and_left() -> None:
     smooth, barycentric = np.ones((60, 3)), np.ones((60, 3))
     smooth[np.argmax(MATTE)] = -60.0
-    with pytest.warns(UserWarning, match=r"90% of the picture's pixels are below 0") as told:
+    with pytest.warns(UserWarning, match=r"90% of the picture's pixels are below 0") as said:
         pictures = list(relight_spiky_sequence(FIELD, np.stack([smooth] * 3), np.stack([barycentric] * 3)))
-    assert len(told) == 1 and len(pictures) == 3
+    assert len(said) == 1 and len(pictures) == 3
     np.testing.assert_array_equal(pictures[0].radiance[~MIRRORS], weighted_sum(FIELD, smooth).radiance[~MIRRORS])
     faint = np.ones((10, 10, 3))
     faint[0, 0] = -5e-4

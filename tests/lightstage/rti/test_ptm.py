@@ -125,7 +125,7 @@ def test_wrong_calls_are_refused(tmp_path):
     assert list(tmp_path.iterdir()) == []
 
 
-def test_the_lights_before_a_camera_are_told_in_its_frame():
+def test_the_lights_before_a_camera_are_reported_in_its_frame():
     # A camera on +X: what is at its right, −Z in the world, is RTI's x.
     camera = Camera.looking_at(np.array([5.0, 0, 0]), np.zeros(3), width=4, height=4, focal_length=4.0)
     lights = StageLights.towards(np.array([[1.0, 0, 0], [-1, 0, 0], [1, 0, -1], [1, 1, 0], [0, 0, 1]]))

@@ -67,13 +67,13 @@ def test_the_fits_show_what_the_pictures_show(written):
     result, folder = written
     towards = LIGHTS.directions[BEFORE] @ CAMERA.rotation
     pictures = encode_srgb(matte().values[BEFORE] * 4)
-    for fit, told, highest in (
+    for fit, said, highest in (
         (read_ptm(folder / "dome.ptm"), result.ptm_error, 0.09),
         (read_hsh(folder / "dome.rti"), result.hsh_error, 0.025),
     ):
         shown = np.clip([fit.lit_from(direction) for direction in towards], 0, 1)
         error = float(np.sqrt(np.mean((shown - pictures) ** 2)))
-        assert told == pytest.approx(error, rel=0.1, abs=1e-3) and error < highest
+        assert said == pytest.approx(error, rel=0.1, abs=1e-3) and error < highest
 
 
 def test_each_light_counts_by_its_solid_angle(tmp_path):
@@ -109,11 +109,11 @@ def test_the_exposure_brings_nearly_all_below_white(tmp_path):
     assert 0 < result.clipped < 0.02 and read_ptm(tmp_path / "stage.ptm").colour is not None
 
 
-def test_values_above_white_are_told(tmp_path):
-    with warnings.catch_warnings(record=True) as told:
+def test_values_above_white_are_reported(tmp_path):
+    with warnings.catch_warnings(record=True) as said:
         warnings.simplefilter("always")
         result = export_rti(matte(), tmp_path, RTIForm(pictures=None, hsh=None, exposure=50.0))
-    assert result.clipped > 0.3 and any("above white at exposure 50" in str(each.message) for each in told)
+    assert result.clipped > 0.3 and any("above white at exposure 50" in str(each.message) for each in said)
 
 
 def test_wrong_calls_are_refused(tmp_path):

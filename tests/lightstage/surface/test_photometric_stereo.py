@@ -1,4 +1,4 @@
-"""Lambertian lobes and the normals they tell; which lights reach a pixel, by brightness."""
+"""Lambertian lobes and the normals they say; which lights reach a pixel, by brightness."""
 
 from __future__ import annotations
 
@@ -53,7 +53,7 @@ def test_scale_of_the_values_scales_the_lobe_alone() -> None:
     np.testing.assert_allclose(second.vectors, 64 * first.vectors, rtol=1e-4, atol=1e-5)
 
 
-def test_pixels_that_no_three_lights_tell_have_no_lobe_and_no_nan() -> None:
+def test_pixels_that_no_three_lights_say_have_no_lobe_and_no_nan() -> None:
     usable = np.zeros(SHADED.shape, bool)
     usable[:2] = True
     values = SHADED.astype(np.float32)

@@ -258,15 +258,15 @@ def test_the_command_warns_of_an_albedo_that_no_subject_has(tmp_path: Path, caps
 def test_the_command_refuses_a_stage_that_answers_to_no_light(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    """Lights in one plane tell no normals."""
+    """Lights in one plane say no normals."""
     entries = []
     for index, angle in enumerate(np.linspace(-1.2, 1.2, 12)):
         direction = np.array([np.sin(angle), 0, np.cos(angle)])
         files.write(tmp_path / f"{index}.exr", RadianceMap(lit(direction)))
         entries.append({"file": f"{index}.exr", "direction": direction.tolist(), "solid_angle": 1.0})
     (tmp_path / "stage.json").write_text(json.dumps({"lights": entries, "cameras": {"front": FRONT}}), "utf-8")
-    told = refused(["stage", "separate", str(tmp_path), "-o", str(tmp_path / "maps")], capsys)
-    assert "none of the 768 pixels" in told
+    said = refused(["stage", "separate", str(tmp_path), "-o", str(tmp_path / "maps")], capsys)
+    assert "none of the 768 pixels" in said
     assert not (tmp_path / "maps").exists()
 
 
@@ -276,9 +276,9 @@ def test_normals_and_albedo_of_the_head_are_within_what_was_asked() -> None:
     if not STAGE.is_dir():
         pytest.skip("the stages are not beside the repository")
     OpenEXR = pytest.importorskip("OpenEXR")
-    told = json.loads((STAGE / "stage.json").read_text())
-    values = np.stack([files.read_radiance(STAGE / light["file"]).radiance for light in told["lights"]])
-    front = told["camera_front"]
+    said = json.loads((STAGE / "stage.json").read_text())
+    values = np.stack([files.read_radiance(STAGE / light["file"]).radiance for light in said["lights"]])
+    front = said["camera_front"]
     camera = Camera.looking_at(
         front["position"],
         front["look_at"],
@@ -286,7 +286,7 @@ def test_normals_and_albedo_of_the_head_are_within_what_was_asked() -> None:
         height=256,
         focal_length=128 / np.tan(np.radians(front["hfov_deg"] / 2)),
     )
-    lights = StageLights.towards(np.array([light["direction"] for light in told["lights"]]))
+    lights = StageLights.towards(np.array([light["direction"] for light in said["lights"]]))
     found = surface_maps(separate(Pictures(values, lights, camera)))
 
     mask = files.read_radiance(STAGE / "truth" / "mask_head.exr").radiance[..., 0] > 0.5

@@ -55,7 +55,7 @@ def test_white_noise_stays_what_it_was():
 
 def test_white_noise_is_normal_and_independent():
     numbers = white(2, 0, 0, 600, 500).astype(np.float64)
-    # 300,000 of each channel: four deviations of what is told.
+    # 300,000 of each channel: four deviations of what is reported.
     assert np.abs(numbers.mean((1, 2))).max() < 4 / np.sqrt(3e5)
     np.testing.assert_allclose(numbers.var((1, 2)), 1, atol=4 * np.sqrt(2 / 3e5))
     np.testing.assert_allclose((numbers**4).mean((1, 2)), 3, atol=4 * np.sqrt(96 / 3e5))

@@ -93,7 +93,7 @@ def test_every_pixel_is_what_the_closed_forms_say(kind):
     light[4, 5] = 0
     light[20:22, 30:32] = 3000
     slow = slowly_printed(KINDS[kind], light, VIEW)
-    # Densities are told to 1e-5 by the table, and the hardest curve here makes 2.3 · 2.6 of that in reflectance.
+    # Densities are asked to 1e-5 by the table, and the hardest curve here makes 2.3 · 2.6 of that in reflectance.
     np.testing.assert_allclose(printed(KINDS[kind], light), slow, rtol=3e-4, atol=1e-5)
 
 

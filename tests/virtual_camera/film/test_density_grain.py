@@ -47,7 +47,7 @@ def through_discs(density: np.ndarray) -> np.ndarray:
 def test_rms_granularity_measured_through_48_micrometres_is_what_was_asked(clump):
     grain = DensityGrain(16.0, clump=clump)
     seen = through_discs(densities(grain, film(None).curves[0].minimum + 1))
-    # 4,600 discs: their deviation is told to 1 %; pixels of 4 µm and the taps' own shape take as much again.
+    # 4,600 discs: their deviation is asked to 1 %; pixels of 4 µm and the taps' own shape take as much again.
     assert seen.size > 4500 and seen.std() == pytest.approx(0.016, rel=0.035)
 
 

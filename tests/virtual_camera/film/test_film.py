@@ -97,7 +97,7 @@ def test_a_virtual_photograph_is_the_one_that_was_taken():
         again = develop(merged.radiance, Film(float(exposure), response))
         difference = np.abs(again.pixels.astype(int) - photograph.pixels)
         assert np.median(difference) == 0
-        # The darkest values of the longest exposures, in the toe, where the curve is told by few pixels.
+        # The darkest values of the longest exposures, in the toe, where the curve is reported by few pixels.
         assert np.percentile(difference, 99) <= 3
 
 

@@ -107,7 +107,7 @@ def test_grain_leaves_white_and_black_as_they_are():
 
 @pytest.mark.parametrize("display", [Srgb(), Srgb(16), DisplayP3()], ids=["srgb", "16 bits", "p3"])
 @pytest.mark.parametrize("own", [None, response()], ids=["srgb", "camera"])
-def test_what_a_film_saturates_is_told_as_beyond_white(own, display):
+def test_what_a_film_saturates_is_reported_as_beyond_white(own, display):
     light = np.full((40, 60, 3), 0.1, np.float32)
     light[:10] = 400.0
     values = Film(1.0, own).display_values(light, VIEW, NOTHING)

@@ -1,4 +1,4 @@
-"""Iris openings: as large as their f-number says, whatever their shape, and one shape however they are told."""
+"""Iris openings: as large as their f-number says, whatever their shape, and one shape however they are reported."""
 
 import numpy as np
 import pytest

@@ -208,10 +208,10 @@ def test_the_aperture_is_the_focal_length_over_the_f_number():
             aperture_of(*wrong)
 
 
-def test_a_photograph_tells_its_aperture_where_it_tells_both():
+def test_a_photograph_says_its_aperture_where_it_says_both():
     pixels = np.zeros((2, 2, 3), np.uint8)
-    told = Photograph(pixels, exposure=Exposure(1, 2.0), settings=Settings(focal_length=50.0))
-    assert aperture_from(told) == pytest.approx(0.025)
+    said = Photograph(pixels, exposure=Exposure(1, 2.0), settings=Settings(focal_length=50.0))
+    assert aperture_from(said) == pytest.approx(0.025)
     assert aperture_from(Photograph(pixels, settings=Settings(focal_length=50.0))) is None
     assert aperture_from(Photograph(pixels, exposure=Exposure(1, 2.0))) is None
     assert aperture_from(Photograph(pixels, exposure=Exposure(1), settings=Settings(focal_length=50.0))) is None

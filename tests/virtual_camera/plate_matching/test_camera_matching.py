@@ -177,12 +177,12 @@ def test_softness_keeps_the_light():
     np.testing.assert_array_equal(light, before)
 
 
-@pytest.mark.parametrize("factor, told", [(2.0, "1.0 stops brighter"), (0.5, "1.0 stops darker")])
-def test_the_facts_tell_how_much_brighter_the_picture_comes_out_and_at_which_exposure(factor, told):
+@pytest.mark.parametrize("factor, said", [(2.0, "1.0 stops brighter"), (0.5, "1.0 stops darker")])
+def test_the_facts_say_how_much_brighter_the_picture_comes_out_and_at_which_exposure(factor, said):
     light = np.exp(response().log_exposure[:, 118]) / TOLD.factor
     picture = RadianceMap(np.broadcast_to(factor * light, (40, 50, 3)).astype(np.float32))
     facts = match_camera(SMALL, picture, response()).facts
-    assert f"brightness: the picture comes out {told} than the plate, by their medians" in facts
+    assert f"brightness: the picture comes out {said} than the plate, by their medians" in facts
     assert "exposed by 0.125 per unit of radiance" in facts
 
 

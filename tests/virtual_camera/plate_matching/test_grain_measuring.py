@@ -110,7 +110,7 @@ def test_no_share_leaves_a_value_as_it_is_and_the_noise_is_proportional_to_it():
     np.testing.assert_allclose(plain[:, 20:], once[:, 20:])
 
 
-def test_a_little_noise_is_told_from_rounding():
+def test_a_little_noise_is_distinguished_from_rounding():
     # Deviation 0.7: a third of what varies in the rounded picture is rounding, 1/12 of 0.7² + 1/12.
     white = np.random.default_rng(2).standard_normal((288, 384, 3))
     grain = photograph_grain(Photograph(np.rint(ramp() + 0.7 * white).astype(np.uint8)))
@@ -143,16 +143,16 @@ def test_with_the_clean_picture_at_hand_texture_everywhere_is_no_trouble():
     y, x = np.mgrid[:288, :384]
     wood = ramp() + (8 * np.sin(x / 3 + y / 40))[..., None]
     photograph = Photograph(np.rint(wood + 1.5 * smooth_noise()).astype(np.uint8))
-    blind, told = photograph_grain(photograph), photograph_grain(photograph, clean=wood)
-    assert blind is not None and told is not None
-    np.testing.assert_allclose(told.deviation, 1.5, rtol=0.05)
-    assert blind.deviation.mean() > 2 * told.deviation.mean()
+    blind, said = photograph_grain(photograph), photograph_grain(photograph, clean=wood)
+    assert blind is not None and said is not None
+    np.testing.assert_allclose(said.deviation, 1.5, rtol=0.05)
+    assert blind.deviation.mean() > 2 * said.deviation.mean()
 
 
-def test_beyond_the_brightness_of_flat_patches_the_response_tells_how_noise_goes_on():
+def test_beyond_the_brightness_of_flat_patches_the_response_says_how_noise_goes_on():
     steps = np.arange(256)
-    told = np.tile(np.sqrt((1 + steps / 60) ** 2 + 1 / 12), (3, 1))
-    response = Response(np.tile(np.linspace(-5, 1, 256), (3, 1)), 2 * told)  # a response that is wrong by a factor
+    said = np.tile(np.sqrt((1 + steps / 60) ** 2 + 1 / 12), (3, 1))
+    response = Response(np.tile(np.linspace(-5, 1, 256), (3, 1)), 2 * said)  # a response that is wrong by a factor
     grain = photograph_grain(noisy(), response=response)
     assert grain is not None
     at = np.array([[[20.0, 20, 20], [100, 100, 100], [230, 230, 230]]])
@@ -181,7 +181,7 @@ def test_the_grain_of_a_radiance_map_is_in_its_unit_and_grows_with_the_root_of_t
         np.testing.assert_allclose(grain.deviation_at(np.full(3, brightness)), 0.05 * np.sqrt(brightness), rtol=0.12)
 
 
-def test_the_grain_of_a_bracket_is_told_by_its_other_photographs():
+def test_the_grain_of_a_bracket_is_shown_by_its_other_photographs():
     camera, scene = VirtualCamera(electrons=900.0, read_noise=4.0), wide_scene(256, 192, stops=4.0)
     # Fine texture everywhere: a photograph alone would take it for grain.
     y, x = np.mgrid[:192, :256]

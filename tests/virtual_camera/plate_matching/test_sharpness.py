@@ -50,13 +50,13 @@ def test_a_plate_as_sharp_as_its_pixels_is_hardly_softened():
     assert found is not None and found.sigma < 0.15
 
 
-def test_the_sharpest_edges_tell_of_the_lens_and_the_soft_ones_of_shadows():
+def test_the_sharpest_edges_say_of_the_lens_and_the_soft_ones_of_shadows():
     both = np.concatenate([board(0.5), board(1.2)], axis=1)
     found = measured_sharpness(plate(both))
     assert found is not None and found.sigma == pytest.approx(0.5, abs=0.02)
 
 
-def test_a_plate_without_edges_says_nothing():
+def test_a_plate_without_edges_gives_nothing():
     y, x = np.mgrid[:140, :180]
     assert measured_sharpness(plate(1 + 0.3 * np.sin(x / 30) * np.cos(y / 25))) is None
     assert measured_sharpness(plate(np.ones((8, 8)))) is None

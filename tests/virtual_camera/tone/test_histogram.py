@@ -89,7 +89,7 @@ def test_the_veil_is_nearly_that_of_pcond(operator, monkeypatch):
     np.testing.assert_allclose(developed(picture, view, operator)[PLACES][1:, 1], wanted, rtol=0.03)
 
 
-def test_it_is_a_tone_and_tells_whether_it_needs_absolute_luminance():
+def test_it_is_a_tone_and_says_whether_it_needs_absolute_luminance():
     operator: ToneOperator = HistogramAdjustment()
     assert not operator.absolute and not HistogramAdjustment(veil=True).absolute
     assert HistogramAdjustment(contrast=HumanContrast()).absolute and HistogramAdjustment(colour=True).absolute
@@ -191,7 +191,7 @@ def test_linear_contrast_does_not_ask_for_the_unit(factor, veil):
     np.testing.assert_allclose(multiplied, wanted, rtol=1e-4, atol=1e-6)
 
 
-def test_a_sun_beyond_what_an_eye_can_tell_is_the_screens_white():
+def test_a_sun_beyond_what_an_eye_can_say_is_the_screens_white():
     # Grey of 1e6 to 1e7 cd/m² fits the screen; with the sun it does not, which is white and leaves the rest its place.
     (picture, view), operator = ramp(1), HistogramAdjustment(contrast=HumanContrast())
     scene = picture * np.float32(3e6)
@@ -207,7 +207,7 @@ def test_a_sun_beyond_what_an_eye_can_tell_is_the_screens_white():
 
 
 def test_a_flicker_of_the_unit_settles_by_equal_ratios():
-    # A camera that tells no unit, and whose exposure jumps by 8: on the way each frame is as bright as asked.
+    # A camera that says no unit, and whose exposure jumps by 8: on the way each frame is as bright as asked.
     (picture, view), operator = ramp(), HistogramAdjustment()
     one, eight = operator.adapt(picture, view), operator.adapt(picture * np.float32(8), view)
     np.testing.assert_allclose(one.values[1:], eight.values[1:], atol=2e-5)
@@ -316,7 +316,7 @@ def test_the_curve_moves_without_leaps(contrast):
     assert max(np.abs(later - earlier).max() for earlier, later in pairwise(way)) < 0.003
 
 
-def test_what_is_off_the_middle_counts_less_when_it_is_told_to():
+def test_what_is_off_the_middle_counts_less_when_it_is_asked_to():
     # 120° wide: a paraboloid of the distance, 0 at 90 degrees' worth of the middle's pixels.
     picture = np.ones((80, 200, 3), np.float32)
     picture[:, 50:150] = 10

@@ -68,8 +68,8 @@ def through_pcond(coded, view, options, folder):
     subprocess.run(words, env=environment, check=True, capture_output=True, timeout=60)
     # Read as it stands: without these primaries there is nothing to convert, and no warning.
     written = (folder / "out.hdr").read_bytes()
-    told = b"PRIMARIES= " + REC709.text.encode() + b"\nFORMAT"
-    (folder / "out.hdr").write_bytes(written.replace(b"FORMAT", told, 1))
+    said = b"PRIMARIES= " + REC709.text.encode() + b"\nFORMAT"
+    (folder / "out.hdr").write_bytes(written.replace(b"FORMAT", said, 1))
     exposures = [float(value) for value in re.findall(rb"EXPOSURE=\s*(\S+)", written.split(b"\n\n", 1)[0])]
     shown = files.read_radiance(str(folder / "out.hdr")).radiance.astype(float) * np.prod(exposures)
     return shown @ RADIANCE.to_xyz()[1]

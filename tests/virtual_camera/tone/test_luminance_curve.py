@@ -44,7 +44,7 @@ def test_the_table_is_exact_at_its_nodes_and_finite_everywhere():
     assert table.shape == (65537,)
     nodes = (np.arange(65280, dtype=np.uint32) << 15).view(np.float32)
     assert np.all(table[:65280][nodes < 3e29] == 3)
-    # Beyond display values of 1e30 no light is told apart, so that any of its channels stays finite.
+    # Beyond display values of 1e30 no light is distinguished, so that any of its channels stays finite.
     assert table[65279] * float(nodes[-1]) == pytest.approx(1e30)
     assert np.all(np.isfinite(factor_table(lambda light: light**0.01)))
 

@@ -120,7 +120,7 @@ def test_a_picture_agrees_with_the_library_colour_by_colour() -> None:
     assert encode_srgb(np.clip(shown, 0, 1)) == pytest.approx(np.clip(expected, 0, 1), abs=2e-5)
 
 
-def test_a_p3_display_is_told_in_rec_709() -> None:
+def test_a_p3_display_is_reported_in_rec_709() -> None:
     red = developed(Ocio(ACES_20, "Display P3 - Display", "Un-tone-mapped", grey=GREY), (0.5, 0.02, 0.02))
     assert red == pytest.approx([0.5, 0.02, 0.02], abs=2e-5)
 
@@ -130,7 +130,7 @@ def test_an_hdr_view_reaches_ten_times_the_white_of_100_nits() -> None:
     assert developed(tone, (1e6, 1e6, 1e6)) == pytest.approx([10, 10, 10], rel=1e-4)
 
 
-def test_the_log_mean_becomes_middle_grey_unless_told() -> None:
+def test_the_log_mean_becomes_middle_grey_unless_asked() -> None:
     radiance = np.array([[[40, 40, 40], [90, 90, 90]]], np.float32)
     tone = Ocio(ACES_20)
     assert np.exp(tone.adapt(radiance, VIEW).values) == pytest.approx([60])

@@ -112,7 +112,7 @@ def test_the_greatest_numbers_stay_numbers(tone: ToneOperator, scale: float, siz
     assert np.isfinite(picture).all() and picture.min() >= lowest(tone)
 
 
-def test_what_is_darker_than_the_screens_black_is_told() -> None:
+def test_what_is_darker_than_the_screens_black_is_reported() -> None:
     # A screen with a tenth of its white as black: most of a dim ramp is below it.
     screen, scene = DisplayRange(100.0, 10.0), ramp(1e-3, 1e3)
     for tone in (TumblinRushmeier(screen), Ferwerda(screen, acuity=False), Pattanaik(screen)):

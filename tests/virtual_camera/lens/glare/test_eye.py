@@ -141,7 +141,7 @@ def test_needles_vanish_about_large_lights():
     assert contrast[0] > 0.25 and contrast[1] < 0.4 * contrast[0]
 
 
-def test_the_picture_tells_what_the_eye_is_used_to():
+def test_the_picture_says_what_the_eye_is_used_to():
     radiance = np.full((60, 80, 3), 0.5, np.float32)
     for scale, adaptation in ((200.0, 100.0), (0.002, 0.001)):
         seen = EYE.apply(radiance, View(100.0, scale))

@@ -1,4 +1,4 @@
-"""Point spreads in polar coordinates: drawn as they are told, and the same when turned by half a turn."""
+"""Point spreads in polar coordinates: drawn as they are reported, and the same when turned by half a turn."""
 
 import numpy as np
 import pytest

@@ -97,9 +97,9 @@ def test_it_is_its_slow_twin():
     depth[4:10, 5:11] = 2.0
     seen = MotionVectors().apply(picture, View(20.0, depth=depth, motion=motion))
     expected = carried(picture, motion, np.log(depth), 0.05, samples=6)
-    told = MotionVectors().coverage((14, 17), View(20.0, depth=depth, motion=motion)) > 0.999
-    assert told.mean() > 0.9
-    np.testing.assert_allclose(seen[told], expected[told], atol=1e-3)
+    said = MotionVectors().coverage((14, 17), View(20.0, depth=depth, motion=motion)) > 0.999
+    assert said.mean() > 0.9
+    np.testing.assert_allclose(seen[said], expected[said], atol=1e-3)
 
 
 def test_the_faster_of_two_is_nearer_where_no_depth_is_known():

@@ -108,7 +108,7 @@ def test_eight_bits_of_mantissa_hold_the_common_gammas(exponent):
     assert table.comparisons == 1 and 23 - table.shift <= 8
 
 
-def test_a_gain_is_a_product_in_float32_and_one_a_channel_where_told():
+def test_a_gain_is_a_product_in_float32_and_one_a_channel_where_asked():
     values = np.random.default_rng(1).uniform(0, 3, (40, 50, 3)).astype(np.float32)
     table = code_table(encode_srgb)
     for gain in (0.37, (0.2, 0.5, 1.1)):
@@ -149,7 +149,7 @@ def film_or_end(exposure: np.ndarray) -> np.ndarray:
     return CURVES["film"](exposure)
 
 
-def test_a_lone_pixel_of_many_is_told():
+def test_a_lone_pixel_of_many_is_reported():
     assert Clipping((1e-7, 0, 0), (0, 0, 0)).sentence.startswith("less than 0.01 % of the pixels are beyond white")
 
 

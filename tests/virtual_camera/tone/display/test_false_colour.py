@@ -49,8 +49,8 @@ def test_the_scale_s_own_ends_are_the_picture_s():
     light = ramp(3.0)
     light[0, 0] = 1e-9  # one speck
     own = false_colour(grey(light)).pixels
-    told = false_colour(grey(light), low=float(np.percentile(light.astype(np.float32), 0.1)), high=1000).pixels
-    assert np.abs(own.astype(int) - told).max() <= 4
+    reports = false_colour(grey(light), low=float(np.percentile(light.astype(np.float32), 0.1)), high=1000).pixels
+    assert np.abs(own.astype(int) - reports).max() <= 4
     assert np.array_equal(false_colour(grey(light), high=10).pixels[5, 200], TURBO[255])
 
 

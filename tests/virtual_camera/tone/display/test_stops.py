@@ -62,7 +62,7 @@ def test_senseless_sheets_are_refused(options, said):
         stops_sheet(PICTURE, **options)
 
 
-def test_words_leave_other_pixels_as_they_are_and_stand_where_they_are_told():
+def test_words_leave_other_pixels_as_they_are_and_stand_where_they_are_reported():
     page = np.random.default_rng(1).integers(0, 256, (60, 200, 3)).astype(np.uint8)
     changed = (lettered(page, [Words(100, 30, "HI", align="right", level="center")]) != page).any(-1)
     y, x = np.nonzero(changed)
