@@ -74,7 +74,7 @@ def test_folders_are_views_whose_turns_are_found(folder, tmp_path, capsys):
 @pytest.mark.slow
 def test_turns_are_reported_in_degrees_and_views_by_pattern(folder, tmp_path, capsys):
     views = ["--view", str(folder / "fron?.exr"), "--view", str(folder / "side.exr")]
-    out = tmp_path / "told.hdr"
+    out = tmp_path / "dim.hdr"
     facts = reported(["probe", *views, "--turn", "0,90", "-o", str(out), *PLACE], capsys)
     assert facts["camera places given"] is True
     assert float(facts["turned by registration"][1].rstrip("°")) < 0.6  # as above

@@ -95,7 +95,7 @@ def _status(field: str) -> int:
         for line in file:
             if line.startswith(field + ":"):
                 return int(line.split()[1]) * 1024
-    raise RuntimeError(f"the system does not tell {field}")
+    raise RuntimeError(f"the system does not state {field}")
 
 
 if __name__ == "__main__":

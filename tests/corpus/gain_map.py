@@ -196,7 +196,7 @@ def _bad() -> list[Bad]:
         ("a base that is neither", _reported(good, "BaseRenditionIsHDR", "Perhaps")),
         ("a capacity that falls", _reported(good, "HDRCapacityMin", "9")),
         ("no version", replace(good, xmp={k: v for k, v in _DEFAULTS.items() if k != "Version"})),
-        ("a map that tells nothing", replace(good, xmp=None)),
+        ("a map that says nothing", replace(good, xmp=None)),
         ("a map of another shape", replace(good, gain_map=picture_of(np.full((3, 1, 1), 99), [_reported_segment()]))),
         ("a map that is a pair itself", replace(good, gain_map=good.data())),
         ("ISO headrooms of 0", replace(modern, iso=_iso((0, 1), (0, 1), (0, 1), (3, 1), (1, 1), (1, 64), (1, 64)))),

@@ -190,7 +190,7 @@ def _bad() -> list[Bad]:
         ("a frame of arithmetic codes", head + frame(8, 16, 3, 0xC9) + coded + EOI),
         ("bytes behind", good + bytes(500)),
         ("another picture behind", good + good),
-        ("lines told as 0, and behind the scan", head + frame(0, 16, 3) + coded + segment(0xDC, b"\0\x08") + EOI),
+        ("lines stated as 0, and behind the scan", head + frame(0, 16, 3) + coded + segment(0xDC, b"\0\x08") + EOI),
         ("more details than a block has", good[:-8] + b"\xfe" * 6 + EOI),
     ]
     files = [Bad(name, data, _SUFFIX) for name, data in bad]

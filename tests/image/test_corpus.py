@@ -63,7 +63,7 @@ def complaints(outcomes: list[Outcome]) -> list[str]:
     vague = [outcome for outcome in refused if not outcome.says_where]
     if len(vague) > 0.01 * len(refused):
         shown = Counter(outcome.error.removeprefix(outcome.path) for outcome in vague).most_common(5)
-        found.append(f"{len(vague)} of {len(refused)} refusals tell no place: {shown}")
+        found.append(f"{len(vague)} of {len(refused)} refusals state no place: {shown}")
     return found
 
 
@@ -217,7 +217,7 @@ def test_refusals_that_say_no_place_are_counted(trials):
     vague, exact = (trials.read(TRIAL, f"corpus.doors:{door}") for door in ("vague", "exact"))
     assert (vague.faults(), vague.says_where) == ([], False)
     assert "1 of 100 refusals" not in str(complaints([vague, *[exact] * 99]))
-    assert "1 of 99 refusals tell no place" in complaints([vague, *[exact] * 98])[0]
+    assert "1 of 99 refusals state no place" in complaints([vague, *[exact] * 98])[0]
 
 
 def test_a_photograph_is_read_through_the_runner_too(corpora, reader):

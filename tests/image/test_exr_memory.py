@@ -34,7 +34,7 @@ print(peak() - before)
 @pytest.mark.parametrize("kind", ["float", "half"])
 def test_six_million_pixels_take_at_most_twice_their_size(tmp_path, kind):
     if not sys.platform.startswith("linux"):
-        pytest.skip("the peak of memory is read as Linux tells it")
+        pytest.skip("the peak of memory is read as Linux states it")
     size = 2000 * 3000 * 12 / 1024  # KiB, as Linux says
     for step in ("write", "read"):
         command = [sys.executable, "-c", SCRIPT, step, str(tmp_path / "a.exr"), kind]

@@ -23,7 +23,7 @@ from relume.virtual_camera.view import View
 from synthetic import NOISELESS
 
 VIEW = View(200.0, seed=1)
-TOLD = Exposure(1 / 4, 2.0, 200.0)
+STATED = Exposure(1 / 4, 2.0, 200.0)
 
 
 def response() -> Response:
@@ -45,17 +45,17 @@ def board() -> np.ndarray:
 def clean() -> np.ndarray:
     """Pixel values, not rounded, of the board through a lens of 1.1 pixels."""
     soft = gaussian_filter(np.repeat(np.repeat(board(), 4, axis=0), 4, axis=1), (4.4, 4.4, 0))
-    return Film.of(TOLD, response()).pixel_values(soft.reshape(160, 4, 220, 4, 3).mean((1, 3)))
+    return Film.of(STATED, response()).pixel_values(soft.reshape(160, 4, 220, 4, 3).mean((1, 3)))
 
 
 @cache
 def plate() -> Photograph:
     """The board with noise of two pixel values."""
     values = clean() + 2 * np.random.default_rng(0).standard_normal(clean().shape)
-    return Photograph(np.rint(np.clip(values, 0, 255)).astype(np.uint8), exposure=TOLD)
+    return Photograph(np.rint(np.clip(values, 0, 255)).astype(np.uint8), exposure=STATED)
 
 
-SMALL = Photograph(np.full((40, 50, 3), 118, np.uint8), exposure=TOLD)
+SMALL = Photograph(np.full((40, 50, 3), 118, np.uint8), exposure=STATED)
 DIM = RadianceMap(np.full((40, 50, 3), 30.0, np.float32))
 LIT = RadianceMap(np.full((40, 50, 3), 1.0, np.float32))
 """As bright as the plate."""
@@ -94,7 +94,7 @@ def exposure_of(photograph: Photograph, picture: RadianceMap, profile=None) -> t
 
 def test_a_relative_picture_and_a_response_take_the_plates_exposure():
     exposure, fact = exposure_of(SMALL, LIT, response())
-    assert exposure == TOLD.factor == 0.125
+    assert exposure == STATED.factor == 0.125
     assert fact == ("exposure: the plate's, 0.25 s, f/2, ISO 200; the picture is taken to be on the response's scale")
 
 
@@ -179,7 +179,7 @@ def test_softness_keeps_the_light():
 
 @pytest.mark.parametrize("factor, said", [(2.0, "1.0 stops brighter"), (0.5, "1.0 stops darker")])
 def test_the_facts_say_how_much_brighter_the_picture_comes_out_and_at_which_exposure(factor, said):
-    light = np.exp(response().log_exposure[:, 118]) / TOLD.factor
+    light = np.exp(response().log_exposure[:, 118]) / STATED.factor
     picture = RadianceMap(np.broadcast_to(factor * light, (40, 50, 3)).astype(np.float32))
     facts = match_camera(SMALL, picture, response()).facts
     assert f"brightness: the picture comes out {said} than the plate, by their medians" in facts
@@ -187,7 +187,7 @@ def test_the_facts_say_how_much_brighter_the_picture_comes_out_and_at_which_expo
 
 
 def test_a_picture_in_another_unit_than_the_exposure_holds_for_is_warned_of():
-    light = 50 * np.exp(response().log_exposure[:, 118]) / TOLD.factor
+    light = 50 * np.exp(response().log_exposure[:, 118]) / STATED.factor
     picture = RadianceMap(np.broadcast_to(light, (40, 50, 3)).astype(np.float32))
     with pytest.warns(UserWarning, match=r"5\.6 stops brighter than the plate, .* expose by -5\.6 stops$") as warned:
         camera = match_camera(SMALL, picture, response())
