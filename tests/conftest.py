@@ -30,18 +30,21 @@ LONG = (
     *("probe/test_outline.py", "probe/test_registration.py", "probe/test_ball.py", "probe/test_assembled.py"),
     *("probe/test_silhouette.py", "probe/test_panorama.py", "light/test_reflection.py", "light/test_glossy.py"),
     *("capture/test_*accuracy.py", "capture/test_raw_measurement.py", "capture/test_measurement.py"),
+    *("capture/test_consistency.py", "capture/test_response.py", "capture/test_deghosting.py"),
     *("image/test_logluv_tiff.py", "image/test_every_format.py", "virtual_camera/lens/glare/test_eye.py"),
     *(
         "renderers/test_antialiasing.py",
         "renderers/test_patches.py",
         "sphere/test_blur.py",
+        "sphere/test_resampling.py",
+        "virtual_camera/lens/glare/test_camera.py",
         "virtual_camera/lens/motion/test_figure_9.py",
         "virtual_camera/plate_matching/test_grain_measuring.py",
         "virtual_camera/plate_matching/test_sharpness.py",
         "test_readme.py",
     ),
     *("lightstage/*/test_measured_view.py", "lightstage/*/test_environment_matte.py"),
-    *("lightstage/*/test_control_variate.py", "lightstage/*/test_head_truth.py"),
+    *("lightstage/*/test_control_variate.py", "lightstage/*/test_head_truth.py", "lightstage/*/test_read_stage.py"),
 )
 SHARED = Path(__file__).resolve().parents[2] / "shared"
 
