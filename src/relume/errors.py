@@ -25,15 +25,21 @@ A wrong call (an array of the wrong shape, a negative size) raises ``ValueError`
 from __future__ import annotations
 
 import os
+import re
 import sys
 import warnings
 from pathlib import Path
 
 _PACKAGE = f"{Path(__file__).parent}{os.sep}"
+# Unicode: C0, DEL and C1; line and paragraph separators; embeddings, overrides and isolates of direction.
+_UNPRINTABLE = re.compile("[\x00-\x1f\x7f-\x9f\u2028\u2029\u200e\u200f\u061c\u202a-\u202e\u2066-\u2069]+")
 
 
 class RelumeError(Exception):
     """Something relume was given cannot be used; the message is one line for a person."""
+
+    def __init__(self, message: object = "") -> None:
+        super().__init__(printable(str(message)))
 
 
 class UnreadableFile(RelumeError):
@@ -146,9 +152,17 @@ class OutputNotWritten(RelumeError):
     """A file or folder could not be written."""
 
 
+def printable(text: str) -> str:
+    """A text that stays on its line and moves no cursor, whatever names out of files are in it.
+
+    Each run of control characters, line ends and marks of writing direction becomes one blank.
+    """
+    return _UNPRINTABLE.sub(" ", text)
+
+
 def warn(message: str) -> None:
     """Warn at the first line outside relume, however deep in it the warning arises."""
     frame, level = sys._getframe(1), 2
     while frame.f_back is not None and frame.f_code.co_filename.startswith(_PACKAGE):
         frame, level = frame.f_back, level + 1
-    warnings.warn(message, stacklevel=level)
+    warnings.warn(printable(message), stacklevel=level)

@@ -38,7 +38,7 @@ def version() -> str:
 
 def refuse(message: str, code: int, hint: str = "") -> int:
     """Print one line on standard error and return the exit code."""
-    line = " ".join(message.split())
+    line = " ".join(rl.errors.printable(message).split())
     print(f"relume: {line}" + (f" ({hint})" if hint else ""), file=sys.stderr)
     return code
 
@@ -82,7 +82,7 @@ def note(output: OutputOptions, *lines: str) -> None:
     """Lines the user should know, on standard error."""
     if not output.quiet:
         for line in lines:
-            print(f"relume: note: {' '.join(line.split())}", file=sys.stderr)
+            print(f"relume: note: {' '.join(rl.errors.printable(line).split())}", file=sys.stderr)
 
 
 def finish(output: OutputOptions, doubts: Sequence[str], *, accept: bool = False) -> None:
@@ -109,8 +109,9 @@ def print_facts(output: OutputOptions, lines: Mapping[str, object], *, title: st
 
 def _print_lines(lines: Mapping[str, object], indent: str) -> None:
     """A line a fact; numbers of several kinds under one name have lines of their own where one would be too long."""
-    width = max((len(k) for k in lines), default=0)
-    for key, value in lines.items():
+    named = {rl.errors.printable(str(key)): value for key, value in lines.items()}
+    width = max((len(key) for key in named), default=0)
+    for key, value in named.items():
         text = _shown(value)
         several = isinstance(value, Mapping) and any(isinstance(v, Mapping | list | tuple) for v in value.values())
         if isinstance(value, Mapping) and several and len(text) > _LONG:
@@ -145,7 +146,7 @@ def _shown(value: object) -> str:
     if isinstance(value, float):
         return f"{value:.6g}"
     if isinstance(value, Mapping):
-        return ", ".join(f"{k} {_shown(v)}" for k, v in value.items()) or "none"
+        return ", ".join(f"{rl.errors.printable(str(k))} {_shown(v)}" for k, v in value.items()) or "none"
     if isinstance(value, list | tuple):
         return ", ".join(_shown(v) for v in value) or "none"
-    return "none" if value is None else str(value)
+    return "none" if value is None else rl.errors.printable(str(value))

@@ -87,8 +87,10 @@ class Photograph:
     outside : (H, W) bool, True where a pixel is not part of the picture (a border left by registration, alpha 0, a
         thing that moved through this frame alone); such pixels count nowhere. None where all are part
     settings : what else the file stores
-    profile : the ICC profile that the file says its values are of, as embedded; nothing here heeds it. None where it
-        has none
+    profile : the ICC profile that its values are of, as embedded, or as its EXIF names one; `image.colour_space` heeds
+        it. None where there is none: sRGB
+    uncropped : (width, height) that it had before it was cropped; None where it was not, or nothing says so
+    gain_map : whether its file has a gain map for HDR screens besides, of which these pixels show nothing
     """
 
     pixels: np.ndarray
@@ -99,6 +101,8 @@ class Photograph:
     outside: np.ndarray | None = None
     settings: Settings = Settings()
     profile: bytes | None = field(default=None, repr=False)
+    uncropped: tuple[int, int] | None = None
+    gain_map: bool = False
 
     def __post_init__(self) -> None:
         if self.pixels.ndim != 3 or self.pixels.shape[2] != 3 or self.pixels.dtype not in (np.uint8, np.uint16):

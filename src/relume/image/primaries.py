@@ -15,7 +15,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from relume.image.colour import LUMINANCE_WEIGHTS, triple
+from relume.image.colour import LUMINANCE_WEIGHTS, luminance, triple
 from relume.image.radiance import RadianceMap
 
 COOLEST, DAYLIGHT, HOTTEST = 2000.0, 4000.0, 25000.0
@@ -99,6 +99,20 @@ def mixed(pixels: np.ndarray, matrix: np.ndarray) -> np.ndarray:
         return np.asarray(pixels, np.float32) @ matrix.T.astype(np.float32)
 
 
+def inside_gamut(pixels: np.ndarray) -> np.ndarray:
+    """(…, 3) linear Rec. 709 without negative channels: colours outside it move towards grey of their luminance.
+
+    Light that is handed to renderers can have no negative channel; cut off at 0 it would gain luminance. Pixels whose
+    luminance is not above 0 become black. Pixels without a negative channel keep every bit.
+    """
+    least = pixels.min(axis=-1, keepdims=True)
+    if not np.any(least < 0):
+        return pixels
+    light = np.maximum(luminance(pixels), 0)[..., None].astype(pixels.dtype)
+    share = np.divide(light, light - least, out=np.zeros_like(light), where=light > 0)
+    return np.where(least < 0, np.maximum(light + share * (pixels - light), 0), pixels).astype(pixels.dtype)
+
+
 def daylight_chromaticity(kelvin: float) -> tuple[float, float]:
     """CIE x, y of daylight of a correlated colour temperature of 4000 to 25 000 K (CIE 15:2018, eqs. 4.7–4.9)."""
     if not DAYLIGHT <= kelvin <= HOTTEST:
@@ -159,4 +173,6 @@ P3 = Primaries((0.680, 0.320), (0.265, 0.690), (0.150, 0.060), REC709.white)
 """Of SMPTE RP 431-2 with the white of sRGB, D65."""
 BT2020 = Primaries((0.708, 0.292), (0.170, 0.797), (0.131, 0.046), REC709.white)
 """Of ITU-R BT.2020, and of BT.2100's HDR."""
+ADOBE_RGB = Primaries((0.64, 0.33), (0.21, 0.71), (0.15, 0.06), REC709.white)
+"""Of Adobe RGB (1998)."""
 EQUAL_ENERGY = (1 / 3, 1 / 3)

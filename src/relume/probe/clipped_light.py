@@ -12,7 +12,8 @@ from dataclasses import replace
 import numpy as np
 from scipy.ndimage import binary_dilation, gaussian_filter
 
-from relume.image.colour import decode_srgb, luminance
+from relume.image.colour import luminance
+from relume.image.colour_space import decoded, in_rec709
 from relume.image.photograph import Photograph
 from relume.image.radiance import BLACK, OUTSIDE, SATURATED, RadianceMap
 from relume.image.response import Response
@@ -26,19 +27,21 @@ BESIDE = 2.0
 def linear(photograph: Photograph, response: Response | None = None) -> RadianceMap:
     """One photograph as radiance: relative to its exposure where it holds one, else white is 1.
 
-    response : of the camera; sRGB unless given, which cameras only roughly follow (a tone curve brightens the middle)
+    response : of the camera; unless given the curve of the photograph's profile, else sRGB, which cameras only roughly
+        follow (a tone curve brightens the middle)
+
+    Its primaries are those of Rec. 709, whatever the photograph's are; a colour outside has a negative channel.
 
     Its `clipped` marks what is white in any channel, where radiance is a lower bound, and what is black in all.
     """
     greatest = float(np.iinfo(photograph.pixels.dtype).max)
     encoded = photograph.pixels / np.float32(greatest)
     if response is None:
-        light = decode_srgb(encoded)
+        light = decoded(photograph)
     else:
         places = np.linspace(0, 1, response.levels)
-        light = np.stack(
-            [np.exp(np.interp(encoded[..., c], places, g)) for c, g in enumerate(response.log_exposure)], -1
-        )
+        own = np.stack([np.exp(np.interp(encoded[..., c], places, g)) for c, g in enumerate(response.log_exposure)], -1)
+        light = in_rec709(RadianceMap(own.astype(np.float32)), photograph).radiance
     if photograph.exposure is not None:
         light = light / photograph.exposure.factor
     clipped = np.where((encoded >= WHITE).any(-1), SATURATED, 0).astype(np.uint8)

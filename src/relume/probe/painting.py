@@ -10,7 +10,10 @@ import numpy as np
 
 from relume.errors import warn
 from relume.image.colour import decode_srgb, luminance
+from relume.image.colour_space import colour_space_of, decoded, in_rec709
 from relume.image.photograph import Photograph
+from relume.image.primaries import inside_gamut
+from relume.image.radiance import RadianceMap
 from relume.sphere.environment_map import EnvironmentMap
 from relume.sphere.mappings.mapping import LatLong, Mapping
 
@@ -80,8 +83,8 @@ def environment_from_painting(
     """The environment map that a painting shows.
 
     painting : 8 or 16 bits, laid out in `mapping`; where it is transparent it is black
-    gamma : of the display it was painted on, 2.2 for most; or "srgb" for the curve of that standard. It has no
-        default: half the light of a map hangs on it, and no file holds it for certain
+    gamma : of the display it was painted on, 2.2 for most; or "srgb" for the curve of that standard, or of its
+        profile. It has no default: half the light of a map hangs on it, and no file holds it for certain
     white : radiance of its white, a number or one a channel; 2^stops for an exposure in stops
     hot : parts that are brighter, each raising what those before have left
     unit : of `white`
@@ -93,7 +96,14 @@ def environment_from_painting(
     scale = np.broadcast_to(np.asarray(white, np.float64), 3)
     if not np.all(np.isfinite(scale)) or scale.min() <= 0:
         raise ValueError(f"{painting.name}: white is {white}; expected a radiance above 0, or three")
-    radiance = _decoded(painting.pixels / levels, gamma, painting.name) * scale
+    if colour_space_of(painting) is None:
+        light = _decoded(painting.pixels / levels, gamma, painting.name)
+    elif gamma == "srgb":
+        light = inside_gamut(decoded(painting))
+    else:
+        own = _decoded(painting.pixels / levels, gamma, painting.name).astype(np.float32)
+        light = inside_gamut(in_rec709(RadianceMap(own), painting).radiance)
+    radiance = light * scale
     if painting.outside is not None:
         radiance[painting.outside] = 0
     rows, columns = radiance.shape[:2]

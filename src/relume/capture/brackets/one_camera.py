@@ -23,6 +23,7 @@ from relume.capture.raw.sensor import Sensor
 from relume.capture.response.calibration import Calibration, corrected, recover_response
 from relume.capture.response.ratios import Ratios
 from relume.errors import NotABracket, warn
+from relume.image.colour_space import in_rec709
 from relume.image.photograph import Photograph, RawPhotograph
 from relume.image.response import Response
 
@@ -81,6 +82,8 @@ def merge_photographs(
             _warn_of_an_odd_frame(deghosted)
         with steps.step("merge"):
             picture = merge(deghosted.bracket if deghosted else bracket, response, weighting=settings.weighting)
+            # The response was that of the photographs' own channels, and so were these.
+            picture = in_rec709(picture, bracket.photographs[0])
         found = lens.applied(picture, bracket, response, doubt)
         corrections = {p.name: stops[p.name] for p in bracket.photographs if p.name in stops}
         merged.append(replace(found, aligned=moved, deghosted=deghosted, corrections=corrections))

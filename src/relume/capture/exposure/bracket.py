@@ -11,6 +11,9 @@ import numpy as np
 from relume.capture.exposure.exposures import Times, exposed
 from relume.errors import NotABracket, warn
 from relume.image import files
+from relume.image.colour_space import first_apart, name_of
+from relume.image.files.formats import read_photographs
+from relume.image.files.photographs.remarks import warn_of_crops
 from relume.image.photograph import Photograph, RawPhotograph
 
 
@@ -34,6 +37,11 @@ class Bracket:
                     f"{photograph.name} is {_form(photograph)}, {photographs[0].name} is {_form(photographs[0])}; "
                     "a bracket needs photographs of one size and depth"
                 )
+        if other := first_apart(photographs):
+            raise NotABracket(
+                f"{photographs[other].name} is in {name_of(photographs[other])}, {photographs[0].name} in "
+                f"{name_of(photographs[0])}; a bracket needs photographs of one colour space: export all alike"
+            )
         require_facts_of_all(photographs)
         ordered = sorted(photographs, key=lambda p: (_factor(p), p.name))
         object.__setattr__(self, "photographs", tuple(ordered))
@@ -107,7 +115,8 @@ def read_bracket(
     """
     if isinstance(paths, str | Path):
         raise NotABracket(f'{paths}: one path; give a list of photographs, like sorted(glob.glob("folder/*.jpg"))')
-    photographs = [files.read_photograph(path) for path in paths]
+    photographs = read_photographs(paths)
+    warn_of_crops(photographs)
     if ignore is not None:
         photographs = _ignoring(photographs, ignore)
     speeds = None

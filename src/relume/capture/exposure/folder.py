@@ -11,10 +11,9 @@ import numpy as np
 
 from relume.capture.exposure.sidecar import ExposureList, read_times
 from relume.errors import NotABracket, UnreadableFile, warn
-from relume.image.files.signatures import kind_of
+from relume.image.files.signatures import PHOTOGRAPHS, kind_of
 from relume.image.photograph import Exposure
 
-_PHOTOGRAPHS = ("JPEG", "PNG", "TIFF", "RAW")
 _LISTS = (".txt", ".csv", ".tsv", ".hdrgen", ".lst", ".list")
 _SAME = 0.01  # of an exposure: lists agree within the rounding of what they print
 
@@ -84,7 +83,7 @@ def listed_exposures(paths: Sequence[Path], brightness: Callable[[], Sequence[fl
 
 def _is_photograph(path: Path) -> bool:
     try:
-        return kind_of(path) in _PHOTOGRAPHS
+        return kind_of(path) in (*PHOTOGRAPHS, "RAW")
     except UnreadableFile:
         return False
 

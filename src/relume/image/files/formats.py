@@ -1,8 +1,8 @@
 """The only place where relume opens image files: one module a format behind `read` and `write`.
 
-The content of a file decides what it is, never its suffix (but raw .float, which is nothing but pixels). A JPEG, PNG or
-TIFF of 8 or 16 bits is a `Photograph` (encoded values). An OpenEXR, Radiance picture, LogLuv or float TIFF, PFM or
-raw float file is a `RadianceMap` (scene-linear). Nothing converts between the two unseen. A JPEG with a gain map is
+The content of a file decides what it is, never its suffix (but raw .float, which is nothing but pixels). A JPEG, PNG,
+TIFF or HEIF of 8 to 16 bits is a `Photograph` (encoded values). An OpenEXR, Radiance picture, LogLuv or float TIFF, PFM
+or raw float file is a `RadianceMap` (scene-linear). Nothing converts between the two unseen. A JPEG with a gain map is
 both: `read_photograph` gives one, `read_radiance` the other. A camera raw is neither until it is merged: `read_raw`
 gives its sensor's own values. Format libraries are imported at first use.
 """
@@ -10,7 +10,7 @@ gives its sensor's own values. Format libraries are imported at first use.
 from __future__ import annotations
 
 import os
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from importlib import import_module
 from pathlib import Path
 from typing import Any
@@ -20,8 +20,9 @@ import numpy as np
 from relume.errors import UnreadableFile, warn
 from relume.image.files import encodings
 from relume.image.files.encodings import Encoding, suffix_of
+from relume.image.files.photographs.remarks import warn_of_gain_maps
 from relume.image.files.read_options import ReadOptions
-from relume.image.files.signatures import MAPS, kind_of
+from relume.image.files.signatures import MAPS, PHOTOGRAPHS, kind_of
 from relume.image.photograph import Photograph, RawPhotograph
 from relume.image.radiance import RadianceMap
 
@@ -35,6 +36,7 @@ _READERS = {
     "JPEG": "photographs.photographs",
     "PNG": "photographs.photographs",
     "TIFF": "photographs.photographs",
+    "HEIF": "photographs.photographs",
 }
 _WRITERS = {
     encodings.OpenEXR: "exr.maps",
@@ -56,17 +58,31 @@ def read(path: str | os.PathLike[str], options: ReadOptions = ReadOptions()) -> 
     image = _read(path, kind, options)
     if _has_gain_map(path, kind):
         warn(f"{path}: only its base picture is read, though it has a gain map too; read_radiance gives its light")
+    elif isinstance(image, Photograph):
+        warn_of_gain_maps([image])
     return image
 
 
 def read_photograph(path: str | os.PathLike[str], options: ReadOptions = ReadOptions()) -> Photograph:
-    """The photograph in a file; raises UnreadableFile where the file holds a radiance map."""
-    kind = kind_of(path)
-    if kind in MAPS:
-        raise UnreadableFile(f"{path}: a radiance map where a photograph is needed; give a JPEG, PNG or TIFF")
-    image = _read(path, kind, options)
-    assert isinstance(image, Photograph)
-    return image
+    """The photograph in a file; raises UnreadableFile where the file holds a radiance map.
+
+    Warns of a gain map for HDR screens beside it, of which it shows nothing.
+    """
+    return read_photographs([path], options)[0]
+
+
+def read_photographs(paths: Iterable[str | os.PathLike[str]], options: ReadOptions = ReadOptions()) -> list[Photograph]:
+    """As `read_photograph`, of several files, with one warning for all their gain maps."""
+    images = []
+    for path in paths:
+        kind = kind_of(path)
+        if kind in MAPS:
+            raise UnreadableFile(f"{path}: a radiance map where a photograph is needed; give a JPEG, PNG or TIFF")
+        image = _read(path, kind, options)
+        assert isinstance(image, Photograph)
+        images.append(image)
+    warn_of_gain_maps(images)
+    return images
 
 
 def read_radiance(path: str | os.PathLike[str], options: ReadOptions = ReadOptions()) -> RadianceMap:
@@ -74,7 +90,7 @@ def read_radiance(path: str | os.PathLike[str], options: ReadOptions = ReadOptio
     kind = kind_of(path)
     if _has_gain_map(path, kind):
         return _decoded(path, "gain_map.gain_map", options)
-    if kind in ("JPEG", "PNG", "TIFF"):
+    if kind in PHOTOGRAPHS:
         raise UnreadableFile(
             f"{path}: a photograph where a radiance map is needed; give an EXR or .hdr, or merge a bracket"
         )
@@ -86,7 +102,7 @@ def read_radiance(path: str | os.PathLike[str], options: ReadOptions = ReadOptio
 def has_radiance(path: str | os.PathLike[str]) -> bool:
     """Whether `read_radiance` would find any: not in a photograph without a gain map; raises UnreadableFile."""
     kind = kind_of(path)
-    return kind not in ("JPEG", "PNG", "TIFF") or _has_gain_map(path, kind)
+    return kind not in PHOTOGRAPHS or _has_gain_map(path, kind)
 
 
 def _has_gain_map(path: str | os.PathLike[str], kind: str) -> bool:

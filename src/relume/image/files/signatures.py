@@ -14,6 +14,8 @@ from relume.image.files.tiff.directories import folders_in
 
 MAPS = ("EXR", "HDR", "PFM", "raw float", "float TIFF", "LogLuv TIFF")
 """The kinds that hold radiance maps."""
+PHOTOGRAPHS = ("JPEG", "PNG", "TIFF", "HEIF")
+"""The kinds that hold photographs as cameras develop them."""
 
 _MAGIC = {
     b"\xff\xd8\xff": "JPEG",
@@ -33,6 +35,8 @@ _MAGIC = {
     b"FOVb": "RAW",  # Sigma
 }
 _CANON_CR3 = b"ftypcrx "
+_HEVC_BRANDS = {b"heic", b"heix", b"heim", b"heis", b"hevc", b"hevx", b"hevm", b"hevs"}
+"""Of files whose pictures HEVC codes (ISO 23008-12, annex B)."""
 # Most raw files are TIFFs; these of their tags and values no developed picture has (TIFF/EP, DNG 1.7).
 _PHOTOMETRIC, _SUB_FOLDERS, _SAMPLE_FORMAT, _DNG_VERSION = 262, 330, 339, 50706
 _RAW_PHOTOMETRICS = (32803, 34892)  # colour filter array, linear raw
@@ -43,8 +47,7 @@ _RADIANCE_HEADER = re.compile(rb"(FORMAT=32-bit_rle_|\n\r?\n[-+][XY] *\d+ [-+][X
 _PFM_HEADER = re.compile(rb"P[Ff]\s")
 _STRANGERS = (
     (4, b"ftypavif", "an AVIF picture"),
-    (4, b"ftypheic", "an HEIF picture"),
-    (4, b"ftypmif1", "an HEIF picture"),
+    (4, b"ftypmif1", "an HEIF picture of another codec than HEVC"),
     (0, b"\0\0\0\x0cJXL ", "a JPEG XL picture"),
     (0, b"\xff\x0a", "a JPEG XL picture"),
     (0, b"\0\0\0\x0cjP  ", "a JPEG 2000 picture"),
@@ -62,7 +65,7 @@ _CONVERT = "convert it to JPEG, PNG or TIFF, or to EXR or Radiance .hdr"
 
 
 def kind_of(path: str | os.PathLike[str]) -> str:
-    """One of `MAPS`, or "JPEG", "PNG", "TIFF", "RAW", "KTX2"; raises UnreadableFile for anything else."""
+    """One of `MAPS` or `PHOTOGRAPHS`, or "RAW", "KTX2"; raises UnreadableFile for anything else."""
     path = Path(path)
     if path.is_dir():
         raise UnreadableFile(f"{path}: a folder, not a file; name one picture in it")
@@ -86,6 +89,8 @@ def kind_of(path: str | os.PathLike[str]) -> str:
     for magic, kind in _MAGIC.items():
         if head.startswith(magic):
             return kind
+    if _is_heif(head):
+        return "HEIF"
     if _PFM_HEADER.match(head):
         return "PFM"
     if _RADIANCE_HEADER.search(head):
@@ -94,6 +99,15 @@ def kind_of(path: str | os.PathLike[str]) -> str:
         if head[place : place + len(magic)] == magic:
             raise UnreadableFile(f"{path}: {name}, which relume does not read; {_CONVERT}")
     raise UnreadableFile(f"{path}: no picture relume reads; {_CONVERT}")
+
+
+def _is_heif(head: bytes) -> bool:
+    """Whether a file's box of brands, its first (ISO 14496-12, 4.3), names HEVC pictures: most name it second."""
+    length = int.from_bytes(head[:4])
+    if head[4:8] != b"ftyp" or not 16 <= length <= 256:
+        return False
+    brands = {head[8:12], *(head[place : place + 4] for place in range(16, min(length, len(head) - 3), 4))}
+    return not brands.isdisjoint(_HEVC_BRANDS)
 
 
 def _kind_of_tiff(path: Path, file: BinaryIO) -> str:

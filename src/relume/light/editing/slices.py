@@ -9,6 +9,7 @@ from pathlib import Path
 from relume.errors import UnreadableFile, warn
 from relume.image import files
 from relume.image.colour import luminance
+from relume.image.colour_space import colour_space_of, name_of
 from relume.image.ldr_slices import (
     DOUBTFUL_PLACES,
     DOUBTFUL_SHARE,
@@ -150,6 +151,8 @@ def _opaque_srgb(path: Path) -> Photograph:
         if "alpha is left out" in text or "colour profile" in text:
             raise UnreadableFile(f"{text}; flatten it and save it in sRGB, as the way back needs")
         warn(text)
+    if colour_space_of(photograph) is not None:
+        raise UnreadableFile(f"{path}: in {name_of(photograph)}; save it in sRGB, as the way back needs")
     return photograph
 
 

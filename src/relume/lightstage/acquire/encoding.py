@@ -9,7 +9,9 @@ import numpy as np
 
 from relume.errors import InvalidStage
 from relume.image.colour import decode_srgb
+from relume.image.colour_space import colour_space_of, in_rec709
 from relume.image.photograph import Photograph
+from relume.image.radiance import RadianceMap
 from relume.image.response import Response
 
 _BLACK = 0.25
@@ -59,9 +61,10 @@ class PhotographEncoding:
         return Response(np.stack([curve] * 3), np.full(3, _DEVIATION))
 
     def linearised(self, photograph: Photograph) -> np.ndarray:
-        """The exposures (H, W, 3) float32 of a photograph's pixels."""
+        """The exposures (H, W, 3) float32 of a photograph's pixels, in Rec. 709; of "srgb" as its profile says."""
         curves = self._exposures(photograph).astype(np.float32)
-        return np.stack([curves[channel][photograph.pixels[..., channel]] for channel in range(3)], axis=-1)
+        own = np.stack([curves[channel][photograph.pixels[..., channel]] for channel in range(3)], axis=-1)
+        return in_rec709(RadianceMap(own), photograph).radiance
 
     def step(self, photograph: Photograph) -> float:
         """How far apart the exposures of neighbouring codes are, as a root mean square over a photograph's values."""
@@ -72,6 +75,8 @@ class PhotographEncoding:
     def _exposures(self, photograph: Photograph) -> np.ndarray:
         """The exposure (3, levels) of every code of a photograph."""
         levels = int(np.iinfo(photograph.pixels.dtype).max) + 1
+        if self.name == "srgb" and (space := colour_space_of(photograph)) is not None:
+            return space.curves.T.astype(np.float64)
         if self.measured is None:
             return np.stack([self._decoded(np.arange(levels) / (levels - 1))] * 3)
         return np.exp(self.response(levels, photograph.name).log_exposure)

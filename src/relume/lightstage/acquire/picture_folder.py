@@ -17,6 +17,7 @@ from relume.capture.exposure.bracket import read_bracket
 from relume.capture.merging import merge
 from relume.errors import InvalidStage, warn
 from relume.image import files
+from relume.image.colour_space import in_rec709
 from relume.image.photograph import Photograph
 from relume.image.radiance import OUTSIDE, SATURATED
 from relume.lightstage.acquire.encoding import PhotographEncoding
@@ -170,6 +171,7 @@ class PictureFolder:
         levels = int(np.iinfo(bracket.photographs[0].pixels.dtype).max) + 1
         # `merge_brackets` gives the same values; its checks would take some times as long, for every light again.
         merged = merge(bracket, self.encoding.response(levels, str(paths[0])))
+        merged = in_rec709(merged, bracket.photographs[0])
         clipped = merged.clipped if merged.clipped is not None else np.zeros(merged.radiance.shape[:2], np.uint8)
         radiance = np.where((clipped == OUTSIDE)[..., None], np.float32(0), merged.radiance)
         return _Picture(radiance, clipped == SATURATED)

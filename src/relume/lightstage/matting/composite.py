@@ -13,7 +13,7 @@ import numpy as np
 
 from relume._kernel import in_threads
 from relume.image import files
-from relume.image.colour import decode_srgb
+from relume.image.colour_space import decoded
 from relume.image.radiance import RadianceMap
 from relume.lightstage.field.field import ReflectanceField
 from relume.lightstage.matting import kernel as matte_kernel
@@ -89,11 +89,10 @@ def composite_matte(matte: EnvironmentMatte, backdrop: np.ndarray, foreground: n
 
 
 def read_backdrop(path: str | os.PathLike[str]) -> np.ndarray:
-    """A backdrop's linear values (H, W, 3): a radiance map as it is, a photograph by the sRGB curve."""
+    """A backdrop's linear values (H, W, 3): a radiance map as it is, a photograph by its profile, else sRGB."""
     if files.has_radiance(path):
         return files.read_radiance(path).radiance
-    photograph = files.read_photograph(path)
-    return decode_srgb(photograph.pixels / np.iinfo(photograph.pixels.dtype).max)
+    return decoded(files.read_photograph(path))
 
 
 def over_environment(

@@ -21,7 +21,7 @@ import numpy as np
 
 from relume.errors import UnreadableFile, warn
 from relume.image import files
-from relume.image.colour import decode_srgb
+from relume.image.colour_space import decoded
 from relume.image.radiance import RadianceMap
 
 _NAME = re.compile(r"(gray|stripes)_([xy])(\d+)(_inverse)?")
@@ -226,7 +226,7 @@ def _pictures(paths: Sequence[Path]) -> np.ndarray:
         if isinstance(image, RadianceMap):
             pictures.append(image.radiance)
         else:
-            pictures.append(decode_srgb(image.pixels / np.iinfo(image.pixels.dtype).max).astype(np.float32))
+            pictures.append(decoded(image).astype(np.float32))
             encoded = True
         (height, width), (rows, columns) = pictures[0].shape[:2], pictures[-1].shape[:2]
         if (height, width) != (rows, columns):
@@ -234,7 +234,9 @@ def _pictures(paths: Sequence[Path]) -> np.ndarray:
                 f"{path}: {columns}×{rows} pixels, but {paths[0].name} has {width}×{height}; all pictures need one size"
             )
     if encoded:
-        warn(f"{paths[0].parent}: photographs, taken as sRGB; merged EXR files would be exact")
+        warn(
+            f"{paths[0].parent}: photographs, taken as sRGB, or as their profiles say; merged EXR files would be exact"
+        )
     return np.stack(pictures)
 
 

@@ -11,6 +11,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from relume.image.primaries import inside_gamut
 from relume.image.radiance import OUTSIDE, SATURATED
 from relume.probe.ball.registration import KnownPlaces, RegistrationMethod
 from relume.probe.ball.unwrapping import BallView
@@ -115,6 +116,8 @@ def blend_views(
     confidence = np.minimum(sure / subdivision**2, 1) ** (1 / SHARPNESS)
     known = confidence > UNSEEN
     radiance = continued(total / np.maximum(weight, 1e-300)[..., None], known).astype(np.float32)
+    # Photographs of wider primaries hold colours that light of Rec. 709 cannot be.
+    radiance = inside_gamut(radiance)
     mask = np.where(saturated > CLIPPED_SHARE, SATURATED, 0).astype(np.uint8)
     mask[~known] = OUTSIDE
     light = EnvironmentMap(radiance, unit=views[0].picture.unit, clipped=mask if mask.any() else None)

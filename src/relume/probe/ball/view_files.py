@@ -17,6 +17,7 @@ from relume.capture.exposure.folder import name_order, pictures_in
 from relume.capture.response.camera_profile import CameraProfile
 from relume.errors import BallNotFound, UnreadableFile
 from relume.image import files
+from relume.image.files.formats import read_photographs
 from relume.image.files.signatures import MAPS, kind_of
 from relume.image.photograph import Photograph
 from relume.image.radiance import RadianceMap
@@ -204,7 +205,7 @@ def _bracket(paths: Sequence[Path], times: list[float] | None, notes: list[str])
         f"{paths[0].name} … {paths[-1].name}: {len(sizes)} sizes, so they are taken for crops and laid on one another "
         "by the ball"
     )
-    photographs = exposed([files.read_photograph(path) for path in paths], times=times)
+    photographs = exposed(read_photographs(paths), times=times)
     return Bracket(on_one_frame(photographs))
 
 

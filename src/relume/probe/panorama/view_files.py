@@ -5,7 +5,7 @@ from __future__ import annotations
 import csv
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
@@ -18,6 +18,7 @@ from relume.capture.response.camera_profile import CameraProfile
 from relume.errors import NotAPanorama, UnreadableFile, warn
 from relume.image import files
 from relume.image.files.signatures import kind_of
+from relume.image.primaries import inside_gamut
 from relume.image.radiance import RadianceMap
 from relume.probe.clipped_light import linear
 from relume.probe.panorama.views import FACES, PanoramaView, focal_length_of, orientation
@@ -91,7 +92,7 @@ def read_sources(
     if folders:
         merged = merge_brackets(brackets, profile=profile, settings=settings)
         for folder, bracket in zip(folders, merged.brackets, strict=True):
-            of_folders[folder] = Source(bracket.picture, bracket.focal_length, folder.name)
+            of_folders[folder] = Source(_as_light(bracket.picture), bracket.focal_length, folder.name)
     # Radiance maps and single photographs.
     response = None if profile is None else profile.response
     sources = []
@@ -103,8 +104,13 @@ def read_sources(
         if isinstance(image, RadianceMap):
             sources.append(Source(image, None, path.name))
         else:
-            sources.append(Source(linear(image, response), image.focal_length, path.name, response is None))
+            sources.append(Source(_as_light(linear(image, response)), image.focal_length, path.name, response is None))
     return sources
+
+
+def _as_light(picture: RadianceMap) -> RadianceMap:
+    """A map of photographs without negative channels, which colours of wider primaries have."""
+    return replace(picture, radiance=inside_gamut(picture.radiance))
 
 
 def stored_crop(picture: RadianceMap, name: str = "view") -> Crop | None:

@@ -13,6 +13,7 @@ import numpy as np
 from relume.capture.response.camera_profile import CameraProfile, read_profile
 from relume.errors import OutputNotWritten, UnreadableFile
 from relume.image import files
+from relume.image.colour_space import name_of
 from relume.image.files.read_options import ReadOptions
 from relume.image.photograph import Photograph
 from relume.image.radiance import BLACK, SATURATED, RadianceMap
@@ -320,7 +321,7 @@ def _film_of(photograph: Photograph, settings: DevelopSettings) -> tuple[Film, s
     exposure = photograph.exposure
     factor = settings.exposure or (1.0 if exposure is None else exposure.factor)
     source = "given" if settings.exposure else "1: the photograph has none" if exposure is None else "EXIF"
-    facts: Facts = {"exposure from": source, "response": "sRGB"}
+    facts: Facts = {"exposure from": source, "response": name_of(photograph)}
     if settings.response is None:
         return Film(factor), "relative", None, facts
     profile = _profile(settings.response)

@@ -10,6 +10,7 @@ from relume.capture.exposure.bracket import Bracket
 from relume.composite.differential import Additive, Ratio, composed
 from relume.composite.mattes import read_matte
 from relume.errors import warn
+from relume.image.colour_space import to_own_primaries
 from relume.image.photograph import Photograph
 from relume.image.radiance import RadianceMap
 from relume.project.insertion.photographs import Calibrated
@@ -132,11 +133,20 @@ def composited(
         photograph, film = development.photograph, development.film
         grainy = add_grain(composite, change.matte, match)
         if photograph is None:
-            picture, before = develop(grainy, film), develop(plate.radiance, film)
+            picture, before = (_developed(each, film, development) for each in (grainy, plate.radiance))
         else:
-            values = film.pixel_values(composite), film.pixel_values(plate.radiance)
+            own = (to_own_primaries(each, photograph) for each in (composite, plate.radiance))
+            values = (film.pixel_values(each) for each in own)
             picture, before = composite_into_photograph(photograph, *values, change.matte, match), photograph
     return Composite(grainy, picture, before, change, without, match)
+
+
+def _developed(radiance: np.ndarray, film: Film, development: Development) -> Photograph:
+    """Radiance on the plate's film, in the colour space of its photographs, as whose profile it is marked."""
+    if development.bracket is None:
+        return develop(radiance, film)
+    first = development.bracket.photographs[0]
+    return replace(develop(to_own_primaries(radiance, first), film), profile=first.profile)
 
 
 def _behind(change: Change, occluder: np.ndarray) -> Change:

@@ -9,6 +9,7 @@ import numpy as np
 
 from relume.capture.exposure.bracket import Bracket
 from relume.capture.merging import Weighting, merge
+from relume.image.colour_space import in_rec709, response_of
 from relume.image.photograph import Exposure, Photograph
 from relume.image.radiance import RadianceMap
 from relume.image.response import Response
@@ -45,8 +46,8 @@ def undevelop(
 ) -> RadianceMap:
     """The radiance that this film recorded, before it passed the optics (Debevec & Malik 1997, eq. 5, one photograph).
 
-    film : its exposure and response; the photograph's own EXIF exposure does not count. Without a response it is sRGB
-        at the photograph's depth
+    film : its exposure and response; the photograph's own EXIF exposure does not count. Without a response it is that
+        of the photograph's profile, else sRGB, at its depth
     optics : of the lens, in the order in which light passed them; see `undo_optics`
     view : the photograph's field of view, for the optics; 50° across unless given
     weighting : which pixel values count; for one photograph weights have no other effect
@@ -57,7 +58,7 @@ def undevelop(
     another depth than the photograph's.
     """
     levels = int(np.iinfo(photograph.pixels.dtype).max) + 1
-    response = srgb_response(levels) if film.response is None else film.response
+    response = film.response or response_of(photograph) or srgb_response(levels)
     bracket = Bracket((replace(photograph, exposure=Exposure(film.exposure)),))
-    picture = merge(bracket, response, weighting=weighting)
+    picture = in_rec709(merge(bracket, response, weighting=weighting), photograph)
     return undo_optics(picture, optics, VirtualCamera().view(picture) if view is None else view) if optics else picture

@@ -11,6 +11,7 @@ whose base has no hdrgm:Version; so the reader is our own.
 from __future__ import annotations
 
 import os
+from pathlib import Path
 from typing import BinaryIO
 
 import numpy as np
@@ -25,6 +26,8 @@ from relume.image.files.photographs import jpeg_segments
 from relume.image.files.read_options import ReadOptions, refuse_absurd_amount, refuse_absurd_size
 from relume.image.radiance import RadianceMap
 
+_APPLE = b"http://ns.apple.com/HDRGainMap/"
+"""The namespace in the XMP of the second picture of a telephone's JPEG, whose range its maker's note holds."""
 _PICTURES = ("base picture", "gain map")
 
 
@@ -36,6 +39,14 @@ def is_present(path: str | os.PathLike[str]) -> bool:
     except FormatError as error:
         return error.format == gain_map_layout.FORMAT
     except Exception:  # whatever a file does; reading it says what is wrong
+        return False
+
+
+def has_any(path: str | os.PathLike[str]) -> bool:
+    """Whether a JPEG has a gain map of any kind, also Apple's own, which `read` does not read; never raises."""
+    try:
+        return is_present(path) or _APPLE in Path(path).read_bytes()
+    except OSError:
         return False
 
 

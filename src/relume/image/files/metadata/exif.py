@@ -11,7 +11,7 @@ import math
 import os
 import threading
 import warnings
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from datetime import datetime
 from typing import BinaryIO
@@ -26,8 +26,12 @@ from relume.image.files.metadata.exif_attributes import letters
 from relume.image.files.signatures import one_line
 from relume.image.photograph import Exposure, Settings, named
 
-_ORIENTATION, _EXIF_IFD, _EXPOSURE_INDEX, _SHUTTER_SPEED = 0x0112, 0x8769, 0x8832, 0x9201
-_MAKER_NOTE, _PIXEL_WIDTH, _PLANE_RESOLUTION, _PLANE_UNIT = 0x927C, 0xA002, 0xA20E, 0xA210
+ORIENTATION, _EXIF_IFD, _EXPOSURE_INDEX, _SHUTTER_SPEED = 0x0112, 0x8769, 0x8832, 0x9201
+_MAKER_NOTE, _PLANE_RESOLUTION, _PLANE_UNIT = 0x927C, 0xA20E, 0xA210
+_PIXEL_WIDTH, _PIXEL_HEIGHT, _COLOUR_SPACE = 0xA002, 0xA003, 0xA001
+INTEROPERABILITY = 0xA005
+"""The folder that names the rules a file follows, R98 for sRGB and R03 for Adobe RGB (CIPA DC-008, 4.6.8)."""
+_MARGINS = 0.02  # of a side: pixels at the sensor's rim that one program shows and another does not
 _MILLIMETRES = {2: 25.4, 3: 10.0, 4: 1.0}
 _SMALL_SENSOR, _SHORT_LENS = 6.0, 12.0  # mm
 
@@ -42,23 +46,41 @@ _HEARING = threading.Lock()  # what is heard of warnings is one list of the whol
 def tags(path: str | os.PathLike[str], kind: str) -> dict[int, object]:
     """All tags of a JPEG, PNG, TIFF or raw TIFF by number, those of the EXIF folder among them.
 
-    The value of `gps.FOLDER` is that folder, tags by number. Texts are read as UTF-8, where they are none as Latin-1.
-    Warns where they are damaged, and returns the others.
+    The values of `gps.FOLDER` and of INTEROPERABILITY are those folders, tags by number. Texts are read as UTF-8, where
+    they are none as Latin-1. Warns where they are damaged, and returns the others.
     """
-    damage: list[str] = []
-    found: dict[int, object] = {}
-    try:
-        with heard(damage), open(path, "rb") as file:
+
+    def opened(found: dict[int, object], damage: list[str]) -> None:
+        with open(path, "rb") as file:
             if kind in _OPENERS:
                 with _OPENERS[kind](file) as image:
                     # The base class's method: that of PNG decodes the whole picture in search of a late chunk.
-                    exif = Image.Image.getexif(image)
+                    _collect(Image.Image.getexif(image), found, damage)
             else:  # only the tags: Pillow prints about pixels it cannot decode
-                exif = _of_tiff(file)
-            found.update(exif)
-            found.update(exif.get_ifd(_EXIF_IFD))
-            if gps.FOLDER in exif:
-                found[gps.FOLDER] = _position_in(exif, damage)
+                _collect(_of_tiff(file), found, damage)
+
+    return _gathered(path, opened)
+
+
+def tags_in(path: str | os.PathLike[str], block: bytes) -> dict[int, object]:
+    """As `tags`, of the block of EXIF that a decoder found in a file; none where it is empty."""
+
+    def opened(found: dict[int, object], damage: list[str]) -> None:
+        exif = Image.Exif()
+        exif.load(block)
+        _collect(exif, found, damage)
+
+    return _gathered(path, opened) if block else {}
+
+
+def _gathered(
+    path: str | os.PathLike[str], opened: Callable[[dict[int, object], list[str]], None]
+) -> dict[int, object]:
+    damage: list[str] = []
+    found: dict[int, object] = {}
+    try:
+        with heard(damage):
+            opened(found, damage)
     except Exception as error:  # Pillow raises SyntaxError, struct.error, KeyError and others for damaged tags
         warn(f"{path}: its EXIF cannot be read ({one_line(error)}); exposure unknown")
         return {}
@@ -68,11 +90,20 @@ def tags(path: str | os.PathLike[str], kind: str) -> dict[int, object]:
     return {tag: letters(v.encode("latin-1", "replace")) if isinstance(v, str) else v for tag, v in found.items()}
 
 
-def _position_in(exif: Image.Exif, damage: list[str]) -> dict[int, object]:
-    """The GPS folder; a damaged one costs no other tag."""
+def _collect(exif: Image.Exif, found: dict[int, object], damage: list[str]) -> None:
+    found.update(exif)
+    found.update(exif.get_ifd(_EXIF_IFD))
+    if gps.FOLDER in exif:
+        found[gps.FOLDER] = _folder_in(exif, gps.FOLDER, damage)
+    if INTEROPERABILITY in found:
+        found[INTEROPERABILITY] = _folder_in(exif, INTEROPERABILITY, damage)
+
+
+def _folder_in(exif: Image.Exif, folder: int, damage: list[str]) -> dict[int, object]:
+    """A folder of its own; a damaged one costs no other tag."""
     try:
-        return exif.get_ifd(gps.FOLDER)
-    except Exception as error:  # as in `tags`
+        return exif.get_ifd(folder)
+    except Exception as error:  # as in `_gathered`
         damage.append(one_line(error))
         return {}
 
@@ -136,24 +167,63 @@ def focal_length_of(tags: dict[int, object], width: int, height: int) -> float |
     FocalLengthIn35mmFilm comes first: it survives resizing. It is an integer, so where FocalLength rounds to it the
     camera is full-frame and the finer FocalLength is meant. FocalPlaneXResolution counts pixels of the sensor, and
     editors keep it when they resize (a 640-pixel copy would come out 8 times too long); so it is believed only where
-    the maker's note is still there, the recorded width is this file's, and the sensor it makes is no telephone's behind
-    a lens of a big camera.
+    the maker's note is still there, the recorded width is this file's or that of what it was cropped from, and the
+    sensor it makes is no telephone's behind a lens of a big camera. Both are of the whole picture: see `whole_size`.
     """
     focal, focal_35mm = _positive(tags, EXIF["focal_length"]), _positive(tags, exif_attributes.FOCAL_LENGTH_35MM)
+    if (whole := whole_size(tags, width, height)) is None:
+        return None
     if focal_35mm:
         finer = focal if focal and round(focal) == focal_35mm else focal_35mm
-        return finer / exif_attributes.FULL_FRAME * max(width, height)
+        return finer / exif_attributes.FULL_FRAME * max(whole)
     resolution = _positive(tags, _PLANE_RESOLUTION)
-    if focal and resolution and _MAKER_NOTE in tags and tags.get(_PIXEL_WIDTH) == width:
+    if focal and resolution and _MAKER_NOTE in tags and tags.get(_PIXEL_WIDTH) in (width, whole[0]):
         per_millimetre = resolution / _MILLIMETRES.get(int(_positive(tags, _PLANE_UNIT) or 2), 25.4)
-        if width / per_millimetre >= _SMALL_SENSOR or focal <= _SHORT_LENS:
+        if whole[0] / per_millimetre >= _SMALL_SENSOR or focal <= _SHORT_LENS:
             return focal * per_millimetre
     return None
 
 
+def whole_size(tags: dict[int, object], width: int, height: int) -> tuple[int, int] | None:
+    """Width and height of the picture of which one of that size is all or a crop, in pixels of this one.
+
+    Editors that crop leave PixelXDimension and PixelYDimension as the camera wrote them, or write the crop's. Where
+    both are of another shape, and the file's fit into them, it was cropped from them. Of their shape it was resized,
+    and is whole: nobody can see of a crop of the same shape that it is one. None for a picture that is larger in one
+    direction than its camera's: stitched, or set into another.
+    """
+    recorded = [int(_positive(tags, tag) or 0) for tag in (_PIXEL_WIDTH, _PIXEL_HEIGHT)]
+    if min(recorded) < 1:
+        return width, height
+    # Some programs turn the pixels and leave the tags, or the other way round.
+    shapes = [(recorded[0], recorded[1]), (recorded[1], recorded[0])]
+    for across, down in shapes:
+        margins = abs(width / across - 1) < _MARGINS and abs(height / down - 1) < _MARGINS
+        if margins or abs(width * down - height * across) <= max(across, down):
+            return width, height
+    return next((shape for shape in shapes if shape[0] >= width and shape[1] >= height), None)
+
+
+def uncropped_of(tags: dict[int, object], width: int, height: int) -> tuple[int, int] | None:
+    """The size of the picture from which one of that size was cropped; None where it was not, or nothing says so."""
+    whole = whole_size(tags, width, height)
+    return None if whole == (width, height) else whole
+
+
+def is_adobe_rgb(tags: dict[int, object]) -> bool:
+    """Whether EXIF names Adobe RGB (1998): by InteroperabilityIndex R03 (CIPA DC-008, 4.6.8), or by ColorSpace 2.
+
+    The latter is in no standard, but some cameras and Windows write it.
+    """
+    folder = tags.get(INTEROPERABILITY)
+    index = folder.get(1) if isinstance(folder, dict) else None
+    named = index.strip("\0 ") if isinstance(index, str) else ""
+    return named == "R03" or tags.get(_COLOUR_SPACE) == 2
+
+
 def orientation_of(tags: dict[int, object]) -> int:
     """The EXIF orientation, 1 to 8; 1, upright, where it is missing or senseless."""
-    value = int(_positive(tags, _ORIENTATION) or 1)
+    value = int(_positive(tags, ORIENTATION) or 1)
     return value if value in range(1, 9) else 1
 
 

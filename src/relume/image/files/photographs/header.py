@@ -9,11 +9,12 @@ from typing import BinaryIO
 
 from relume.errors import FormatError, UnreadableFile
 from relume.image.files.photographs import png
+from relume.image.files.photographs.form import Form
 from relume.image.files.photographs.jpeg_segments import APP1, APP2, ISO_GAIN_MAP
 from relume.image.files.read_options import ReadOptions, refuse_absurd_amount, refuse_absurd_size
-from relume.image.files.signatures import MAPS, kind_of
+from relume.image.files.signatures import MAPS, PHOTOGRAPHS, kind_of
 from relume.image.files.tiff.directories import read_folders
-from relume.image.files.tiff.layout import Layout, layout_of, pages_of
+from relume.image.files.tiff.layout import layout_of, pages_of
 from relume.image.photograph import Exposure, Settings
 
 _FRAMES = frozenset(range(0xC0, 0xD0)) - {0xC4, 0xC8, 0xCC}  # ITU-T T.81, table B.1
@@ -23,35 +24,6 @@ _MOST_STEPS = 2**13  # segments, and stray bytes between them; 16 MiB of metadat
 _SUBSAMPLED = {(1, 1): "4:4:4", (2, 1): "4:2:2", (2, 2): "4:2:0", (4, 1): "4:1:1", (1, 2): "4:4:0", (4, 2): "4:1:0"}
 _PHOTOMETRICS = {0: "grey, black and white exchanged", 1: "grey", 2: "RGB", 3: "palette", 5: "CMYK", 6: "YCbCr"}
 _UNREAD = (6, 34712, 34887, 34925, 50000, 50001)  # old JPEG, JPEG 2000, LERC, LZMA, ZSTD, WebP
-
-
-@dataclass(frozen=True)
-class Form:
-    """The form of a photograph's pixels as its header has it.
-
-    width, height, channels, bits : as stored
-    kind : in words, "RGB", "YCbCr 4:2:0", …
-    packing : in words, "" for the one that every file of its format has
-    gain_map : whether a JPEG has a gain map, or says so
-    layout : of a TIFF
-    pages : of a TIFF
-    """
-
-    width: int
-    height: int
-    channels: int
-    bits: int
-    kind: str
-    packing: str = ""
-    gain_map: bool = False
-    layout: Layout | None = None
-    pages: int = 1
-
-    @property
-    def text(self) -> str:
-        """In a few words: "8 bits, YCbCr 4:2:0"."""
-        depth = "1 bit" if self.bits == 1 else f"{self.bits} bits"
-        return ", ".join(filter(None, [depth, self.kind, self.packing]))
 
 
 @dataclass(frozen=True)
@@ -75,8 +47,12 @@ class Facts:
 
 
 def form_of(path: str | os.PathLike[str], kind: str, options: ReadOptions) -> Form:
-    """The form of a "JPEG", "PNG" or "TIFF"; raises UnreadableFile where it is beyond `options`, or damaged."""
+    """The form of a "JPEG", "PNG", "TIFF" or "HEIF"; raises UnreadableFile where damaged, or beyond `options`."""
     size = os.path.getsize(path)
+    if kind == "HEIF":
+        from relume.image.files.photographs import heif
+
+        return heif.opened(path, options).form
     if kind == "TIFF":
         return _tiff(path, size, options)
     if kind == "PNG":
@@ -94,7 +70,7 @@ def form_of(path: str | os.PathLike[str], kind: str, options: ReadOptions) -> Fo
 
 
 def read_facts(path: str | os.PathLike[str], options: ReadOptions = ReadOptions()) -> Facts:
-    """The facts of a JPEG, PNG, TIFF or camera raw; raises UnreadableFile for anything else.
+    """The facts of a JPEG, PNG, TIFF, HEIF or camera raw; raises UnreadableFile for anything else.
 
     The size of a camera raw is that of its sensor's lit part, as it lies in the camera.
     """
@@ -106,11 +82,16 @@ def read_facts(path: str | os.PathLike[str], options: ReadOptions = ReadOptions(
         raise UnreadableFile(f"{path}: a radiance map where a photograph is needed; give a JPEG, PNG or TIFF")
     if kind == "RAW":
         return _of_raw(path)
-    if kind not in ("JPEG", "PNG", "TIFF"):
+    if kind not in PHOTOGRAPHS:
         raise UnreadableFile(f"{path}: a {kind} file where a photograph is needed; give a JPEG, PNG or TIFF")
-    form = form_of(path, kind, options)
-    tags = exif.tags(path, kind)
-    lying = exif.orientation_of(tags) >= 5
+    if kind == "HEIF":
+        from relume.image.files.photographs import heif
+
+        picture = heif.opened(path, options)
+        form, tags, lying = picture.form, exif.tags_in(path, picture.exif), False
+    else:
+        form, tags = form_of(path, kind, options), exif.tags(path, kind)
+        lying = exif.orientation_of(tags) >= 5
     return Facts(
         name=str(path),
         size=(form.height, form.width) if lying else (form.width, form.height),

@@ -17,13 +17,15 @@ from pathlib import Path
 
 import numpy as np
 import OpenImageIO as oiio
-from PIL import Image, ImageCms
+from PIL import Image
 
 from relume.errors import FormatError, UnreadableFile, warn
 from relume.image.files.atomic import replacing
-from relume.image.files.metadata import exif, exif_attributes
-from relume.image.files.photographs import png
-from relume.image.files.photographs.header import Form, form_of
+from relume.image.files.gain_map.gain_map import has_any as has_any_gain_map
+from relume.image.files.metadata import exif, exif_attributes, icc_profile
+from relume.image.files.photographs import heif, png
+from relume.image.files.photographs.form import Form
+from relume.image.files.photographs.header import form_of
 from relume.image.files.photographs.jpeg_decoding import decoded
 from relume.image.files.photographs.jpeg_segments import header_at, length_of
 from relume.image.files.photographs.salvage import PROFILE, embedded_profile, opened, salvaged
@@ -45,38 +47,64 @@ _LONG_TEXT = 1024  # letters; five of these fit
 
 
 def read(path: str | os.PathLike[str], options: ReadOptions = ReadOptions()) -> Photograph:
-    """The photograph in a JPEG, PNG or TIFF, with the exposure, settings, camera and focal length in its EXIF.
+    """The photograph in a JPEG, PNG, TIFF or HEIF, with the exposure, settings, camera and focal length in its EXIF.
 
-    Grey becomes three equal channels. Where alpha is 0 the picture is `outside`. Of a JPEG with a gain map it is the
-    base picture; of a TIFF the first page. Warns of other pages, where alpha is dropped that was neither 0 nor opaque,
-    where an embedded profile is not sRGB (it is kept, and not heeded), and where a PNG says that its values are encoded
-    otherwise. With `options.salvage` the rows that a file lacks are 0 and `outside`. Raises UnreadableFile for damaged
-    files, those beyond the limits of `options`, and camera raw.
+    Grey becomes three equal channels. Where alpha is 0 the picture is `outside`. Of a file with a gain map it is the
+    base picture; of a TIFF the first page, of a HEIF the main picture. Its profile is the embedded one, else that of
+    the colour space that its EXIF names. Warns of other pages, where alpha is dropped that was neither 0 nor opaque,
+    where a profile is not understood (it is kept), and where a PNG says that its values are encoded otherwise. With
+    `options.salvage` the rows that a file lacks are 0 and `outside`. Raises UnreadableFile for damaged files, those
+    beyond the limits of `options`, and camera raw.
     """
     kind = kind_of(path)
+    if kind == "HEIF":
+        picture = heif.opened(path, options)
+        stored, profile = heif.decoded(path, picture)
+        # libheif has turned the pixels already.
+        tags = {**exif.tags_in(path, picture.exif), exif.ORIENTATION: 1}
+        return _photograph(path, stored, profile, tags, gain_map=picture.gain_map)
     form = form_of(path, kind, options)
     if kind == "PNG":
         png.warn_of_other_encoding(path, png.header(path))
     if form.pages > 1:
         warn(f"{path}: only the first of its {form.pages} pages is read")
+    gain_map = kind == "JPEG" and has_any_gain_map(path)
     found = salvaged(path, kind, form, options) if options.salvage else None
     if found is None:
         stored, profile = _decoded(path, kind, form, options)
-    else:
-        stored, profile = found.pixels, found.profile
-        missing = found.height - len(stored)
-        warn(f"{path}: ends early; {missing} of {found.height} rows are missing")
+        return _photograph(path, stored, profile, exif.tags(path, kind), gain_map=gain_map)
+    missing = found.height - len(found.pixels)
+    warn(f"{path}: ends early; {missing} of {found.height} rows are missing")
+    return _photograph(path, found.pixels, found.profile, exif.tags(path, kind), missing, gain_map=gain_map)
+
+
+def _photograph(
+    path: str | os.PathLike[str],
+    stored: np.ndarray,
+    profile: bytes | None,
+    tags: dict[int, object],
+    missing: int | None = None,
+    *,
+    gain_map: bool,
+) -> Photograph:
+    """The photograph of stored pixels (H, W, 1 to 4), a profile and tags.
+
+    missing : rows that a salvaged file lacks at its end; None for a whole one
+    """
     outside = _transparent(path, stored[..., -1]) if stored.shape[2] in (2, 4) else None
     pixels = stored[..., :3] if stored.shape[2] >= 3 else np.repeat(stored[..., :1], 3, axis=2)
-    if found is not None:  # what is missing is 0 and outside
+    if missing is not None:
+        # What is missing is 0 and outside.
         outside = np.zeros(pixels.shape[:2], bool) if outside is None else outside
         outside = np.pad(outside, ((0, missing), (0, 0)), constant_values=True)
         pixels = np.pad(pixels, ((0, missing), (0, 0), (0, 0)))
-        if profile is not None:
-            _warn_of_profile(path, _description(profile))
-    tags = exif.tags(path, kind)
+    if profile is not None:
+        _warn_of_profile(path, profile)
+    elif exif.is_adobe_rgb(tags):
+        profile = icc_profile.adobe_rgb()
     height, width = pixels.shape[:2]
     orientation = exif.orientation_of(tags)
+    uncropped = exif.uncropped_of(tags, width, height)
     return Photograph(
         pixels=upright(pixels, orientation),
         name=str(path),
@@ -86,6 +114,8 @@ def read(path: str | os.PathLike[str], options: ReadOptions = ReadOptions()) -> 
         outside=None if outside is None else upright(outside, orientation),
         settings=exif.settings_of(tags),
         profile=profile if profile is not None and _is_of_rgb(profile) else None,
+        uncropped=uncropped if uncropped is None or orientation < 5 else uncropped[::-1],
+        gain_map=gain_map,
     )
 
 
@@ -96,7 +126,7 @@ def read_png(path: str | os.PathLike[str]) -> np.ndarray:
 
 
 def subtype(path: str | os.PathLike[str], options: ReadOptions = ReadOptions()) -> str:
-    """What kind of JPEG, PNG or TIFF a file is, from its header alone: "8 bits, YCbCr 4:2:0"."""
+    """What kind of JPEG, PNG, TIFF or HEIF a file is, from its header alone: "8 bits, YCbCr 4:2:0"."""
     return form_of(path, kind_of(path), options).text
 
 
@@ -235,17 +265,13 @@ def _decoded(
 
 def _of_png(path: str | os.PathLike[str], options: ReadOptions) -> tuple[np.ndarray, bytes | None]:
     chunks = png.chunks(path)
-    if (profile := png.profile(chunks, options)) is not None:
-        _warn_of_profile(path, _description(profile))
-    return png.decoded(path, chunks), profile
+    return png.decoded(path, chunks), png.profile(chunks, options)
 
 
 def _base_of_gain_map(path: str | os.PathLike[str], options: ReadOptions) -> tuple[np.ndarray, bytes | None]:
     """As `_decoded`, of the picture that every program shows; a library that knows gain maps decodes to light."""
     data = Path(path).read_bytes()
     header = header_at(path, io.BytesIO(data), 0, options)
-    if profile := header.profile:
-        _warn_of_profile(path, _description(profile))
     end = length_of(data, header.scan) or len(data)
     pixels = decoded(path, data[:end], header, "base picture")
     if header.stray:
@@ -265,20 +291,15 @@ def _refuse_unusable(path: str | os.PathLike[str], kind: str, spec: oiio.ImageSp
         raise UnreadableFile(f"{path}: {what}, not 8 or 16 bits; convert it to EXR, or to a plain {kind}")
     if tuple(spec.channelnames[: spec.nchannels]) not in (("R", "G", "B"), ("R", "G", "B", "A"), ("Y",), ("Y", "A")):
         raise UnreadableFile(f"{path}: its channels are {', '.join(spec.channelnames)}; save it as RGB or grey")
-    if profile := spec.getattribute("ICCProfile:profile_description"):
-        _warn_of_profile(path, str(profile))
 
 
-def _description(profile: bytes) -> str:
-    try:
-        return str(ImageCms.getProfileDescription(ImageCms.ImageCmsProfile(io.BytesIO(profile)))).strip()
-    except (ImageCms.PyCMSError, OSError, ValueError, TypeError):
-        return "damaged"
-
-
-def _warn_of_profile(path: str | os.PathLike[str], description: str) -> None:
-    if "srgb" not in description.lower():
-        warn(f'{path}: its colour profile is "{one_line(description)}", not sRGB; not converted')
+def _warn_of_profile(path: str | os.PathLike[str], profile: bytes) -> None:
+    """Say that a profile is not understood, unless it is sRGB by another way of writing: by tables."""
+    if icc_profile.parsed(profile) is None and "srgb" not in (name := icc_profile.description(profile)).lower():
+        warn(
+            f'{path}: its colour profile is "{name}", not one of primaries and curves; it is taken for sRGB: save it '
+            "in sRGB or Display P3 first"
+        )
 
 
 def _refuse_truncated(path: str | os.PathLike[str], kind: str) -> None:

@@ -11,7 +11,7 @@ import OpenImageIO as oiio
 
 from relume.errors import FormatError, UnreadableFile
 from relume.image.files.photographs import png
-from relume.image.files.photographs.header import Form
+from relume.image.files.photographs.form import Form
 from relume.image.files.read_options import ReadOptions
 from relume.image.files.signatures import one_line
 from relume.image.files.tiff.directories import read_folders
