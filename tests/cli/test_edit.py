@@ -8,12 +8,14 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from PIL import Image, ImageCms
+from PIL import Image
 
 from command_line import printed, refused, reported
 from relume.cli import main
 from relume.image.files import read_photograph, read_radiance, write
+from relume.image.files.metadata.icc_profile import screen_profile
 from relume.image.photograph import Photograph
+from relume.image.primaries import P3
 from relume.image.radiance import BLACK, SATURATED, RadianceMap
 from relume.sphere.directions import normalised
 from relume.sphere.environment_files import as_environment
@@ -288,9 +290,7 @@ def test_paintings_that_cannot_go_back_are_one_line(flat, light, tmp_path, capsy
     assert "transparent" in line(Image.fromarray(alpha))
     alpha[0, 0, 3] = 100
     assert "flatten it" in line(Image.fromarray(alpha))
-    profile = ImageCms.ImageCmsProfile(ImageCms.createProfile("sRGB")).tobytes()
-    other = profile.replace("sRGB built-in".encode("utf-16-be"), "Wide gamut RG".encode("utf-16-be"))
-    assert "save it in sRGB" in line(Image.fromarray(pixels), other)
+    assert "in Display P3; save it in sRGB" in line(Image.fromarray(pixels), screen_profile(P3, "Display P3"))
     assert "not the map that" in refused(["edit", str(light), "--paint", str(cut), "-o", str(out)], capsys)
     (tmp_path / "slice.png.json").write_text("{}")
     assert "not the description" in refused(["edit", str(flat), "--paint", str(cut), "-o", str(out)], capsys)

@@ -13,7 +13,7 @@ import lights
 from command_line import printed, refused, reported
 from lights import stored
 from relume.image.files import read_layers, read_photograph, read_radiance, write
-from relume.image.files.ktx2 import read_cube
+from relume.image.files.textures.ktx2 import read_cube
 from relume.image.radiance import RadianceMap
 from relume.light.reflection.brdf import GGX, PhongReflectance, Ward
 from relume.light.reflection.glossy import glossy_map

@@ -18,7 +18,7 @@ from corpus.files import READ, READ_PHOTOGRAPH, Bad, Corpus, Good
 from corpus.mutants import mutants
 from corpus.runner import Outcome, Reader
 from relume.image import files
-from relume.image.files.ktx2 import read_cube
+from relume.image.files.textures.ktx2 import read_cube
 from relume.image.photograph import Photograph
 
 MUTANTS, MANY_MUTANTS = 500, 10_000

@@ -7,7 +7,7 @@ import pytest
 
 from relume.errors import OutputNotWritten, UnreadableFile
 from relume.image.files import read_radiance
-from relume.image.files.ktx2 import read_cube, write_cube, write_cube_hdr
+from relume.image.files.textures.ktx2 import read_cube, write_cube, write_cube_hdr
 
 HALF, FLOAT = "VK_FORMAT_R16G16B16A16_SFLOAT", "VK_FORMAT_R32G32B32A32_SFLOAT"
 

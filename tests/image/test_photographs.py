@@ -18,6 +18,7 @@ from PIL import Image
 from PIL.TiffImagePlugin import IFDRational
 
 from other_programs import attributes_by_openimageio
+from relume.capture.exposure.bracket import read_bracket
 from relume.errors import OutputNotWritten, UnreadableFile
 from relume.image.files import read, read_facts, read_photograph, write
 from relume.image.files.metadata import exif
@@ -274,6 +275,42 @@ def test_the_focal_length_in_pixels_is_known_or_none(tmp_path, smooth, folder, p
     path = saved(tmp_path / "a.jpg", smooth, {}, {**folder, **{k: IFDRational(*v) for k, v in exact.items()}})
     found = read_photograph(path).focal_length
     assert found == (None if pixels is None else pytest.approx(pixels, rel=1e-6))
+
+
+@pytest.mark.parametrize(
+    ("recorded", "pixels", "uncropped"),
+    [
+        ((64, 48), 24 / 36 * 64, None),  # whole
+        ((640, 480), 24 / 36 * 64, None),  # resized: the same shape
+        ((480, 640), 24 / 36 * 64, None),  # resized and turned
+        ((641, 480), 24 / 36 * 64, None),  # resized, and rounded
+        ((300, 200), 24 / 36 * 300, (300, 200)),  # a crop of 3:2
+        ((66, 52), 24 / 36 * 66, (66, 52)),  # a narrow rim cut off
+        ((65, 49), 24 / 36 * 64, None),  # pixels at the sensor's rim
+        ((32, 40), None, None),  # larger than its camera's: stitched
+    ],
+)
+def test_a_crop_has_the_focal_length_of_the_whole(tmp_path, smooth, recorded, pixels, uncropped):
+    folder = {0x920A: 4.13, 0xA405: 24, 0xA002: recorded[0], 0xA003: recorded[1]}
+    photograph = read_photograph(saved(tmp_path / "a.jpg", smooth, {}, folder))
+    assert photograph.focal_length == (None if pixels is None else pytest.approx(pixels))
+    assert photograph.uncropped == uncropped
+    # A crop that lies on its side is upright with what it was cropped from.
+    turned = read_photograph(saved(tmp_path / "b.jpg", smooth, {0x0112: 6}, folder))
+    assert turned.uncropped == (None if uncropped is None else uncropped[::-1])
+
+
+def test_the_sensor_s_own_scale_holds_for_a_crop(tmp_path, smooth):
+    folder = {0x920A: 10, 0xA20E: 254, 0xA210: 2, 0x927C: b"note", 0xA002: 300, 0xA003: 200}
+    assert read_photograph(saved(tmp_path / "a.jpg", smooth, {}, folder)).focal_length == pytest.approx(100)
+
+
+def test_a_bracket_of_crops_is_one_note(tmp_path, smooth):
+    folder = {0xA405: 24, 0xA002: 300, 0xA003: 200}
+    paths = [saved(tmp_path / f"{i}.jpg", smooth // (i + 1), {}, folder) for i in range(3)]
+    with pytest.warns(UserWarning, match=r"0\.jpg and 2 others were cropped from 300×200 pixels") as caught:
+        bracket = read_bracket(paths, times=[4, 2, 1])
+    assert len(caught) == 1 and bracket.focal_length == pytest.approx(200)
 
 
 def test_a_portrait_has_the_focal_length_of_the_landscape(tmp_path, smooth):

@@ -193,6 +193,8 @@ def _codes(facts: Mapping[str, Any]) -> dict[str, str]:
         lines[f"at {top}"] = _shares(facts["at_white"])
     if facts["transparent"]:
         lines["transparent"] = f"{facts['transparent']:,} pixels, which count nowhere"
+    if facts["colour_space"] != "sRGB":
+        lines["colour space"] = facts["colour_space"]
     if facts["gain_map"] is not None:
         lines["gain map"] = facts["gain_map"].removeprefix("gain map of ")
     return lines

@@ -12,6 +12,7 @@ from relume.image import files
 from relume.image.files.read_options import ReadOptions
 from relume.image.radiance import RadianceMap
 from relume.sphere.environment_map import EnvironmentMap
+from relume.sphere.irregular import evened, is_openexr_cube, strip_of_openexr
 from relume.sphere.mappings.mapping import Mapping
 from relume.sphere.mappings.names import mapping_named
 from relume.sphere.mappings.orientation import orient_back, orientation_named
@@ -34,6 +35,8 @@ def read_environment(
     cannot be light (negative, infinite or NaN), with their number.
     """
     picture = read_light_pixels(path, mapping, clamp=clamp, options=options)
+    if mapping is not None and mapping.name == "latlong":
+        picture = evened(picture)
     width, height = picture.size
     try:
         if mapping is not None and (height, width) != mapping.shape(height):
@@ -85,11 +88,16 @@ def require_light(path: Path | str, picture: RadianceMap, *, clamp: bool) -> Rad
 def as_environment(picture: RadianceMap, mapping: Mapping | None = None) -> EnvironmentMap:
     """A radiance map as an environment map: in the given mapping, else the one its file stores, else by its shape.
 
-    2:1 is lat-long, 6:1 a strip of cube faces; 4:3 and 3:4 are crosses where the cells beside the faces are empty.
+    2:1 is lat-long, also a pixel off that, with a warning; 6:1 a strip of cube faces; 4:3 and 3:4 are crosses where the
+    cells beside the faces are empty. An OpenEXR file of `envmap` cube becomes a strip.
     A map that `relume convert --for` laid out for another program is turned back into our frame.
 
     Raises ValueError where the mapping is not known: a square map may be an angular map, a mirrored ball or more.
     """
+    if mapping is None and is_openexr_cube(picture):
+        picture = strip_of_openexr(picture)
+    if (mapping.name if mapping else picture.attributes.get("mapping", "latlong")) == "latlong":
+        picture = evened(picture)
     if mapping is None:
         name = picture.attributes.get("mapping")
         mapping = mapping_named(name) if name else _mapping_of_shape(picture)

@@ -9,6 +9,8 @@ from typing import Any
 import numpy as np
 
 from relume.image import files
+from relume.image.colour_space import name_of
+from relume.image.files.photographs import header
 from relume.image.files.read_options import ReadOptions
 from relume.image.files.signatures import MAPS, kind_of
 from relume.image.photograph import Exposure, Photograph, RawPhotograph, Settings
@@ -31,9 +33,9 @@ def describe(path: str | os.PathLike[str], options: ReadOptions = ReadOptions())
         values; luminance of lit pixels; dynamic_range in stops and as a ratio, of all of them and robust; brightest
         spot and a lone brighter pixel; how many values are nan, infinite, negative, how many pixels at_maximum, and
         clipped as the planes of the map say (see `relume.image.statistics`)
-    kind "photograph" : exposure, camera, settings; focal_length in pixels; minimum, maximum, mean and percentiles of
-        codes, and the share of pixels at_black and at_white in each channel; gain_map as its header describes it, and
-        light, the radiance map that it makes of the photograph
+    kind "photograph" : colour_space by its profile; exposure, camera, settings; focal_length in pixels; minimum,
+        maximum, mean and percentiles of codes, and the share of pixels at_black and at_white in each channel; gain_map
+        as its header describes it, and light, the radiance map that it makes of the photograph
     kind "camera raw" : the same, with pattern, black, white, as_shot and daylight balance
     kind "cube" : levels, their sides in pixels; values, luminance and range of the largest
 
@@ -47,7 +49,9 @@ def describe(path: str | os.PathLike[str], options: ReadOptions = ReadOptions())
         return _of_cube(path, options)
     if kind in MAPS:
         return _of_map(path, kind, files.read_radiance(path, options), options)
-    return _of_photograph(path, kind, files.read_photograph(path, options), options)
+    from relume.image.files.photographs import photographs
+
+    return _of_photograph(path, kind, photographs.read(path, options), options)
 
 
 def _of_map(path: str | os.PathLike[str], kind: str, image: RadianceMap, options: ReadOptions) -> dict[str, object]:
@@ -78,15 +82,15 @@ def _of_map(path: str | os.PathLike[str], kind: str, image: RadianceMap, options
 def _of_photograph(
     path: str | os.PathLike[str], kind: str, image: Photograph, options: ReadOptions
 ) -> dict[str, object]:
-    from relume.image.files.photographs import photographs
-
     found = code_values(image)
     # Of such a JPEG the library's own word on its variety is that of the gain map.
-    gain_map = files.subtype(path, options) if kind == "JPEG" and files.has_radiance(path) else None
+    lit = kind == "JPEG" and files.has_radiance(path)
+    gain_map = files.subtype(path, options) if lit else "of a kind that is not read" if image.gain_map else None
     return {
-        **_file(path, kind, photographs.subtype(path, options), image.size),
+        **_file(path, kind, header.form_of(path, kind, options).text, image.size),
         "kind": "photograph",
         "unit": "encoded",
+        "colour_space": name_of(image),
         **_capture(image.exposure, image.camera, image.focal_length, image.settings),
         "attributes": {},
         "channels": ["R", "G", "B"],
@@ -101,7 +105,7 @@ def _of_photograph(
         "nan": 0,
         "infinite": 0,
         "gain_map": gain_map,
-        "light": None if gain_map is None else _of_map(path, kind, files.read_radiance(path, options), options),
+        "light": None if not lit else _of_map(path, kind, files.read_radiance(path, options), options),
         "parts": [],
     }
 
@@ -139,7 +143,7 @@ def _of_raw(path: str | os.PathLike[str], image: RawPhotograph) -> dict[str, obj
 
 
 def _of_cube(path: str | os.PathLike[str], options: ReadOptions) -> dict[str, object]:
-    from relume.image.files import ktx2
+    from relume.image.files.textures import ktx2
 
     levels = ktx2.read_cube(path, options)
     with open(path, "rb") as file:

@@ -33,6 +33,7 @@ _READERS = {
     "raw float": "raw_float",
     "float TIFF": "tiff.float_tiff",
     "LogLuv TIFF": "logluv.logluv_tiff",
+    "DDS": "textures.dds",
     "JPEG": "photographs.photographs",
     "PNG": "photographs.photographs",
     "TIFF": "photographs.photographs",

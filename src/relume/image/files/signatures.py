@@ -12,7 +12,7 @@ from relume.errors import UnreadableFile
 from relume.image.files.encodings import suffix_of
 from relume.image.files.tiff.directories import folders_in
 
-MAPS = ("EXR", "HDR", "PFM", "raw float", "float TIFF", "LogLuv TIFF")
+MAPS = ("EXR", "HDR", "PFM", "raw float", "float TIFF", "LogLuv TIFF", "DDS")
 """The kinds that hold radiance maps."""
 PHOTOGRAPHS = ("JPEG", "PNG", "TIFF", "HEIF")
 """The kinds that hold photographs as cameras develop them."""
@@ -27,6 +27,7 @@ _MAGIC = {
     b"\x76\x2f\x31\x01": "EXR",
     b"#?": "HDR",
     b"\xabKTX 20\xbb\r\n\x1a\n": "KTX2",
+    b"DDS ": "DDS",
     b"FUJIFILMCCD-RAW": "RAW",
     b"IIU\x00": "RAW",  # Panasonic
     b"IIRO": "RAW",  # Olympus, three ways
@@ -54,7 +55,6 @@ _STRANGERS = (
     (8, b"WEBP", "a WebP picture"),
     (0, b"GIF8", "a GIF picture"),
     (0, b"BM", "a BMP picture"),
-    (0, b"DDS ", "a DDS texture"),
     (0, b"\xabKTX ", "a KTX texture"),
     (0, b"FORM", "an IFF picture (NewTek's Flexible Format is one)"),
     (0, b"P5", "a PGM picture"),

@@ -13,7 +13,7 @@ from typing import Literal
 import numpy as np
 
 from relume.image import files
-from relume.image.files import ktx2
+from relume.image.files.textures import ktx2
 from relume.light.harmonics.spherical_harmonics import project_sh
 from relume.light.reflection.brdf import Reflectance
 from relume.light.reflection.glossy import glossy_map

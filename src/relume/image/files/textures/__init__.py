@@ -1,0 +1,1 @@
+"""Textures of game engines: cubes of light with their levels."""
