@@ -16,8 +16,8 @@ from relume.cli.info import lines_of, number
 from relume.image.files import write
 from relume.image.files.description import describe
 from relume.image.files.gain_map import gain_map
-from relume.image.files.textures.ktx2 import write_cube
 from relume.image.files.read_options import ReadOptions
+from relume.image.files.textures.ktx2 import write_cube
 from relume.image.photograph import Exposure, Photograph, Settings
 from relume.image.radiance import RadianceMap
 from relume.sphere.mappings.discs import Angular

@@ -14,8 +14,8 @@ from relume.image.files import write
 from relume.image.files.description import describe
 from relume.image.files.encodings import LogLuv, OpenEXR
 from relume.image.files.gain_map import gain_map
-from relume.image.files.textures.ktx2 import write_cube
 from relume.image.files.read_options import ReadOptions
+from relume.image.files.textures.ktx2 import write_cube
 from relume.image.photograph import Exposure, Photograph
 from relume.image.radiance import RadianceMap
 
