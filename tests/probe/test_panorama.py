@@ -15,6 +15,7 @@ from relume.capture.lens.vignetting import Vignetting
 from relume.errors import NotAPanorama
 from relume.image.radiance import OUTSIDE, SATURATED, RadianceMap
 from relume.probe.panorama.balance import Balancing, balance
+from relume.probe.panorama.files_to_map import panorama_from_files
 from relume.probe.panorama.seams import fill
 from relume.probe.panorama.stitching import Panorama, stitch_panorama
 from relume.probe.panorama.views import FACES, PanoramaView, orientation
@@ -350,6 +351,8 @@ def test_what_is_no_panorama_is_refused_in_a_line():
             stitch_panorama([good, replace(good, picture=broken, name="bad")])
     with pytest.raises(NotAPanorama, match=r"^good: a panorama needs two views"):
         stitch_panorama([good])
+    with pytest.raises(NotAPanorama, match=r"^no view: a panorama needs two views"):
+        panorama_from_files([])
     calibrated = RadianceMap(np.ones((8, 8, 3), np.float32), unit="cd/m²")
     with pytest.raises(NotAPanorama, match=r"in cd/m²"):
         stitch_panorama([good, replace(good, picture=calibrated)])

@@ -55,7 +55,7 @@ class MeshWords:
 
 
 class Notebook:
-    """What of Mitsuba's module `mitsuba_scene` needs, as values.
+    """What `scene_dictionary`, `bsdf` and `interior` ask of the module `mitsuba`, as values.
 
     It speaks for the scalar variant, for which every material is one of Mitsuba's own plugins and none of ours.
     """

@@ -59,7 +59,8 @@ class PanoramaSettings:
             if not path.exists():
                 raise UnreadableFile(f"{path}: no such file or folder; check the path")
         if len(paths) < 2:
-            raise NotAPanorama(f"{paths[0].name}: a panorama needs two views at least; give the others too")
+            name = paths[0].name if paths else "no view"
+            raise NotAPanorama(f"{name}: a panorama needs two views at least; give the others too")
         known = known_orientations(paths, faces=self.faces, turn=self.turn, table=self.orientations)
         if self.match and known:
             raise ValueError("match finds the orientation that faces, turn or orientations give; give one")
