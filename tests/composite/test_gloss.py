@@ -1,5 +1,7 @@
 """The gloss of a surface from two views: a table of known gloss, and a probe that saw it, give it back."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -84,7 +86,8 @@ def test_two_views_give_the_gloss_back_within_its_error(taken):
 def assert_true_within(found: FittedGloss, errors: float = 2.5) -> None:
     assert abs(found.gloss.f0 - TRUE.f0) < errors * found.f0_error
     assert abs(found.gloss.roughness - TRUE.roughness) < errors * found.roughness_error
-    assert found.f0_error < 0.01 and found.roughness_error < 0.02
+    # A light that is known to 3 % as a whole is worth 0.012 of F₀ here, however well the pictures agree.
+    assert found.f0_error < 0.015 and found.roughness_error < 0.02
 
 
 def test_places_whose_pixels_mix_the_table_with_the_floor_are_not_compared():
@@ -177,3 +180,12 @@ def test_a_gloss_is_taken_out_before_the_albedo(taken):
 def test_a_gloss_beyond_all_light_is_refused():
     with pytest.raises(ValueError, match="expected 0 to 1"):
         Gloss(1.2, 0.5)
+
+
+def test_a_light_that_is_a_little_too_bright_stays_within_the_errors(taken):
+    """Three per cent of the table's light look like gloss; the error says so, and what is usual holds it back."""
+    plate, scene = taken
+    brighter = EnvironmentMap((1.03 * scene.light.radiance).astype(np.float32))
+    found = fit_gloss(plate, CAMERA, replace(scene, light=brighter), 0, USABLE, VIEW)
+    assert abs(found.gloss.f0 - TRUE.f0) < 2.5 * found.f0_error
+    assert abs(found.gloss.f0 - TRUE.f0) < 0.03

@@ -51,6 +51,10 @@ class Change:
     objects_variance, difference_variance : (H, W, 3) float32, of the two planes' means
     samples : rays a pixel that were traced
     passes : in how many passes
+    taken : (H, W, 3) float32, 0 or more: the light that the objects take, whose difference to what they add is
+        `difference`; premultiplied as that. None where it is not known, and once denoised
+    guide_albedo, guide_normal : (H, W, 3) float32, of the first thing that scatters light: what smooth mirrors and
+        clear glass show, where `normal` and `albedo` are their own. For a denoiser; None from renderers without them
     """
 
     objects: np.ndarray
@@ -63,3 +67,6 @@ class Change:
     difference_variance: np.ndarray
     samples: int = 1
     passes: int = 1
+    taken: np.ndarray | None = None
+    guide_albedo: np.ndarray | None = None
+    guide_normal: np.ndarray | None = None

@@ -64,7 +64,8 @@ class Gloss:
 class FittedGloss:
     """A gloss that was measured.
 
-    f0_error, roughness_error : one standard deviation each, from the scatter of the measurements
+    f0_error, roughness_error : one standard deviation each, from the scatter of the measurements, from a light that is
+        off as a whole, and from what such surfaces usually are
     points : places that were compared
     scatter : median deviation of the model from them (1.48 × median absolute), as a share of the radiance
     views : 2 where the probe and the photograph were compared, 1 where only the photograph could be used
@@ -119,9 +120,9 @@ def fit_gloss(
         shared = common_points(plate, camera, scene, index, usable, probe.confidence, 3 * probe.radius)
         if len(shared.points) >= FEWEST:
             draws = [_from_two(shared, camera, scene, seed, STARTS)]
-            near = (np.array([draws[0].gloss.f0, draws[0].gloss.roughness]),)
+            near = (np.array([draws[0][0].gloss.f0, draws[0][0].gloss.roughness]),)
             draws += [_from_two(shared, camera, scene, seed + draw, near) for draw in range(1, DRAWS)]
-            found = _averaged(draws)
+            found = _with_usual(draws)
             if found.scatter <= DISAGREE:
                 return found
             notes.append(
@@ -138,18 +139,28 @@ def fit_gloss(
     return _from_one(plate_points(plate, camera, scene, index, usable), camera, scene, seed, tuple(notes))
 
 
-def _averaged(found: list[FittedGloss]) -> FittedGloss:
-    """Of several draws of directions: their mean, and errors with their scatter."""
+def _with_usual(draws: list[tuple[FittedGloss, np.ndarray]]) -> FittedGloss:
+    """The mean of several draws of directions, and what surfaces usually are, each by the weight of its errors.
+
+    Two views of a table of little gloss differ by a few per cent, as two photographs of one light do: what they say is
+    then worth no more than what is known of paint, wood and plastic beforehand (the product of two normal densities).
+    """
+    found = [fit for fit, _ in draws]
     values = np.array([[each.gloss.f0, each.gloss.roughness] for each in found])
-    errors = np.array([[each.f0_error, each.roughness_error] for each in found])
-    mean, total = values.mean(0), np.sqrt((errors**2).mean(0) + values.var(0, ddof=1))
+    measured, covariance = values.mean(0), np.mean([each for _, each in draws], axis=0) + np.cov(values.T)
+    usual = np.diag(USUALLY**2)
+    gain = usual @ np.linalg.inv(usual + covariance)
+    mean = np.clip(USUAL + gain @ (measured - USUAL), LOW, HIGH)
+    error = np.sqrt(np.diag(usual - gain @ usual))
     notes = tuple(dict.fromkeys(note for each in found for note in each.notes))
     return replace(
-        found[0], gloss=Gloss(*map(float, mean)), f0_error=float(total[0]), roughness_error=float(total[1]), notes=notes
+        found[0], gloss=Gloss(*map(float, mean)), f0_error=float(error[0]), roughness_error=float(error[1]), notes=notes
     )
 
 
-def _from_two(shared: Shared, camera: Camera, scene: Scene, seed: int, starts: tuple[np.ndarray, ...]) -> FittedGloss:
+def _from_two(
+    shared: Shared, camera: Camera, scene: Scene, seed: int, starts: tuple[np.ndarray, ...]
+) -> tuple[FittedGloss, np.ndarray]:  # fmt: skip
     to_camera = arriving(scene, shared.points, shared.normals, np.array(camera.position), seed=seed)
     to_probe = arriving(scene, shared.points, shared.normals, np.array(scene.probe), seed=seed)
     # Of groups, because weights that follow a place's own errors favour the places that err low.
@@ -163,7 +174,7 @@ def _from_two(shared: Shared, camera: Camera, scene: Scene, seed: int, starts: t
         predicted = gain * gloss_there + (shared.plate - gain * gloss) * ratio
         # The plate's error counts as it arrives in the prediction (total least squares): with any other weight the
         # descent would gain by shrinking the ratio, and F₀ come out low.
-        return (shared.probe - predicted) / np.hypot(plate_error * ratio, probe_error)
+        return (gain * shared.probe - predicted) / np.hypot(plate_error * ratio, probe_error)
 
     scale = np.hypot(plate_error, probe_error)
     share = scale / (0.5 * (shared.plate + shared.probe))
@@ -188,7 +199,7 @@ def _from_one(shared: Shared, camera: Camera, scene: Scene, seed: int, notes: tu
         albedo = np.median((shared.plate - gloss) / np.maximum(base, 1e-30), axis=0)
         return (shared.plate - gloss - albedo * base) / scale
 
-    return _fitted(residuals, shared.cells, np.full_like(scale, PATTERN), 1, USUALLY, notes, STARTS)
+    return _fitted(residuals, shared.cells, np.full_like(scale, PATTERN), 1, USUALLY, notes, STARTS)[0]
 
 
 def _split(light: Arriving, theta: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
@@ -204,10 +215,11 @@ def _fitted(
     spread: np.ndarray,
     notes: tuple[str, ...],
     starts: tuple[np.ndarray, ...],
-) -> FittedGloss:
+) -> tuple[FittedGloss, np.ndarray]:
     """Robust least squares (Cauchy's weights) of F₀ and roughness; errors by groups of neighbouring points.
 
     spread : (2,) how far they usually lie off `USUAL`
+    Returns the fit and the covariance (2, 2) of its errors.
 
     Neighbouring points err alike (a wrong albedo, a thing on the table), so the scatter is taken between cells and not
     between points (the sandwich of White and Huber, clustered).
@@ -235,10 +247,11 @@ def _fitted(
     np.add.at(scores, cells, np.einsum("nc,nck,nc->nk", weight, slope, value))
     inverse = np.linalg.inv(normal)
     scattered = scores.T @ scores + np.diag((_scatter(value) / spread) ** 2)
-    # A light that is off by its expected error moves the whole gloss alike, which no scatter shows.
+    # A map that is too bright as a whole moves the gloss and what the probe shows alike, which no scatter shows.
     off = (residuals(theta, 1 + LIGHT) - residuals(theta, 1 - LIGHT)) / 2
     moved = inverse @ np.einsum("nc,nck,nc->k", weight, slope, off)
-    error = np.sqrt(np.maximum(np.diag(inverse @ scattered @ inverse), 0) + moved**2)
+    covariance = inverse @ scattered @ inverse + np.outer(moved, moved)
+    error = np.sqrt(np.diag(covariance))
     at_end = (theta <= LOW + 1e-6) | (theta >= HIGH - 1e-6)
     more = tuple(
         f"the {name} came out at the end of its range, {value:.2f}; look at the surface's model and the camera's pose"
@@ -247,7 +260,8 @@ def _fitted(
     )
     gloss = Gloss(float(theta[0]), float(theta[1]))
     scatter = _scatter(value * share)
-    return FittedGloss(gloss, float(error[0]), float(error[1]), len(value), scatter, views, notes + more)
+    fit = FittedGloss(gloss, float(error[0]), float(error[1]), len(value), scatter, views, notes + more)
+    return fit, covariance
 
 
 def _scatter(value: np.ndarray) -> float:

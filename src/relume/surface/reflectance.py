@@ -305,8 +305,8 @@ def _doubts(local: Sequence[Shape], wanted: Sequence[Recovery], raw: np.ndarray,
         for where, fault, why in (
             (above, f"comes out above 1, up to {raw[above].max(initial=1):.2f}", "is the light underestimated there "
              "(a lamp clipped in the probe, another unit), or does the plate show something that shines?"),
-            (below, "comes out below 0", "is the gloss too strong there, or does the plate show another thing or its "
-             "reflection?"),
+            (below, "comes out below 0", "probably something stands there, or is reflected there, that the shot file "
+             "does not describe; describe it as [[local]]"),
         ):  # fmt: skip
             # A pixel or two of thousands are noise.
             if where.sum() <= HARDLY * usable[index].sum():

@@ -13,23 +13,33 @@ FAINT = 0.1
 
 
 def denoised(change: Change) -> Change:
-    """The same change with less noise, by Open Image Denoise: the objects and the signed difference apart.
+    """The same change with less noise, by Open Image Denoise: the objects, and what they add and take beside them.
 
-    Albedo and normals guide both. The light that is taken and the light that is added are cleaned each on its own, for
-    the filter knows no negative light. All are cleaned as they would be if the matte had no edges, and matted again:
-    the matte has next to no noise, and its edges stay as they are. What is exactly 0 stays so.
+    The light that is added and the light that is taken are cleaned each on its own, as they were traced: neither is
+    ever negative, so the filter needs not be given one half of a noisy difference, whose mean would be too bright.
+    Only of renderers that know no more than the difference its two signs are cleaned. Albedo and normals guide all,
+    for objects those of what smooth mirrors and clear glass show. All are cleaned as they would be if the matte had no
+    edges, and matted again: the matte has next to no noise, and its edges stay as they are. What is exactly 0 stays so.
     """
-    albedo, normal = np.clip(change.albedo, 0, 1), change.normal
+    guides = np.clip(change.albedo, 0, 1), change.normal
+    through = guides
+    if change.guide_albedo is not None and change.guide_normal is not None:
+        through = np.clip(change.guide_albedo, 0, 1), change.guide_normal
     cover = change.matte[..., None]
-    objects = _clean(_unmatted(change.objects, change.matte), albedo, normal)
-    added, taken = (
-        _clean(np.maximum(sign * _unmatted(change.difference, 1 - change.matte), 0), albedo, normal) for sign in (1, -1)
-    )
-    changes = np.any(change.difference != 0, axis=-1, keepdims=True)
+    objects = _clean(_unmatted(change.objects, change.matte), *through)
+    difference, beside = change.difference, 1 - change.matte
+    taken = np.maximum(-difference, 0) if change.taken is None else change.taken
+    # What was added up in another order may be below 0 by its rounding.
+    layers = (np.maximum(difference + taken, 0), taken)
+    added, taken = (_clean(_unmatted(layer, beside), *guides) for layer in layers)
+    changes = np.any(difference != 0, axis=-1, keepdims=True)
     return replace(
         change,
         objects=(cover * objects).astype(np.float32),
         difference=np.where(changes, (1 - cover) * (added - taken), 0).astype(np.float32),
+        taken=None,
+        guide_albedo=None,
+        guide_normal=None,
     )
 
 

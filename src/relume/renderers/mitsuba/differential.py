@@ -17,7 +17,8 @@ from relume.renderers.mitsuba.distant import require_inside
 from relume.renderers.mitsuba.path_tracer import MATTE_SAMPLES, PASS_RAYS, PASSES, Mitsuba, PathTracing, _mitsuba
 from relume.renderers.mitsuba.scene import why_not
 from relume.renderers.progressive.accumulation import NO_SESSION, RenderSession, accumulate, pass_seed
-from relume.renderers.progressive.convergence import ChangeError, Target
+from relume.renderers.progressive.allocation import Neediest
+from relume.renderers.progressive.convergence import LEAST, ChangeError, Target
 from relume.renderers.progressive.fingerprint import fingerprint, render_key
 from relume.renderers.renderer import Moments, subtracted
 from relume.renderers.results import Change, Progress, Render
@@ -29,13 +30,16 @@ FEW_RAYS = 500_000
 """Samples of a pass below which starting it takes longer than tracing it."""
 FEWEST_PASSES = 8
 """Of a small picture: their scatter estimates a pixel's variance to half of itself."""
+NEEDIEST = 0.25
+"""Of the pixels, those that a later pass traces: mirror, glass and sharp shadows take less of most pictures."""
 
 
 @dataclass(frozen=True)
 class Differential(PathTracing):
     """Path tracing of what objects change, estimated as such; its plain renders are those of `Mitsuba`.
 
-    samples : rays a pixel, at most; 256 shows little noise on what the light reaches directly
+    samples : rays a pixel on average, at most; 256 shows little noise on what the light reaches directly. Of many rays
+        half go to the noisiest pixels
     noise : stop earlier, once the mean error to be expected where the objects change anything is below this share of
         the picture; None traces all samples
     depth : bounces before a path ends; 12 lets light into and out of glass before and behind glass
@@ -84,15 +88,16 @@ class Differential(PathTracing):
 
             # How many passes, of how many samples, at which times of the shutter.
             samples = _samples_a_pass(self.samples, camera)
-            passes = max(self.samples // samples, 2)
+            full = max(self.samples // samples, 2)
+            even, passes, share = _spread_of(full, samples, camera) if moments is None else (full, full, 1.0)
             backdrop = np.zeros((camera.height, camera.width, 3)) if plate is None else plate
             still = Estimator(scene, camera, self.depth)
             times = shutter.times(passes, seed) if moments is not None else np.zeros(passes)
             at = {pass_seed(seed, index): float(time) for index, time in enumerate(times)}
 
-            def trace(own: int) -> dict[str, np.ndarray]:
+            def trace(own: int, chosen: np.ndarray | None = None) -> dict[str, np.ndarray]:
                 estimator = still if moments is None else Estimator(*moments(at[own]), self.depth)
-                return estimator.traced(samples, own)
+                return estimator.traced(samples, own, chosen)
 
             # The passes.
             target = None if self.noise is None else Target(self.noise, ChangeError(backdrop))
@@ -101,6 +106,7 @@ class Differential(PathTracing):
                 passes=passes,
                 seed=seed,
                 scattered=("objects", "difference"),
+                choose=Neediest(backdrop, even, share) if even < passes else None,
                 target=target,
                 key=self._key(scene, camera, seed, plate, moments, times) if watch.checkpoint is not None else None,
                 watch=watch,
@@ -115,12 +121,13 @@ class Differential(PathTracing):
             guides = still.guides(min(MATTE_SAMPLES, max(1, PASS_RAYS // (camera.width * camera.height))), seed)
         # The means and their variances as one result.
         seen = np.maximum(guides["seen"], 1e-12)
-        planes = {name: sums.mean(name) for name in ("objects", "difference", "matte")}
+        planes = {name: sums.mean(name) for name in ("objects", "difference", "taken", "matte")}
         planes |= {f"{name}_variance": sums.variance(name) for name in ("objects", "difference")}
-        planes |= {"depth": guides["depth"] / seen, "normal": guides["normal"], "albedo": guides["albedo"]}
+        planes |= {"depth": guides["depth"] / seen}
+        planes |= {name: guides[name] for name in ("normal", "albedo", "guide_normal", "guide_albedo")}
         return Change(
             **{name: plane.astype(np.float32) for name, plane in planes.items()},
-            samples=sums.passes * samples,
+            samples=samples * (sums.passes if sums.counts is None else int(sums.counts.mean())),
             passes=sums.passes,
         )
 
@@ -135,6 +142,18 @@ class Differential(PathTracing):
         if self.noise is not None:
             key["plate"] = fingerprint(plate)
         return key
+
+
+def _spread_of(full: int, samples: int, camera: Camera) -> tuple[int, int, float]:
+    """Of so many passes over all pixels: how many stay that, how many there are, and what share the others trace.
+
+    Half of the rays show which pixels are noisy, the other half go to those; no pass is too small for its start.
+    """
+    share = max(NEEDIEST, FEW_RAYS / (samples * camera.width * camera.height))
+    if full < 2 * LEAST or share > 0.5:
+        return full, full, 1.0
+    even = max(LEAST, full // 2)
+    return even, even + int((full - even) / share), share
 
 
 def _samples_a_pass(samples: int, camera: Camera) -> int:

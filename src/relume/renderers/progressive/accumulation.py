@@ -21,6 +21,8 @@ from relume.renderers.progressive.graceful_shutdown import HardStop, StopFlag, i
 from relume.renderers.results import Progress
 
 Planes = Mapping[str, np.ndarray]
+Choice = Callable[[Sums], "np.ndarray | None"]
+"""Picks the pixels (H, W) of the next pass from what there is; None for all."""
 Preview = Callable[[Sums], None]
 """Called with what there is after 1, 2, 4, 8 … passes."""
 SHARE = 0.02
@@ -57,11 +59,12 @@ def pass_seed(seed: int, index: int) -> int:
 
 
 def accumulate(
-    trace: Callable[[int], Planes],
+    trace: Callable[..., Planes],
     *,
     passes: int,
     seed: int = 0,
     scattered: Collection[str] | None = None,
+    choose: Choice | None = None,
     target: Target | None = None,
     key: Mapping[str, str] | None = None,
     watch: RenderSession = NO_SESSION,
@@ -69,10 +72,12 @@ def accumulate(
 ) -> Sums:
     """Trace passes and add them up.
 
-    trace : planes of one pass by name, from its seed; each (H, W) or (H, W, C), the same names and shapes every time
+    trace : planes of one pass by name, from its seed; each (H, W) or (H, W, C), the same names and shapes every time.
+        With `choose` also from its pixels, (H, W) bool or None, and 0 elsewhere
     passes : at most
     seed : of the render; pass i has `pass_seed(seed, i)`
     scattered : planes whose squares are added too, for `Sums.variance`; all of them unless given
+    choose : picks the pixels of each pass; of the sums alone, so that a render that was resumed goes the same way
     target : stops earlier, once the estimated error is small enough
     key : what the pixels depend on, for the state kept on disk: a name and a hash or a short word each
     watch : what goes on around it
@@ -94,7 +99,9 @@ def accumulate(
             while sums.passes < passes and not (target is not None and met >= target.confirmations):
                 _leave_if(asked, loop, sums, passes)
                 # One pass more, and whether the noise is low enough by now.
-                sums = sums.plus(trace(pass_seed(seed, sums.passes)), scattered)
+                own = pass_seed(seed, sums.passes)
+                chosen = None if choose is None else choose(sums)
+                sums = sums.plus(trace(own) if choose is None else trace(own, chosen), scattered, chosen)
                 if target is not None and target.due(sums.passes):
                     met = met + 1 if target.reached(sums) else 0
                 loop.done(sums, met)

@@ -16,6 +16,7 @@ pixels would only dilute the error."""
 
 
 _SQUARES = "squares of "
+_COUNTS = "passes of each pixel"
 
 
 @dataclass(frozen=True, eq=False)
@@ -25,17 +26,25 @@ class Sums:
     totals : float64 by name
     squares : float64 by name, of the passes' squares; only of planes whose variance is asked for
     passes : how many were added
+    counts : (H, W) int32, how many of them traced each pixel; None where each traced all
     """
 
     totals: Mapping[str, np.ndarray] = field(default_factory=dict)
     squares: Mapping[str, np.ndarray] = field(default_factory=dict)
     passes: int = 0
+    counts: np.ndarray | None = None
 
-    def plus(self, planes: Mapping[str, np.ndarray], scattered: Collection[str] | None = None) -> Sums:
+    def plus(
+        self,
+        planes: Mapping[str, np.ndarray],
+        scattered: Collection[str] | None = None,
+        traced: np.ndarray | None = None,
+    ) -> Sums:
         """One pass more; new arrays, so that another thread may write the old ones to disk meanwhile.
 
         planes : by name
         scattered : those whose squares are added too; all unless given
+        traced : (H, W) bool, the pixels of this pass, 0 in `planes` elsewhere; all unless given. The first pass has all
         Raises ValueError for other names than before.
         """
         if self.passes and planes.keys() != self.totals.keys():
@@ -44,30 +53,46 @@ class Sums:
         varied = [name for name in wide if scattered is None or name in scattered]
         if not self.passes:
             return Sums({n: p.copy() for n, p in wide.items()}, {n: wide[n] ** 2 for n in varied}, 1)
+        counts = self.counts
+        if traced is not None:
+            before = np.full(traced.shape, self.passes, np.int32) if counts is None else counts
+            counts = before + traced.astype(np.int32)
+        elif counts is not None:
+            counts = counts + np.int32(1)
         return Sums(
             {name: self.totals[name] + plane for name, plane in wide.items()},
             {name: self.squares[name] + wide[name] ** 2 for name in varied},
             self.passes + 1,
+            counts,
         )
 
     def mean(self, name: str) -> np.ndarray:
         """The mean of a plane over the passes, float64."""
-        return self.totals[name] / self.passes
+        return self.totals[name] / self._count(name)
 
     def variance(self, name: str) -> np.ndarray:
         """The variance of that mean, float64, from the scatter of the passes; 0 after a single one."""
-        scatter = np.maximum(self.squares[name] / self.passes - self.mean(name) ** 2, 0)
-        return scatter / max(self.passes - 1, 1)
+        count = self._count(name)
+        scatter = np.maximum(self.squares[name] / count - self.mean(name) ** 2, 0)
+        return scatter / np.maximum(count - 1, 1)
+
+    def _count(self, name: str) -> np.ndarray | int:
+        """How many passes a plane holds, one for each pixel where they differ."""
+        if self.counts is None:
+            return self.passes
+        return self.counts if self.totals[name].ndim == self.counts.ndim else self.counts[..., None]
 
     def planes(self) -> dict[str, np.ndarray]:
         """All of it by name, for a file."""
-        return {**self.totals, **{_SQUARES + name: plane for name, plane in self.squares.items()}}
+        counts = {} if self.counts is None else {_COUNTS: self.counts}
+        return {**self.totals, **{_SQUARES + name: plane for name, plane in self.squares.items()}, **counts}
 
     @staticmethod
     def from_planes(planes: Mapping[str, np.ndarray], passes: int) -> Sums:
         """What `planes` gave."""
         squares = {n.removeprefix(_SQUARES): p for n, p in planes.items() if n.startswith(_SQUARES)}
-        return Sums({n: p for n, p in planes.items() if not n.startswith(_SQUARES)}, squares, passes)
+        totals = {n: p for n, p in planes.items() if not n.startswith(_SQUARES) and n != _COUNTS}
+        return Sums(totals, squares, passes, planes.get(_COUNTS))
 
 
 @dataclass(frozen=True)
@@ -123,7 +148,11 @@ class ChangeError:
             return 0.0
         variance = sums.variance("objects") + sums.variance("difference")
         # A normal error is √(2/π) of its standard deviation on average.
-        error = sqrt(2 / pi) * np.sqrt(variance[held]).mean() / _shortfall(sums.passes)
+        error = (
+            sqrt(2 / pi)
+            * np.sqrt(variance[held]).mean()
+            / _shortfall(sums.passes if sums.counts is None else int(sums.counts.min()))
+        )
         radiance = objects + difference + (1 - matte[..., None]) * self.backdrop
         return float(error / max(radiance[held].mean(), 1e-30))
 

@@ -12,6 +12,7 @@ import numpy as np
 from relume.renderers.mitsuba.materials import bsdf, emission, filling
 from relume.renderers.mitsuba.scene import _shape
 from relume.renderers.mitsuba.transport.caustics import caustics
+from relume.renderers.mitsuba.transport.guides import first_scattered
 from relume.renderers.mitsuba.transport.lens import Lens
 from relume.renderers.mitsuba.transport.light import SceneLight
 from relume.renderers.mitsuba.transport.media import Media
@@ -67,30 +68,37 @@ class Estimator:
         heights = [_corners(shape)[:, 1] for shape in scene.local]
         self.alone = not heights or float(np.ptp(np.concatenate(heights))) == 0
 
-    def traced(self, samples: int, seed: int) -> Planes:
-        """The planes objects, difference and matte of so many samples a pixel."""
-        planes = self._banded(samples, seed, self._traced)
+    def traced(self, samples: int, seed: int, chosen: np.ndarray | None = None) -> Planes:
+        """The planes objects, difference, taken (the part of it below 0) and matte of so many samples a pixel.
+
+        chosen : (H, W) bool, the pixels to trace; the planes are 0 elsewhere. All unless given
+        """
+        height, width = self.camera.height, self.camera.width
+        if chosen is not None and not chosen.any():
+            planes = {name: np.zeros((height, width, 3), np.float32) for name in ("objects", "difference", "taken")}
+            return planes | {"matte": np.zeros((height, width), np.float32)}
+        planes = self._over(samples, seed, self._traced, chosen)
         if self.world.smooth:
-            count = max(self.camera.width * self.camera.height * samples // RAYS_OF_LIGHT, 1)
+            count = max(width * height * samples // RAYS_OF_LIGHT, 1)
             for name, light in self._lit(min(count, MOST_RAYS), seed).items():
-                planes[name] = planes[name] + light
+                planes[name] = planes[name] + (light if chosen is None else light * chosen[..., None])
         return planes
 
     def _traced(self, numbers: Numbers) -> dict[str, Any]:
         world = self.world
         ray, added, real = self._primary(numbers)
         on_object = added.is_valid() & (added.t < real.t)
-        difference = mi.Color3f(0)
+        more, taken = mi.Color3f(0), mi.Color3f(0)
         met, weight = added, self._solid(ray, added)
         density, bounces, parted = mi.Float(0), mi.UInt32(0), mi.Bool(False)
         begun = on_object
         if world.local is not None:
             on_real = real.is_valid() & ~on_object
-            difference, (way, share, drawn, so_far, first), (hit, missed) = changed(
+            (more, taken), (way, share, drawn, so_far, first), (hit, missed) = changed(
                 world, self.guide, ray, real, numbers, on_real, LOOKS
             )
             if not self.alone:
-                difference -= followed(
+                taken += followed(
                     world, way, missed, mi.Color3f(share), mi.Float(drawn), mi.UInt32(so_far), numbers,
                     missed.is_valid(), False, mi.Bool(False),
                 )  # fmt: skip
@@ -102,12 +110,13 @@ class Estimator:
             world, ray, met, mi.Color3f(weight), mi.Float(density), mi.UInt32(bounces), numbers, begun, True, parted
         )
         objects = dr.select(on_object, found, 0)
-        difference += dr.select(on_object, 0, found)
-        return {"objects": objects, "difference": difference, "matte": mi.Float(on_object)}
+        more += dr.select(on_object, 0, found)
+        return {"objects": objects, "difference": more - taken, "taken": taken, "matte": mi.Float(on_object)}
 
     def guides(self, samples: int, seed: int) -> Planes:
-        """Depth, normal and albedo of what is seen first, and the share of each pixel that shows anything."""
-        return self._banded(samples, seed, self._seen)
+        """Depth, normal and albedo of what is seen first, the share of each pixel that shows anything, and a denoiser's
+        guides: albedo and normal of the first thing that scatters light."""
+        return self._over(samples, seed, self._seen)
 
     def _seen(self, numbers: Numbers) -> dict[str, Any]:
         ray, added, real = self._primary(numbers)
@@ -116,23 +125,29 @@ class Estimator:
         si = met.compute_surface_interaction(ray, mi.RayFlags.All, seen)
         albedo = si.bsdf(ray).eval_diffuse_reflectance(si, seen)
         along = -(self.lens.back @ (si.p - self.lens.place)).z
+        behind_albedo, behind_normal = first_scattered(self.world, ray, met, seen)
         return {
             "depth": dr.select(seen, along, 0), "seen": mi.Float(seen),
             "normal": dr.select(seen, si.sh_frame.n, 0), "albedo": dr.select(seen, albedo, 0),
+            "guide_albedo": behind_albedo, "guide_normal": behind_normal,
         }  # fmt: skip
 
-    def _banded(self, samples: int, seed: int, trace: Callable[[Numbers], dict[str, Any]]) -> Planes:
-        """The means over the samples of each pixel, in bands of rows, so that a large picture needs no more memory."""
-        camera = self.camera
-        rows = max(1, min(camera.height, BAND // (camera.width * samples)))
-        bands: list[Planes] = []
-        for top in range(0, camera.height, rows):
-            height = min(rows, camera.height - top)
-            # Each band has numbers of its own; a picture of one band those of its seed.
-            own = seed if top == 0 else pass_seed(seed, top)
-            numbers = Numbers(height * camera.width * samples, samples, own, top * camera.width)
-            bands.append(self._summed(trace(numbers), samples, height))
-        return {name: np.concatenate([band[name] for band in bands]) for name in bands[0]}
+    def _over(
+        self, samples: int, seed: int, trace: Callable[[Numbers], dict[str, Any]], chosen: np.ndarray | None = None
+    ) -> Planes:
+        """The means over the samples of each pixel, 0 for those not chosen; so many pixels at once as memory allows."""
+        height, width = self.camera.height, self.camera.width
+        pixels = np.arange(height * width) if chosen is None else np.flatnonzero(chosen)
+        most = max(1, BAND // samples)
+        planes: Planes = {}
+        for first in range(0, len(pixels), most):
+            these = pixels[first : first + most].astype(np.uint32)
+            # Each batch has numbers of its own; a picture of one those of its seed.
+            own = seed if first == 0 else pass_seed(seed, first)
+            for name, means in self._summed(trace(Numbers(these, samples, own)), samples).items():
+                plane = planes.setdefault(name, np.zeros((height * width, *means.shape[1:]), np.float32))
+                plane[these] = means
+        return {name: plane.reshape(height, width, *plane.shape[1:]) for name, plane in planes.items()}
 
     def _primary(self, numbers: Numbers) -> tuple[Any, Any, Any]:
         """Rays from the camera, and what of the objects and of the real surfaces they meet first."""
@@ -176,13 +191,13 @@ class Estimator:
         through = dr.mean(si.bsdf(ray).eval_null_transmission(si, met.is_valid()))
         return mi.Color3f(1 / dr.maximum(1 - through, 1e-4))
 
-    def _summed(self, values: dict[str, Any], samples: int, height: int) -> Planes:
+    def _summed(self, values: dict[str, Any], samples: int) -> Planes:
         """The mean over the samples of each pixel, which lie beside each other: the same whatever the threads."""
         dr.eval(values)
-        shape, planes = (height, self.camera.width), {}
+        planes = {}
         for name, value in values.items():
             channels = [value] if isinstance(value, mi.Float) else [value.x, value.y, value.z]
-            means = [(np.array(dr.block_sum(channel, samples)) / samples).reshape(shape) for channel in channels]
+            means = [np.array(dr.block_sum(channel, samples)) / samples for channel in channels]
             planes[name] = means[0] if len(means) == 1 else np.stack(means, axis=-1)
         return planes
 

@@ -181,13 +181,15 @@ def changed(
 
     met : the real surface that each ray meets
     looks : directions towards light a vertex
-    Returns the change found so far; and the parted ray with the weight of what it brings with the objects, and without.
+    Returns the light added and the light taken so far, both 0 or more; the parted ray with the weight of what it
+    brings; and what it meets with the objects, and without.
     """
     light = world.light
     context = mi.BSDFContext()
     rng = numbers.stream
     even = [numbers.towards_light(look, looks) for look in range(looks)]
-    result, weight_parted, density_parted = mi.Color3f(0), mi.Color3f(0), mi.Float(0)
+    added_light, taken = mi.Color3f(0), mi.Color3f(0)
+    weight_parted, density_parted = mi.Color3f(0), mi.Float(0)
     throughput = mi.Color3f(1)
     bounces, bounces_parted = mi.UInt32(0), mi.UInt32(0)
     first_scatters = mi.Bool(False)
@@ -221,9 +223,9 @@ def changed(
             dark &= ~world.local.ray_test(shadow, active=dark)
             other = (1 - guided) * chance + guided * guide.density(cones, found.direction)
             weight = dr.select(found.density > 0, mitigated(looks * found.density, other), 1) / looks
-            result -= dr.select(dark, throughput * value * found.weight * weight, 0)
+            taken += dr.select(dark, throughput * value * found.weight * weight, 0)
         if world.looks_for_objects:
-            result += throughput * _from_objects(world, si, bsdf, context, rng, smooth, guide, cones, guided)
+            added_light += throughput * _from_objects(world, si, bsdf, context, rng, smooth, guide, cones, guided)
         # A direction by the surface's reflectance or towards an object.
         towards = active & (rng.next_float32() < guided)
         sample, mirrored = bsdf.sample(context, si, rng.next_float32(), two(rng), active & ~towards)
@@ -246,7 +248,7 @@ def changed(
         parting = going & (near < far)
         # What the object hides of the light; a lamp before it is seen in both scenes.
         hidden = light.arriving(ray.o, ray.d, far, parting, density, looks, beyond=near)
-        result -= dr.select(parting, throughput * hidden, 0)
+        taken += dr.select(parting, throughput * hidden, 0)
         parted = dr.select(parting, ray, parted)
         added_parted = dr.select(parting, added, added_parted)
         real_parted = dr.select(parting, real, real_parted)
@@ -259,7 +261,8 @@ def changed(
         survives = rng.next_float32() < 0.5
         throughput = dr.select(active, throughput * 2, throughput)
         active &= survives
-    return result, (parted, weight_parted, density_parted, bounces_parted, first_scatters), (added_parted, real_parted)
+    way = (parted, weight_parted, density_parted, bounces_parted, first_scatters)
+    return (added_light, taken), way, (added_parted, real_parted)
 
 
 def _towards(si: Any, direction: Any, distance: Any) -> Any:

@@ -28,14 +28,15 @@ Spheres = list[tuple[Any, float]]
 class Numbers:
     """Numbers from 0 to 1 for `samples` rays of each pixel; the same for a seed, whatever the number of threads.
 
-    Seeds of passes should lie far apart (`pass_seed`); `first` is the number of the first pixel.
+    Seeds of passes should lie far apart (`pass_seed`); `pixels` are the numbers of the pixels, in uint32.
 
     Within a pixel the first numbers of its rays are a lattice, shifted by chance: farther apart than drawn ones.
     """
 
-    def __init__(self, count: int, samples: int, seed: int, first: int = 0) -> None:
+    def __init__(self, pixels: np.ndarray, samples: int, seed: int) -> None:
+        count = pixels.size * samples
         index = dr.arange(mi.UInt32, count)
-        self.pixel: Any = dr.opaque(mi.UInt32, first) + index // samples
+        self.pixel: Any = dr.gather(mi.UInt32, mi.UInt32(pixels), index // samples)
         self.sample = index % samples
         self.seed: Any = dr.opaque(mi.UInt32, seed & 0xFFFFFFFF)
         state, sequence = dr.opaque(mi.UInt64, seed), dr.opaque(mi.UInt64, 1 + seed)
