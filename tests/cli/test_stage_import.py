@@ -14,6 +14,7 @@ import relume as rl
 from angles import degrees_between
 from command_line import printed, refused, reported
 from relume.cli import main
+from relume.image.colour import encode_srgb
 from relume.image.files import read_photograph, write
 from relume.image.photograph import Photograph
 from relume.image.radiance import RadianceMap
@@ -178,27 +179,74 @@ def test_the_ambient_picture_beside_the_ball_s_is_no_light_s(tmp_path, capsys):
 
 
 def test_as_many_pictures_of_the_ball_as_of_the_subject_are_asked_for(ball_shots, tmp_path, capsys):
-    subject = pictures(tmp_path / "subject", [np.full((20, 30, 3), 0.1, np.float32)] * 3)
+    subject = tmp_path / "subject"
+    subject.mkdir()
+    for index in range(3):
+        write(subject / f"cat_{index}.exr", RadianceMap(np.full((20, 30, 3), 0.1, np.float32)))
     command = ["stage", "import", str(subject), "-o", str(tmp_path / "a.zarr"), "--ball", "60,45,32"]
     line = refused([*command, "--ball-pictures", str(ball_shots)], capsys)
     assert f"{len(FAR)} pictures of the ball, 3 of the subject" in line and "stage.json" not in line
 
 
-def test_the_picture_that_only_one_folder_has_is_named(ball_shots, tmp_path, capsys):
-    names = sorted(path.name for path in ball_shots.iterdir())
-    subject = tmp_path / "subject"
-    subject.mkdir()
-    for name in names[1:]:
-        write(subject / name, RadianceMap(np.full((20, 30, 3), 0.1, np.float32)))
+def test_pictures_that_the_ball_lacks_are_named(ball_shots, tmp_path, capsys):
+    subject = pictures(tmp_path / "subject", [np.full((20, 30, 3), 0.1, np.float32)] * (len(FAR) + 1))
     command = ["stage", "import", str(subject), "-o", str(tmp_path / "a.zarr"), "--ball", "60,45,32"]
     line = refused([*command, "--ball-pictures", str(ball_shots)], capsys)
-    assert f"(only one of the folders has {names[0]})" in line
+    assert f"(only one of the folders has shot_{len(FAR)})" in line
+
+
+def test_pictures_of_the_ball_are_those_of_the_same_names_whatever_their_format(ball_shots, tmp_path, capsys):
+    names = sorted(path.stem for path in ball_shots.iterdir())
+    subject = tmp_path / "subject"
+    subject.mkdir()
+    for index, name in enumerate(names[2:]):
+        write(subject / f"{name}.png", Photograph(np.full((20, 30, 3), 40 + index, np.uint8)))
+    options = ["--ball", "60,45,32", "--ball-pictures", str(ball_shots)]
+    field = imported(subject, tmp_path / "a.zarr", *options)
+    kept = [int(Path(name).stem.removeprefix("shot_")) for name in field.lights.names]
+    assert degrees_between(field.lights.directions, FAR[kept]).max() < 2
+    assert "2 pictures have no namesake among the subject's" in capsys.readouterr().err
 
 
 def test_pictures_without_a_ball_are_named_by_their_folder(tmp_path, capsys):
     folder = pictures(tmp_path / "shots", [np.full((90, 120, 3), 0.1, np.float32)] * 3)
     line = refused(["stage", "import", str(folder), "-o", str(tmp_path / "a.zarr"), "--ball", "find"], capsys)
     assert str(folder) in line and "give the ball's circle" in line
+
+
+def matte_ball(light: np.ndarray) -> np.ndarray:
+    """A grey ball with a stain before a dark wall, seen from far away, (90, 120, 3) in codes of a photograph."""
+    rows, columns = np.indices((90, 120)) + 0.5
+    x, y = (columns - CIRCLE[0]) / CIRCLE[2], (CIRCLE[1] - rows) / CIRCLE[2]
+    z = np.sqrt(np.maximum(1 - x**2 - y**2, 0))
+    shading = np.maximum(np.stack([x, y, z], axis=-1) @ light, 0)
+    albedo = np.where((x - 0.2) ** 2 + (y - 0.1) ** 2 < 0.04, 0.4, 0.8)
+    value = np.where(x**2 + y**2 < 1, albedo * shading + 0.01, 0.02)
+    return np.repeat(np.rint(255 * encode_srgb(value))[..., None], 3, axis=2).astype(np.uint8)
+
+
+def test_a_matte_ball_shows_the_lights_by_its_shading(tmp_path, capsys):
+    folder = tmp_path / "shots"
+    folder.mkdir()
+    lights = FAR[FAR[:, 2] > 0.2]
+    for index, light in enumerate(lights):
+        write(folder / f"shot_{index}.jpg", Photograph(matte_ball(light)))
+    field = imported(folder, tmp_path / "a.zarr", "--ball", "60,45,32")
+    said = capsys.readouterr()
+    assert degrees_between(field.lights.directions, lights).max() < 1.5
+    assert json.loads(said.out)["balls are"] == ["matte"]
+    # The camera's tone curve is not known, which is a doubt unless it is said.
+    assert "JPEGs such as shot_0.jpg are read as sRGB, a guess" in said.err
+    imported(folder, tmp_path / "b.zarr", "--ball", "60,45,32", "--encoding", "srgb")
+    assert "a guess" not in capsys.readouterr().err
+
+
+def test_a_picture_in_which_a_ball_shows_no_lamp_is_named_with_its_folder(tmp_path, capsys):
+    subject = pictures(tmp_path / "subject", [np.full((20, 30, 3), 0.1, np.float32)] * 4)
+    dark = pictures(tmp_path / "left", [*(far_ball(light) for light in FAR[:3]), np.full((90, 120, 3), 0.1, "f")])
+    command = ["stage", "import", str(subject), "-o", str(tmp_path / "a.zarr"), "--ball", "60,45,32"]
+    line = refused([*command, "--ball-pictures", str(dark)], capsys)
+    assert f"{dark / 'shot_3.exr'}: the ball shows no lamp" in line
 
 
 def test_two_balls_in_metres_show_where_lamps_and_camera_stand(near_shots, tmp_path):

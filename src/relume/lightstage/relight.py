@@ -21,7 +21,15 @@ from relume.lightstage.field.field import ReflectanceField
 from relume.lightstage.field.lights import StageLights
 from relume.lightstage.novel_view.projection import Subject, check_mesh_matches
 from relume.lightstage.relighting.cosine import compress_cosine
-from relume.lightstage.relighting.interpolation import Barycentric, NearestLight, Smooth, reached, unreached_share
+from relume.lightstage.relighting.diffuse_fit import DiffuseFit, fit_diffuse, needs_fit
+from relume.lightstage.relighting.interpolation import (
+    Barycentric,
+    NearestLight,
+    Remainder,
+    Smooth,
+    reached,
+    unreached_share,
+)
 from relume.lightstage.relighting.low_rank import compress_low_rank
 from relume.lightstage.relighting.relighting import (
     MEMORY,
@@ -29,6 +37,7 @@ from relume.lightstage.relighting.relighting import (
     weighted_sum,
     weighted_sum_per_pixel,
     weighted_sums,
+    within,
 )
 from relume.lightstage.relighting.specular_spikes import (
     relight_spiky,
@@ -107,15 +116,16 @@ def relight(
     """The subject under any light, in the light's unit; with its variance where the noise is known.
 
     Without a mesh the picture is the sum of the stage's pictures, each times what its light has to give (Debevec et
-    al. 2000, eq. 4), interpolated smoothly between the lights. With a mesh direct light is fitted to each pixel, so
-    that shadows and highlights stand where the light is; the variance is then that of the plain sum.
+    al. 2000, eq. 4), interpolated smoothly between the lights. Where these are few, or on one side alone, a Lambertian
+    fit of each pixel stands for what no light shows (`diffuse_fit`). With a mesh direct light is fitted to each pixel,
+    so that shadows and highlights stand where the light is. The variance is that of the plain sum.
 
     stage : a reflectance field, or where one lies, as `read_stage` takes it
     mesh : as `subject_mesh` finds it
     Warns of light from where the stage has no lights, of a mesh that is not used and of pixels below 0.
     Raises ValueError for a mesh that does not match, and for too little memory.
     """
-    field, (lighting,), unit = _prepared(stage, [light])
+    field, (lighting,), unit = _prepared(stage, [light], fitted=mesh is None and not settings.nearest)
     model = None if settings.nearest else usable_mesh(field, mesh, settings)
     threads, memory = settings.threads, settings.memory
     if model is not None:
@@ -124,8 +134,11 @@ def relight(
         given = lighting.irradiances(field.lights, NearestLight())
         picture = weighted_sum(field, given, threads=threads, memory=memory, progress=progress)
     else:
-        both = (lighting.irradiances(field.lights), lighting.irradiances(field.lights, Barycentric()))
-        picture = relight_spiky(field, *both, threads=threads, memory=memory, progress=progress)
+        fit, rest = _fit(field, settings, progress)
+        smooth = lighting.irradiances(field.lights, Smooth() if fit is None else Remainder())
+        barycentric = lighting.irradiances(field.lights, Barycentric())
+        added = None if fit is None else fit.added(lighting, field.lights, smooth)
+        picture = relight_spiky(field, smooth, barycentric, threads=threads, memory=memory, progress=rest, added=added)
     return replace(picture, unit=unit)
 
 
@@ -142,17 +155,22 @@ def relight_sequence(
     With `settings.compression` the field is made small first: pictures then differ by the error that is warned of.
     Raises ValueError as `relight`, and for lights in two units.
     """
-    field, several, unit = _prepared(stage, lights)
+    field, several, unit = _prepared(stage, lights, fitted=not settings.nearest)
     threads, memory = settings.threads, settings.memory
-    by = NearestLight() if settings.nearest else Smooth()
-    given = np.stack([each.irradiances(field.lights, by) for each in several])
+    fit, rest = (None, progress) if settings.nearest else _fit(field, settings, progress)
+    given = _given(field, several, settings, fit)
+    added = None if fit is None else _added(fit, field, several, given)
     if settings.compression is not None:
-        pictures = _relight_compressed(field, given, settings, progress)
+        pictures = _relight_compressed(field, given, settings, rest)
+        if added is not None:
+            pictures = map(_plus, pictures, added)
     elif settings.nearest:
-        pictures = weighted_sums(field, given, threads=threads, memory=memory, progress=progress)
+        pictures = weighted_sums(field, given, threads=threads, memory=memory, progress=rest)
     else:
         barycentric = np.stack([each.irradiances(field.lights, Barycentric()) for each in several])
-        pictures = relight_spiky_sequence(field, given, barycentric, threads=threads, memory=memory, progress=progress)
+        pictures = relight_spiky_sequence(
+            field, given, barycentric, threads=threads, memory=memory, progress=rest, added=added
+        )
     return (replace(picture, unit=unit) for picture in pictures)
 
 
@@ -171,29 +189,64 @@ def relight_per_pixel(
     Warns of light from where the stage has no lights. Raises ValueError for labels of another shape or number, and for
     lights in two units.
     """
-    field, several, unit = _prepared(stage, lights)
-    by = NearestLight() if settings.nearest else Smooth()
-    given = np.stack([each.irradiances(field.lights, by) for each in several])
+    field, several, unit = _prepared(stage, lights, fitted=not settings.nearest)
     if isinstance(labels, str | os.PathLike):
         levels, labels = np.unique(files.read_photograph(labels).pixels[..., 1], return_inverse=True)
         if len(levels) != len(several):
             raise ValueError(
                 f"the labels have {len(levels)} grey levels for {len(several)} lights; give one level each"
             )
-    picture = weighted_sum_per_pixel(field, np.asarray(labels), given, memory=settings.memory, progress=progress)
+    fit, rest = (None, progress) if settings.nearest else _fit(field, settings, progress)
+    given, labels = _given(field, several, settings, fit), np.asarray(labels)
+    picture = weighted_sum_per_pixel(field, labels, given, memory=settings.memory, progress=rest)
+    if fit is not None:
+        for label, added in enumerate(_added(fit, field, several, given)):
+            picture.radiance[labels == label] += added[labels == label]
     return replace(picture, unit=unit)
 
 
 def _prepared(
-    stage: ReflectanceField | str | os.PathLike[str], lights: Sequence[StageLighting | EnvironmentMap]
+    stage: ReflectanceField | str | os.PathLike[str], lights: Sequence[StageLighting | EnvironmentMap], *, fitted: bool
 ) -> tuple[ReflectanceField, list[StageLighting], str]:
-    """The field, the lights for it and their unit; raises ValueError for two units, warns of light it cannot show."""
+    """The field, the lights for it and their unit; raises ValueError for two units, warns of light it cannot show.
+
+    fitted : whether a fit stands for the lights that the stage does not have
+    """
     field = read_stage(stage) if isinstance(stage, str | os.PathLike) else stage
     several = [as_lighting(light) for light in lights]
     if len({each.unit for each in several}) != 1:
         raise ValueError(f"{len(several)} lights in several units; give one light or more, in one unit")
-    warn_unreached(field.lights, several)
+    warn_unreached(field.lights, several, fitted)
     return field, several, several[0].unit
+
+
+def _fit(
+    field: ReflectanceField, settings: RelightSettings, progress: Progress | None
+) -> tuple[DiffuseFit | None, Progress | None]:
+    """The Lambertian fit of each pixel, where the field's lights need it, and the progress of what comes after."""
+    if not needs_fit(field.lights):
+        return None, progress
+    fit = fit_diffuse(field, settings.memory, within(progress, slice(0, 1), 2))
+    return fit, within(progress, slice(1, 2), 2)
+
+
+def _given(
+    field: ReflectanceField, several: Sequence[StageLighting], settings: RelightSettings, fit: DiffuseFit | None
+) -> np.ndarray:
+    """What each of the field's lights gives of each light, (K, N, 3)."""
+    by = NearestLight() if settings.nearest else Smooth() if fit is None else Remainder()
+    return np.stack([each.irradiances(field.lights, by) for each in several])
+
+
+def _added(
+    fit: DiffuseFit, field: ReflectanceField, several: Sequence[StageLighting], given: np.ndarray
+) -> Iterator[np.ndarray]:
+    """What the fit adds under each light, made when it is asked for."""
+    return (fit.added(light, field.lights, each) for light, each in zip(several, given, strict=True))
+
+
+def _plus(picture: RadianceMap, added: np.ndarray) -> RadianceMap:
+    return replace(picture, radiance=picture.radiance + added)
 
 
 def _relight_compressed(
@@ -243,8 +296,11 @@ def mesh_seconds(
     return estimate_seconds(field, light.directed(), mesh.meshes, direct_light, threads=settings.threads)
 
 
-def warn_unreached(lights: StageLights, several: Sequence[StageLighting]) -> None:
-    """Warn of light that comes from where the stage has no lights."""
+def warn_unreached(lights: StageLights, several: Sequence[StageLighting], fitted: bool = False) -> None:
+    """Warn of light that comes from where the stage has no lights.
+
+    fitted : whether a fit of each pixel stands for them, and not the nearest light
+    """
     if reached(lights, even_directions(4096)).min() == 1:
         return
     directed = (each.directed() for each in several)
@@ -252,8 +308,10 @@ def warn_unreached(lights: StageLights, several: Sequence[StageLighting]) -> Non
     if share >= FAR:
         most = "up to " if len(several) > 1 else ""
         warn(
-            f"{most}{share:.0%} of the light comes from where the stage has no lights; the nearest lights give it "
-            "instead, and shading and shadows are wrong for it"
+            f"{most}{share:.0%} of the light comes from where the stage has no lights; "
+            + ("a matte surface fitted to each pixel" if fitted else "the nearest light")
+            + " gives it instead, "
+            + ("without its shadows and highlights" if fitted else "and shading and shadows are wrong for it")
         )
 
 

@@ -138,8 +138,9 @@ def import_stage(
             "X,Y,RADIUS[=METRES]",
             like="1510,980,64",
             words=("find",),
-            help="Find the lights in a mirrored ball: find, its circle in pixels, or a picture that is white on it; "
-            "again for each. Balls with their radii in metres and --field-of-view give places, not only directions.",
+            help="Find the lights in a mirrored or matte ball: find, its circle in pixels, or a picture that is white "
+            "on it; again for each. Balls with their radii in metres and --field-of-view give places, not only "
+            "directions.",
         ),
     ] = None,
     ball_pictures: Annotated[
@@ -147,7 +148,7 @@ def import_stage(
         Parameter(
             negative="",
             help="A folder with pictures of the ball under the same lights in the same order, where it is not in the "
-            "subject's own; again for each ball.",
+            "subject's own, matched by name or else by order; again for each ball.",
         ),
     ] = None,
     lights: Annotated[
@@ -230,6 +231,8 @@ def _facts(done: rl.lightstage.Imported) -> dict[str, object]:
         facts["frames"] = done.film_frames
     if done.balls is not None:
         facts["balls"] = [[round(value, 2) for value in circle] for circle in done.balls.circles]
+        if any(done.balls.matte):
+            facts["balls are"] = ["matte" if matte else "mirrored" for matte in done.balls.matte]
         if done.balls.disagreement:
             apart = np.degrees(done.balls.disagreement)
             facts["balls differ by, degrees"] = [round(float(angle), 2) for angle in apart]

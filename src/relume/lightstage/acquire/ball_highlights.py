@@ -59,18 +59,25 @@ class MirrorBall:
         axis, distance = self._cone()
         return self.camera.position + self.radius * distance * axis
 
+    def normals(self, points: np.ndarray) -> np.ndarray:
+        """Outward unit normals (N, 3) of the ball, world, seen at pixels (N, 2); NaN beside the ball."""
+        return self._met(np.asarray(points, np.float64))[1]
+
     def reflections(self, points: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Places (N, 3) on the ball seen at pixels (N, 2), metres, world, and where the rays go from there, unit.
 
         NaN beside the ball.
         """
-        pixels = np.asarray(points, np.float64)
+        rays, normals, places = self._met(np.asarray(points, np.float64))
+        return places, rays - 2 * (rays * normals).sum(axis=-1, keepdims=True) * normals
+
+    def _met(self, pixels: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """The rays (N, 3) from the camera through pixels (N, 2), and the ball's normals and places that they meet."""
         if self.camera is None:
             across = (pixels - self.outline.centre) / self.outline.radius * [1.0, -1.0]
             square = (across**2).sum(axis=-1)
             normals = np.concatenate([across, np.sqrt(np.where(square <= 1, 1 - square, np.nan))[..., None]], axis=-1)
-            towards = np.array([0.0, 0.0, 1.0])
-            return self.radius * normals, 2 * normals[..., 2:] * normals - towards
+            return np.array([0.0, 0.0, -1.0]), normals, self.radius * normals
         axis, distance = self._cone()
         rays = self.camera.rays_through(pixels)
         # |t d − D a|² = 1, the nearer root.
@@ -78,8 +85,7 @@ class MirrorBall:
         inside = along**2 - distance**2 + 1
         near = along - np.sqrt(np.where(inside >= 0, inside, np.nan))
         normals = near[..., None] * rays - distance * axis
-        leaving = rays - 2 * (rays * normals).sum(axis=-1, keepdims=True) * normals
-        return self.camera.position + self.radius * near[..., None] * rays, leaving
+        return rays, normals, self.camera.position + self.radius * near[..., None] * rays
 
     def _cone(self) -> tuple[np.ndarray, float]:
         """The direction from the camera to the ball's centre, world, and its distance in radii."""
@@ -96,12 +102,14 @@ class MirrorBall:
 class BallReadings:
     """What a ball shows of the lights, a row a picture.
 
-    places : (N, 3) where the lamp is mirrored on the ball, metres, world
+    places : (N, 3) where the lamp is mirrored on the ball, metres, world; of a matte ball its centre
     directions : (N, 3) unit, from there towards the light
+    matte : whether the ball is matte, and its shading was read
     """
 
     places: np.ndarray
     directions: np.ndarray
+    matte: bool = False
 
 
 def read_ball(pictures: Iterable[np.ndarray], ball: MirrorBall, names: Sequence[str] | None = None) -> BallReadings:

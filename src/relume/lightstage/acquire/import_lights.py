@@ -23,6 +23,8 @@ from relume.lightstage.acquire.ball_highlights import (
     read_ball,
     unit_mean,
 )
+from relume.lightstage.acquire.ball_shading import read_shading
+from relume.lightstage.acquire.encoding import PhotographEncoding
 from relume.lightstage.acquire.light_files import LIST, read_directions, read_lp
 from relume.lightstage.acquire.read_stage import PICTURES
 from relume.lightstage.acquire.rotating_arm import (
@@ -40,6 +42,11 @@ from relume.lightstage.acquire.stage_file import LightEntry, Stage, StageCamera,
 from relume.probe.ball.silhouette import outline_of_circle
 from relume.scene.cameras.camera import Camera
 
+MATTE = 0.8
+"""From which share of a ball's shading on, in most of its pictures, that of a matte ball explains it."""
+_SHADED = 0.5
+"""The least share in a single picture of such a ball."""
+_TRIED = 5
 VIDEOS = (".mp4", ".mov", ".m4v", ".avi", ".mkv", ".webm")
 
 
@@ -118,11 +125,13 @@ class BallFindings:
     circles : x, y and radius of each ball, pixels
     disagreement : the largest angle of each ball's directions to the mean of all, radians; empty for one ball
     ray_miss : metres within which the rays of the balls meet at each lamp; None where only directions are found
+    matte : of each ball, whether it is matte, so that its shading was read instead of a highlight
     """
 
     circles: tuple[tuple[float, float, float], ...]
     disagreement: tuple[float, ...] = ()
     ray_miss: float | None = None
+    matte: tuple[bool, ...] = ()
 
 
 def stage_of_list(folder: Path, listed: Path, leave_out: Sequence[Path]) -> Stage:
@@ -142,8 +151,9 @@ def stage_of_balls(
     elsewhere: Sequence[Path],
     field_of_view: float | None,
     leave_out: Sequence[Path],
+    encoding: PhotographEncoding = PhotographEncoding(),
 ) -> tuple[Stage, BallFindings]:
-    """The pictures of a folder, but for some, under lights found in mirrored balls, and what the balls showed.
+    """The pictures of a folder, but for some, under lights found in balls, and what the balls showed.
 
     Arguments as of `ImportSettings`. Where the field of view is given and the balls are in metres, the origin is the
     mean of their centres, and the stage has a camera.
@@ -152,21 +162,12 @@ def stage_of_balls(
     names = [path.name for path in paths]
     # Each ball reads its own pictures.
     shown = _pictures_of_balls(len(balls), elsewhere, paths)
-    mirrors = []
-    for ball, pictures in zip(balls, shown, strict=True):
-        try:
-            mirrors.append(mirror_ball(ball, lambda pictures=pictures: map(_pixels, pictures), field_of_view))
-        except BallNotFound as error:
-            raise BallNotFound(
-                f"{pictures[0].parent}: {error}; or give the ball's circle, or a mask that is white on it"
-            ) from None
-    readings = [
-        read_ball(map(_pixels, pictures), mirror, [path.name for path in pictures])
-        for mirror, pictures in zip(mirrors, shown, strict=True)
-    ]
+    mirrors = [_placed(ball, pictures, field_of_view) for ball, pictures in zip(balls, shown, strict=True)]
+    readings = [_read(pictures, mirror, encoding) for mirror, pictures in zip(mirrors, shown, strict=True)]
     found = BallFindings(
         tuple((float(x), float(y), float(each.outline.radius)) for each in mirrors for x, y in [each.outline.centre]),
         _disagreement(readings) if len(balls) > 1 else (),
+        matte=tuple(each.matte for each in readings),
     )
     # Balls in metres before a known camera place that camera.
     metric = field_of_view is not None and in_metres(balls)
@@ -184,6 +185,36 @@ def stage_of_balls(
         return Stage(tuple(entries), cameras), replace(found, ray_miss=float(distances.max()))
     directions = readings[0].directions if len(balls) == 1 else unit_mean(readings)
     return stage_towards(names, directions, cameras), found
+
+
+def _placed(ball: Ball, pictures: list[Path], field_of_view: float | None) -> MirrorBall:
+    """A ball in its pictures; raises BallNotFound, naming their folder."""
+    try:
+        return mirror_ball(ball, lambda: map(_pixels, pictures), field_of_view)
+    except BallNotFound as error:
+        raise BallNotFound(
+            f"{pictures[0].parent}: {error}; or give the ball's circle, or a mask that is white on it"
+        ) from None
+
+
+def _read(paths: Sequence[Path], ball: MirrorBall, encoding: PhotographEncoding) -> BallReadings:
+    """What a ball shows of the lights: a mirrored one its highlights, a matte one its shading.
+
+    Raises BallNotFound, naming the picture, where it shows neither.
+    """
+    # Some pictures say whether it is matte, so that each of the others is looked at in one way.
+    some = paths[:: max(1, len(paths) // _TRIED)]
+    explained = [read_shading(_light(path, encoding), ball)[1] for path in some]
+    if float(np.median(explained)) < MATTE:
+        return read_ball(map(_pixels, paths), ball, [str(path) for path in paths])
+    found = [read_shading(_light(path, encoding), ball) for path in paths]
+    for path, (_, share) in zip(paths, found, strict=True):
+        if share < _SHADED:
+            raise BallNotFound(
+                f"{path}: the matte ball is not shaded as by one lamp; did its light shine alone, and is the encoding "
+                "right?"
+            )
+    return BallReadings(np.tile(ball.centre, (len(paths), 1)), np.array([towards for towards, _ in found]), matte=True)
 
 
 def in_metres(balls: Sequence[Ball]) -> bool:
@@ -246,7 +277,7 @@ def mirror_ball(ball: Ball, pictures: Callable[[], Iterable[np.ndarray]], field_
         height, width = next(iter(pictures())).shape[:2]
         camera = Camera(width, height, float(width / 2 / np.tan(field_of_view / 2)), np.zeros(3), np.eye(3))
     if isinstance(ball, Path):
-        return MirrorBall(outline_of_mask(files.read_photograph(ball).pixels, ball.name), camera)
+        return MirrorBall(outline_of_mask(files.read_photograph(ball).pixels, str(ball)), camera)
     if isinstance(ball, BallCircle):
         return MirrorBall(outline_of_circle(ball.x, ball.y, ball.radius), camera, ball.metres or 1.0)
     outline = find_ball(pictures(), focal_length=camera and camera.focal_length)
@@ -271,20 +302,30 @@ def pictures_in(folder: Path, leave_out: Sequence[Path] = ()) -> list[Path]:
 
 
 def _pictures_of_balls(count: int, elsewhere: Sequence[Path], paths: list[Path]) -> list[list[Path]]:
-    """The pictures in which each ball is looked for."""
+    """The pictures in which each ball is looked for, one a picture of the subject and in their order."""
     if not elsewhere:
         return [paths] * count
     if len(elsewhere) not in (1, count):
         raise ValueError(f"{len(elsewhere)} folders of pictures for {count} balls; give one, or one for each")
-    found = [pictures_in(folder) for folder in elsewhere]
-    for folder, pictures in zip(elsewhere, found, strict=True):
-        if len(pictures) != len(paths):
-            alone = sorted({path.name for path in pictures} ^ {path.name for path in paths})
-            raise InvalidStage(
-                f"{folder}: {len(pictures)} pictures of the ball, {len(paths)} of the subject; give one a light"
-                + (f" (only one of the folders has {', '.join(alone)})" if 0 < len(alone) <= 3 else "")
-            )
+    found = [_paired(folder, paths) for folder in elsewhere]
     return found * count if len(found) == 1 else found
+
+
+def _paired(folder: Path, paths: list[Path]) -> list[Path]:
+    """The pictures of a ball in another folder: those of the same names, whatever their format, else all in order."""
+    pictures = pictures_in(folder)
+    named, wanted = {path.stem: path for path in pictures}, [path.stem for path in paths]
+    if len(named) == len(pictures) and set(wanted) <= set(named):
+        if odd := [path.name for path in pictures if path.stem not in set(wanted)]:
+            warn(f"{folder}: {len(odd)} pictures have no namesake among the subject's, such as {odd[0]}; passed over")
+        return [named[stem] for stem in wanted]
+    if len(pictures) != len(paths):
+        alone = sorted(set(named) ^ set(wanted))
+        raise InvalidStage(
+            f"{folder}: {len(pictures)} pictures of the ball, {len(paths)} of the subject; give one a light"
+            + (f" (only one of the folders has {', '.join(alone)})" if 0 < len(alone) <= 3 else "")
+        )
+    return pictures
 
 
 def _disagreement(readings: Sequence[BallReadings]) -> tuple[float, ...]:
@@ -297,6 +338,13 @@ def _arm(
 ) -> RotatingArm:
     mirror = None if ball is None else mirror_ball(ball, frames, field_of_view)
     return course.arm(frames(), mirror)
+
+
+def _light(path: Path, encoding: PhotographEncoding) -> np.ndarray:
+    """The scene-linear values of a picture."""
+    if files.has_radiance(path):
+        return files.read_radiance(path).radiance
+    return encoding.linearised(files.read_photograph(path))
 
 
 def _pixels(path: Path) -> np.ndarray:

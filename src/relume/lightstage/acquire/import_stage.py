@@ -11,8 +11,9 @@ from typing import Literal
 
 import numpy as np
 
-from relume.errors import OutputNotWritten, UnreadableFile
+from relume.errors import OutputNotWritten, UnreadableFile, warn
 from relume.lightstage.acquire.calibration import Calibration
+from relume.lightstage.acquire.encoding import PhotographEncoding
 from relume.lightstage.acquire.import_corrections import Corrections, correct
 from relume.lightstage.acquire.import_lights import (
     VIDEOS,
@@ -40,7 +41,7 @@ DTYPES = {"half": np.float16, "float": np.float32, "8bit": np.uint8}
 class ImportSettings:
     """How a stage is imported.
 
-    balls : mirrored balls in which the lights are found
+    balls : mirrored or matte balls in which the lights are found; which of the two is seen in their shading
     ball_pictures : folders with pictures of the balls under the same lights in the same order, where the balls are not
         in the subject's own pictures; one for all or one for each
     lights : an .lp, or a list of directions in the order of the pictures' names
@@ -99,7 +100,7 @@ class Imported:
 
     lights, shape : how many lights, and (rows, columns) of the pictures
     field : as it is stored; None where only a film's frames were counted
-    balls : what mirrored balls showed
+    balls : what balls showed
     target, calibration : the card, and what was measured on it
     film_frames : of a film that was counted only
     work : what an import would take; None after one
@@ -198,7 +199,11 @@ def _described(
         with filmed_stage(source, out, settings.film, ball, settings.field_of_view, left) as described:
             yield described, None, known
     elif settings.balls:
-        stage, found = stage_of_balls(source, settings.balls, settings.ball_pictures, settings.field_of_view, left)
+        # A matte ball's shading is read in light, not in codes.
+        encoding = PhotographEncoding.named(_encoding_word(settings.encoding or "srgb"), source)
+        stage, found = stage_of_balls(
+            source, settings.balls, settings.ball_pictures, settings.field_of_view, left, encoding
+        )
         yield (stage, source), found, left
     elif settings.lights is not None:
         yield (stage_of_list(source, settings.lights, left), source), None, left
@@ -223,8 +228,9 @@ def _field(
         return read_stage(source, settings.camera), None, (0.0, 0.0, 0.0)
     stage, place = find_stage_file(source) if described is None else described
     if encoding is not None:
-        word = encoding if encoding in ("srgb", "linear") else str(Path(encoding).resolve())
-        stage = replace(stage, encoding=word)
+        stage = replace(stage, encoding=_encoding_word(encoding))
+    elif place.suffix.lower() != ".json":
+        _warn_of_tone(stage, place)
     if stage.target is not None and len(stage.lights[0].files) > 1:
         raise ValueError(
             f'{place}: its "target" is of one camera\'s pictures, and it has {", ".join(stage.lights[0].files)}; take '
@@ -233,3 +239,20 @@ def _field(
     if angle is not None and distance is not None:
         stage = camera_ahead(stage, place, angle, distance)
     return open_pictures(stage, place, settings.camera, kept=0, known=known), stage.target, stage.subject
+
+
+def _encoding_word(encoding: str) -> str:
+    """The encoding as a stage says it: a response by its absolute path."""
+    return encoding if encoding in ("srgb", "linear") else str(Path(encoding).resolve())
+
+
+def _warn_of_tone(stage: Stage, place: Path) -> None:
+    """Warn of JPEGs whose tone curve nobody gave: cameras bend it away from sRGB."""
+    names = [name for entry in stage.lights for each in entry.files.values() for name in each]
+    tones = [name for name in names if Path(name).suffix.lower() in (".jpg", ".jpeg")]
+    if tones:
+        warn(
+            f"{place}: {len(tones)} JPEGs such as {tones[0]} are read as sRGB, a guess: cameras bend their tone "
+            "curves, and light and dark then come out wrong by some tenths; give the camera's response, as a merge of "
+            "a bracket recovers it, or say srgb where that is known"
+        )

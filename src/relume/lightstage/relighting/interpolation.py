@@ -27,6 +27,11 @@ REACH = (1.0, 2.0)
 """Widths of the median cell from the nearest light: up to the first a direction is between the lights, from the second
 on beyond them. In full stages, on grids or spirals, none is farther than 0.85."""
 
+OPEN = 2.5
+"""A cell is at most so many times as wide as the next light is away, in full stages: 2.1 where lights stand by chance,
+1 to 1.5 on grids and spirals. The cells of a dozen lights on one side fill the sphere, and say nothing of how far apart
+the lights stand."""
+
 
 class Interpolation(Protocol):
     """How what the lights did is carried over to other directions."""
@@ -107,7 +112,7 @@ def _triangles(lights: StageLights) -> tuple[np.ndarray, np.ndarray]:
         return np.zeros((0, 3), np.int64), np.zeros((0, 3, 3))
     # A dome's hull has a floor, and slivers along its rim. The circle through a triangle's corners holds no light:
     # where it is wider than lights reach, the triangle is not among the lights but beyond them.
-    widest = min(REACH[1] * _width(lights), np.pi / 2)
+    widest = min(REACH[1] * lights_width(lights), np.pi / 2)
     corners = hull.simplices[hull.equations[:, 3] < -max(float(np.cos(widest)), 1e-6)]
     matrices = lights.directions[corners].transpose(0, 2, 1)
     sound = np.abs(np.linalg.det(matrices)) > 1e-12
@@ -155,14 +160,24 @@ def _crossed(
 def _known(lights: StageLights, chord: np.ndarray) -> np.ndarray:
     """1 (M,) for directions whose nearest light is so near that they are between lights, 0 beyond, smooth from one to
     the other."""
-    away = 2 * np.arcsin(np.clip(chord / 2, 0, 1)) / _width(lights)
+    away = 2 * np.arcsin(np.clip(chord / 2, 0, 1)) / lights_width(lights)
     part = np.clip((REACH[1] - away) / (REACH[1] - REACH[0]), 0, 1)
     return part**2 * (3 - 2 * part)
 
 
-def _width(lights: StageLights) -> float:
-    """Radians across the lights' median cell."""
-    return float(np.sqrt(np.median(lights.solid_angles)))
+def lights_width(lights: StageLights) -> float:
+    """Radians across the lights' median cell; where most cells are open to where there are no lights, `OPEN` times the
+    median angle to the next light."""
+    width = float(np.sqrt(np.median(lights.solid_angles)))
+    return min(width, OPEN * next_light(lights))
+
+
+def next_light(lights: StageLights) -> float:
+    """The median angle from a light to the one nearest to it, radians; π for a single light."""
+    if len(lights) < 2:
+        return np.pi
+    chord = np.asarray(KDTree(lights.directions).query(lights.directions, 2)[0])[:, 1]
+    return float(2 * np.arcsin(np.clip(np.median(chord) / 2, 0, 1)))
 
 
 def _totals(index: np.ndarray, power: np.ndarray, count: int) -> np.ndarray:
@@ -240,12 +255,57 @@ class Smooth:
 
     def _covariance(self, lights: StageLights, directions: np.ndarray) -> np.ndarray:
         """(M, N) between these directions and the lights."""
-        length = self.length or self.cells * _width(lights)
-        # Of the chord: of the angle along the sphere a Matérn-3/2 function is no covariance (Gneiting 2013), and with
-        # few lights and a long reach weights would explode.
+        length = self.length or self.cells * lights_width(lights)
+        return _matern(np.sqrt(np.clip(2 - 2 * directions @ lights.directions.T, 0, 4)), length)
+
+
+@dataclass(frozen=True)
+class Remainder:
+    """Kriging with a known mean of 0, of what a fit leaves over: exact in the lights' own directions, 0 far from all.
+
+    The covariance is of two Matérn-3/2 functions of the chord: what neighbouring lights share, and what each shows
+    alone (its own strength, a highlight, a shadow's edge), which they do not believe of each other (Rasmussen &
+    Williams 2006, eq. 2.25).
+
+    length : radians over which neighbours share what is left over; 0.3 … 0.7 are alike on real sets
+    alone : how much of the variance a light shows alone, over what it shares. 0 follows every light's strength to its
+        neighbours, and errs most where photographs differ in exposure
+    alone_length : radians over which that goes, in median angles to the next light: half way, so that nothing jumps
+    """
+
+    length: float = 0.5
+    alone: float = 0.3
+    alone_length: float = 0.5
+
+    def weights(self, lights: StageLights, directions: np.ndarray) -> np.ndarray:
+        """The lights' shares (M, N) in light from unit directions (M, 3); they do not sum to 1, and may be below 0."""
+        near = self._covariance(lights, checked_directions(directions))
+        return np.linalg.solve(self._system(lights), near.T).T
+
+    def gathered(self, lights: StageLights, directions: np.ndarray, irradiances: np.ndarray) -> np.ndarray:
+        """As of every `Interpolation`, but for the sum of the weights."""
+        power = checked_irradiances(irradiances, directions)
+        right = np.zeros((len(lights), power.shape[1]))
+        for part in cut(len(power), _CHUNK):
+            right += self._covariance(lights, directions[part]).T @ power[part]
+        return np.linalg.solve(self._system(lights), right)
+
+    def _system(self, lights: StageLights) -> np.ndarray:
+        return self._covariance(lights, lights.directions) + _NUGGET * np.eye(len(lights))
+
+    def _covariance(self, lights: StageLights, directions: np.ndarray) -> np.ndarray:
+        """(M, N) between these directions and the lights, 1 for one and the same."""
         chord = np.sqrt(np.clip(2 - 2 * directions @ lights.directions.T, 0, 4))
-        reach = np.sqrt(3) / length * chord
-        return (1 + reach) * np.exp(-reach)
+        shared = _matern(chord, self.length)
+        alone = _matern(chord, self.alone_length * next_light(lights))
+        return (shared + self.alone * alone) / (1 + self.alone)
+
+
+def _matern(chord: np.ndarray, length: float) -> np.ndarray:
+    """Matérn's covariance of order 3/2 of chords; of the angle along the sphere it is none (Gneiting 2013), and with
+    few lights and a long reach weights would explode."""
+    reach = np.sqrt(3) / length * chord
+    return (1 + reach) * np.exp(-reach)
 
 
 def checked_directions(directions: np.ndarray) -> np.ndarray:

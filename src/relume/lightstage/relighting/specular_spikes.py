@@ -7,7 +7,8 @@ found from the field alone, never from the light, so that a picture stays linear
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
+from dataclasses import replace
 
 import numpy as np
 
@@ -51,15 +52,19 @@ def relight_spiky(
     threads: int | None = None,
     memory: int = MEMORY,
     progress: Progress | None = None,
+    added: np.ndarray | None = None,
 ) -> RadianceMap:
     """The subject under one light, spikes summed without shares below 0; one pass over the field.
 
     smooth, barycentric : (N, 3), the same light shared out by `Smooth` and by `Barycentric`
     threads, memory : as of `relighting.weighted_sum`
+    added : (H, W, 3), what is added where the smooth sum is taken (`diffuse_fit`)
     Raises ValueError as `weighted_sum`, and warns where some of the picture is below 0.
     """
     given = checked(field.lights, smooth)[None], checked(field.lights, barycentric)[None]
-    return next(relight_spiky_sequence(field, *given, threads=threads, memory=memory, progress=progress))
+    extra = None if added is None else [added]
+    sequence = relight_spiky_sequence(field, *given, threads=threads, memory=memory, progress=progress, added=extra)
+    return next(sequence)
 
 
 def relight_spiky_sequence(
@@ -70,11 +75,13 @@ def relight_spiky_sequence(
     threads: int | None = None,
     memory: int = MEMORY,
     progress: Progress | None = None,
+    added: Iterable[np.ndarray] | None = None,
 ) -> Iterator[RadianceMap]:
     """Pictures under each light, in their order, each the very bytes of `relight_spiky`'s.
 
     smooth, barycentric : (K, N, 3) each, as of `relight_spiky`
     memory : bytes; where they do not hold all pictures, the field is read again for the next of them
+    added : (H, W, 3) each, asked for one after another, as of `relight_spiky`
     Raises ValueError as `weighted_sum`, before the first picture. With the last one, a warning counts
     what is below 0.
     """
@@ -86,7 +93,7 @@ def relight_spiky_sequence(
         )
     for each in np.concatenate(pairs):
         checked(field.lights, each)
-    return _passes(field, pairs[0], pairs[1], threads, memory, progress)
+    return _passes(field, pairs[0], pairs[1], threads, memory, progress, added)
 
 
 def _passes(
@@ -96,7 +103,9 @@ def _passes(
     threads: int | None,
     memory: int,
     progress: Progress | None,
+    added: Iterable[np.ndarray] | None,
 ) -> Iterator[RadianceMap]:
+    extras = None if added is None else iter(added)
     count, together = len(smooth), max(1, (pictures_at_once(field, memory) - 2) // 2)
     peak = np.full((*field.shape, 3), -np.inf, np.float32)
     even = np.repeat(field.lights.solid_angles[:, None] / (4 * np.pi), 3, axis=1)[None]
@@ -128,7 +137,10 @@ def _passes(
             spiky = find_spikes(peak, pictures.pop(0).radiance)
         half = len(pictures) // 2
         for index in range(half):
-            picture = chosen(spiky, pictures[half + index], pictures[index])
+            smooth_one = pictures[index]
+            if extras is not None:
+                smooth_one = replace(smooth_one, radiance=smooth_one.radiance + next(extras))
+            picture = chosen(spiky, pictures[half + index], smooth_one)
             below = max(below, share_below(picture.radiance))
             if part.start + index == count - 1:
                 warn_below(below)

@@ -78,10 +78,10 @@ class StageLighting:
             total += _disc_irradiances(lights, light, by)
         return total
 
-    def directed(self) -> DirectedLight:
-        """The same light as directions, for direct light on a mesh."""
+    def directed(self, leaves: int = 1500) -> DirectedLight:
+        """The same light as directions, for direct light on a mesh; a map by so many of them, about."""
         turn = np.eye(3) if self.rotation is None else self.rotation
-        parts = [quadtree_lights(light).turned(turn) for light in self.maps]
+        parts = [quadtree_lights(light, leaves).turned(turn) for light in self.maps]
         return DirectedLight.of([*parts, *self._parallel()])
 
     def _parallel(self) -> list[DirectedLight]:

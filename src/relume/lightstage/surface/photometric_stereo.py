@@ -65,8 +65,20 @@ def lambertian_lobes(values: np.ndarray, lights: StageLights, usable: np.ndarray
     """
     if values.ndim != 2 or len(values) != len(lights):
         raise ValueError(f"values are {values.shape}; expected ({len(lights)} lights, pixels)")
-    directions = lights.directions.astype(np.float32)
-    share = (lights.solid_angles / lights.solid_angles.mean()).astype(np.float32)[:, None]
+    return lambertian_fit(values, lights.directions, lights.solid_angles / lights.solid_angles.mean(), usable)
+
+
+def lambertian_fit(
+    values: np.ndarray, directions: np.ndarray, shares: np.ndarray, usable: np.ndarray | None = None
+) -> Lobes:
+    """The lobes b (P, 3) for which max(b · d, 0) over directions (N, 3) is nearest to values (N, P).
+
+    shares : (N,), how much each direction counts; 1 on average
+    usable : bool (N, P), which values may count; all unless given
+    Source: as of `lambertian_lobes`; light and normal change places in it as one likes.
+    """
+    directions = directions.astype(np.float32)
+    share = shares.astype(np.float32)[:, None]
     weights = share * (np.ones_like(values) if usable is None else usable.astype(np.float32))
     bright = weights * (values > 0)
     vectors = _least_squares(values, bright, directions)
