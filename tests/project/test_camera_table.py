@@ -11,6 +11,8 @@ import numpy as np
 import pytest
 
 from relume.errors import InvalidShot, UnreadableFile
+from relume.image.files import read_photograph, write
+from relume.image.photograph import Photograph
 from relume.project.schema import checked, read_toml
 from relume.project.shot_file.camera_table import CameraTable, camera_fit
 from relume.scene.cameras.camera import Camera
@@ -119,8 +121,36 @@ def test_the_grid_of_the_example_has_a_residual(tmp_path: Path) -> None:
     assert fit.camera.position == pytest.approx([0.25, 0.55, 1.15], abs=0.003)
     assert fit.residual is not None and fit.residual < 0.15
     assert re.fullmatch(r"40 points, off by 0\.1\d pixels \(RMS\), 0\.\d\d at worst", fit.agreement)
-    with pytest.raises(InvalidShot, match=r"plate_grid\.jpg is 768×512, the plate 1200×800"):
-        camera_fit(table(tmp_path, text), SIZE, ROOM, None)
+    with pytest.raises(InvalidShot, match=r"plate_grid\.jpg is 768×512, the plate 1200×900"):
+        camera_fit(table(tmp_path, text), (1200, 900), ROOM, None)
+
+
+def test_the_thickness_of_the_board_is_a_key(tmp_path: Path) -> None:
+    grid = 'grid = { photograph = "plate_grid.jpg", squares = [9, 6], square = 0.03, thickness = %s }'
+    thin, thick = (camera_fit(table(tmp_path, grid % each), (768, 512), ROOM, None).camera for each in (0, 0.001))
+    assert thick.position - thin.position == pytest.approx([0, 0.001, 0], abs=1e-6)
+    # By tape measure, and 1 mm of card: nearer than without it.
+    assert abs(thick.position[1] - 0.55) < 0.7e-3 < abs(thin.position[1] - 0.55)
+
+
+def test_a_grid_saved_at_another_size_gives_the_same_camera(tmp_path: Path) -> None:
+    own = read_photograph(ROOM / "plate_grid.jpg")
+    twice = np.repeat(np.repeat(own.pixels, 2, axis=0), 2, axis=1)
+    write(tmp_path / "grid.png", Photograph(twice))
+    text = 'grid = { photograph = "grid.png", squares = [9, 6], square = 0.03 }'
+    found = camera_fit(table(tmp_path, text), (768, 512), tmp_path, own.focal_length)
+    straight = camera_fit(table(tmp_path, text.replace("grid.png", "plate_grid.jpg")), (768, 512), ROOM, None)
+    assert (found.camera.width, found.camera.height) == (768, 512)
+    assert found.camera.focal_length == pytest.approx(straight.camera.focal_length)
+    # Corners of doubled pixels are found a little otherwise.
+    assert np.linalg.norm(found.camera.position - straight.camera.position) < 0.003
+    assert np.abs(found.points - straight.points).max() < 0.3
+
+
+def test_a_grid_at_another_zoom_than_the_plate_is_reported(tmp_path: Path) -> None:
+    text = 'grid = { photograph = "plate_grid.jpg", squares = [9, 6], square = 0.03 }'
+    with pytest.warns(UserWarning, match=r"plate_grid\.jpg: its EXIF has a focal length of 1000 pixels .* own 1500"):
+        camera_fit(table(tmp_path, text), (768, 512), ROOM, 1500.0)
 
 
 def test_lines_that_fit_badly_warn(tmp_path: Path) -> None:
@@ -156,6 +186,12 @@ GRID = 'grid = { photograph = "g.jpg", squares = [9, 6], square = 0.03, %s }\n'
         ),
         ('file = { path = "a.glb", up = "x" }', "file.up"),
         (GRID.replace("[9, 6]", "[6, 9]") % "estimate_k1 = true", "the long side comes first"),
+        (GRID.replace("0.03", "3") % "thickness = 0", "grid: square is 3 m, so the board 27 m; lengths are metres"),
+        (
+            GRID % "thickness = 1",
+            "grid: thickness is 1 m, and the board 0.27 m long; lengths are metres: 1 mm is 0.001",
+        ),
+        (GRID % "thickness = -0.001", "grid.thickness"),
     ],
 )
 def test_a_table_that_contradicts_itself_is_reported_in_one_line(tmp_path: Path, text: str, message: str) -> None:

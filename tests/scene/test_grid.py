@@ -153,6 +153,18 @@ def test_exact_corners_give_back_the_camera_through_any_known_lens(centre, disto
     assert (fit.camera.centre, fit.camera.distortion) == (centre, distortion)
 
 
+def test_a_board_that_lies_above_the_table_raises_the_camera_by_its_thickness():
+    true = camera_at(20, 35)
+    corners = board_seen_by(true)
+    thin = fit_corners(corners, (480, 360), square=SQUARE, focal_length=720.0)
+    thick = fit_corners(corners, (480, 360), square=SQUARE, thickness=0.004, focal_length=720.0)
+    assert thick.camera.position - thin.camera.position == pytest.approx([0, 0.004, 0], abs=1e-8)
+    assert angle_between(thick.camera, thin.camera) < 1e-7
+    # What stands on the table under the board's middle is seen lower than the middle of the print.
+    on_print, on_table = thin.camera.project(np.zeros(3)), thick.camera.project(np.zeros(3))
+    assert on_table[1] - on_print[1] == pytest.approx(0.004 * np.cos(np.radians(35)) * 720 / 0.8, rel=0.05)
+
+
 def test_the_residual_is_that_of_the_noise():
     true = camera_at(20, 35)
     noise, fits = 0.3, []

@@ -31,16 +31,35 @@ GRID_RESIDUAL = 1.0
 """Pixels, RMS, from which on a grid's corners doubt the lens: they are found to a tenth even in a noisy JPEG."""
 LINES_RESIDUAL = 3.0
 """Pixels, RMS, from which on lines doubt their axes or the lens: a person draws them to one or two."""
+GIANT = 1.0
+"""Metres of a square from which on its length was given in another unit: no board is printed so large."""
+ZOOMED = 0.02
+"""Share by which the EXIF focal lengths of plate and grid may differ: millimetres are rounded to a few parts in 100."""
 
 
 class Grid(Table):
-    """A chequered board on the ground, photographed by the plate's camera, and what to estimate from it."""
+    """A chequered board on the ground, photographed by the plate's camera, and what to estimate from it.
+
+    thickness : metres by which its printed surface lies above what it lies on, where the objects stand too
+    """
 
     photograph: str
     squares: tuple[Annotated[int, Field(ge=3)], Annotated[int, Field(ge=3)]]
     square: Positive
+    thickness: Annotated[float, Field(ge=0)] = 0.0
     estimate_focal_length: bool = False
     estimate_k1: bool = False
+
+    @model_validator(mode="after")
+    def _in_metres(self) -> Grid:
+        long = self.squares[0] * self.square
+        if self.square >= GIANT:
+            raise ValueError(f"square is {self.square:g} m, so the board {long:g} m; lengths are metres: 3 cm are 0.03")
+        if self.thickness > long:
+            raise ValueError(
+                f"thickness is {self.thickness:g} m, and the board {long:g} m long; lengths are metres: 1 mm is 0.001"
+            )
+        return self
 
 
 class Pose(Table):
@@ -148,7 +167,7 @@ def camera_fit(table: CameraTable, size: tuple[int, int], folder: Path, focal_le
     """
     distortion = Distortion(**table.distortion.model_dump()) if table.distortion is not None else None
     if table.grid is not None:
-        fit = _from_grid(table, table.grid, size, folder, distortion)
+        fit = _from_grid(table, table.grid, size, folder, focal_length, distortion)
     elif table.lines is not None:
         fit = _from_lines(table, table.lines, size, focal_length, distortion)
     elif table.file is not None:
@@ -178,22 +197,44 @@ def _with(camera: Camera, key: str, **changes: Any) -> Camera:
 
 
 def _from_grid(
-    table: CameraTable, grid: Grid, size: tuple[int, int], folder: Path, distortion: Distortion | None
+    table: CameraTable,
+    grid: Grid,
+    size: tuple[int, int],
+    folder: Path,
+    exif: float | None,
+    distortion: Distortion | None,
 ) -> CameraFit:
+    """The camera from the board, at the plate's size where the board was photographed or saved at another."""
     photograph = files.read_photograph(folder / grid.photograph)
-    if photograph.size != size:
+    scale = photograph.size[0] / size[0]
+    if abs(photograph.size[1] - scale * size[1]) > max(1.0, scale):
         raise InvalidShot(
             f"camera.grid.photograph: {photograph.name} is {photograph.size[0]}×{photograph.size[1]}, the "
-            f"plate {size[0]}×{size[1]}; photograph the grid with the plate's camera and size"
+            f"plate {size[0]}×{size[1]}; photograph the grid with the plate's camera and size, both uncropped"
         )
+    centre = None if table.centre is None else (table.centre[0] * scale, table.centre[1] * scale)
+    focal_length = table.focal_length
+    if focal_length is None and exif is not None and not grid.estimate_focal_length:
+        own = photograph.focal_length
+        if own is None:
+            focal_length = exif
+        elif abs(own / (exif * scale) - 1) > ZOOMED:
+            warn(
+                f"{photograph.name}: its EXIF has a focal length of {own / scale:.0f} pixels of the plate and the plate's own "
+                f"{exif:.0f}: zoomed or cropped between the two? photograph the grid just as the plate, or give focal_length"
+            )
     try:
-        return fit_grid(
-            photograph, squares=grid.squares, square=grid.square, focal_length=table.focal_length,
-            centre=table.centre, distortion=distortion,
+        found = fit_grid(
+            photograph, squares=grid.squares, square=grid.square, thickness=grid.thickness,
+            focal_length=None if focal_length is None else focal_length * scale,
+            centre=centre, distortion=distortion,
             estimate_focal_length=grid.estimate_focal_length, estimate_k1=grid.estimate_k1,
         )  # fmt: skip
     except ValueError as error:
         raise InvalidShot(f"camera.grid: {error}") from None
+    if photograph.size == size:
+        return found
+    return CameraFit(found.camera.resized(*size), found.points / scale, found.offsets / scale)
 
 
 def _from_lines(

@@ -38,6 +38,7 @@ def fit_grid(
     *,
     squares: tuple[int, int],
     square: float,
+    thickness: float = 0.0,
     focal_length: float | None = None,
     centre: tuple[float, float] | None = None,
     distortion: Distortion | None = None,
@@ -48,14 +49,15 @@ def fit_grid(
 
     squares : (along the long side, along the short side)
     square : side of a square, metres
+    thickness : of the board, metres: how far its printed surface lies above what it lies on
     focal_length : pixels; from the photograph's EXIF unless given
     centre : the principal point, pixels from the upper left corner; the picture's middle unless given
     distortion : of the lens, where it is known; the corners are seen through it
     estimate_focal_length : find it from the board; one flat board determines it only where it is seen at a slant
     estimate_k1 : find the first radial coefficient from the board; it is kept where it differs from 0 with certainty
-    The frame's origin is the board's middle, +X to the right along its long side as the photograph shows it, +Z
-    towards the camera and +Y up. A warning names what is estimated and its standard deviation, which is the
-    Jacobian's for corners found to 0.05 pixels or as well as they fit, whichever is worse.
+    The frame's origin lies under the board's middle, on what the board lies on; +X to the right along its long side
+    as the photograph shows it, +Z towards the camera and +Y up. A warning names what is estimated and its standard
+    deviation, which is the Jacobian's for corners found to 0.05 pixels or as well as they fit, whichever is worse.
     Raises GridNotFound where there is no board or it does not determine what is to be estimated.
     """
     if focal_length is not None and estimate_focal_length:
@@ -67,6 +69,7 @@ def fit_grid(
         _oriented(photograph, squares),
         photograph.size,
         square=square,
+        thickness=thickness,
         focal_length=None if estimate_focal_length else focal,
         centre=centre,
         distortion=distortion,
@@ -80,6 +83,7 @@ def fit_corners(
     size: tuple[int, int],
     *,
     square: float,
+    thickness: float = 0.0,
     focal_length: float | None,
     centre: tuple[float, float] | None = None,
     distortion: Distortion | None = None,
@@ -98,7 +102,7 @@ def fit_corners(
     rows, columns = corners.shape[:2]
     x = (np.arange(columns) - (columns - 1) / 2) * square
     z = (np.arange(rows) - (rows - 1) / 2) * square
-    world = np.stack(np.broadcast_arrays(x[None, :], 0.0, z[:, None]), axis=-1).reshape(-1, 3)
+    world = np.stack(np.broadcast_arrays(x[None, :], thickness, z[:, None]), axis=-1).reshape(-1, 3)
     seen = _Seen(name, world, corners.reshape(-1, 2).astype(np.float64))
 
     if focal_length is None:
