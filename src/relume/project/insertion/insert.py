@@ -10,10 +10,11 @@ import warnings
 from collections.abc import Callable
 from pathlib import Path
 
+from relume.project.insertion.agreement import on_one_scale
 from relume.project.insertion.composite import composited, development_of
 from relume.project.insertion.outcome import Inserted, notes_on, require_folder, write_outcome
 from relume.project.insertion.photographs import calibrate, read_photographs
-from relume.project.insertion.place import find_place
+from relume.project.insertion.place import find_camera, find_place
 from relume.project.insertion.prepared import PreparedShot
 from relume.project.insertion.render_change import Motion, Rendering, render_change
 from relume.project.shot_file.objects import doubts_about, placed_meshes
@@ -61,7 +62,9 @@ def insert(
         with steps.timed("photographs"):
             photographs = read_photographs(shot)
         calibrated = calibrate(shot, photographs, steps)
-        place = find_place(shot, calibrated, meshes, renderer, steps)
+        fit = find_camera(shot, calibrated, steps)
+        calibrated = on_one_scale(shot, calibrated, fit.camera)
+        place = find_place(shot, calibrated, fit, meshes, renderer, steps)
         development = development_of(shot, calibrated)
         rendering = Rendering(renderer, threads, motion, restart, force and HardStop(force))
         change = render_change(shot, calibrated, place, meshes, development.film, steps, rendering)
@@ -89,7 +92,9 @@ def prepare_shot(shot: Shot, out: str | Path, *, progress: Progress = lambda ste
     steps = Steps(Stages(out / "stages"), progress)
     meshes = placed_meshes(shot)
     calibrated = calibrate(shot, read_photographs(shot), steps)
-    place = find_place(shot, calibrated, meshes, None, steps)
+    fit = find_camera(shot, calibrated, steps)
+    calibrated = on_one_scale(shot, calibrated, fit.camera)
+    place = find_place(shot, calibrated, fit, meshes, None, steps)
     development = development_of(shot, calibrated)
     scene = place.relit(shot).adding(*meshes)
     return PreparedShot(

@@ -80,9 +80,14 @@ def notes_on(calibrated: Calibrated, place: Place, matte_of_objects: np.ndarray 
     notes = list(probe.notes)
     if plate.clipped is not None and plate.clipped.any():
         white, black = int((plate.clipped == SATURATED).sum()), int((plate.clipped == BLACK).sum())
-        if white:
+        single = calibrated.bracket is not None and len(calibrated.bracket.photographs) == 1
+        if white and single:
+            notes.append(
+                f"{white} pixels of the plate are white and stay so; what is seen through a shadow there is a guess"
+            )
+        elif white:
             notes.append(f"{white} pixels of the plate are white in every photograph; take shorter exposures as well")
-        if black:
+        if black and not single:
             notes.append(f"{black} pixels of the plate are black in every photograph; take longer exposures as well")
     if probe.clipped_solid_angle > 0:
         notes.append(
@@ -103,8 +108,11 @@ def notes_on(calibrated: Calibrated, place: Place, matte_of_objects: np.ndarray 
                 f"the surface reflects {max(found.measured):.2f} times the light that was measured; the light is too "
                 "weak (was the ball's reflectance given? were its lamps saturated?)"
             )
-    if len(calibrations) > 1:
-        notes.append("plate and light come from different cameras; their scales are not tied to each other")
+    if len(calibrated.cameras) > 1 and calibrated.untied is None:
+        notes.append(
+            "plate and light come from different cameras: only their exposures tie their scales, to about half a stop; "
+            "give light.scale if the objects come out too dark or too bright"
+        )
     if matte_of_objects is not None and not matte_of_objects.any():
         notes.append("no object is seen in the picture; are they in metres, and in the frame that the camera is in?")
     for camera, calibration in calibrations.items():

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cache
 from pathlib import Path
@@ -13,6 +13,7 @@ from relume.capture.brackets.merging import BracketSource, merge_brackets
 from relume.capture.brackets.result import MergedBracket, MergedCamera
 from relume.capture.denoising import denoise
 from relume.capture.exposure.bracket import Bracket, read_bracket, require_known_exposures
+from relume.capture.exposure.exposures import exposed
 from relume.capture.response.calibration import Calibration
 from relume.capture.response.camera_profile import CameraProfile, read_profile
 from relume.errors import InvalidShot, NotABracket, warn
@@ -23,6 +24,9 @@ from relume.image.radiance import RadianceMap
 from relume.image.response import Response
 from relume.probe.ball.blending import Probe, blend_views
 from relume.probe.ball.unwrapping import unwrap_ball
+from relume.probe.ball.view_files import on_one_frame
+from relume.project.insertion.single_plate import assumed_response, is_single, merge_single, read_single, why_untied
+from relume.project.insertion.slips import held_to_tape, other_time_or_place, require_measures
 from relume.project.shot_file.shot import MergeTable, Shot
 from relume.project.stages import Steps
 from relume.sphere.environment_files import as_environment
@@ -68,6 +72,7 @@ class Calibrated:
     focal_length : of the plate, pixels; None where unknown
     probe : the light
     cameras : what is known of each camera, by its name
+    untied : why the scale of the light is not that of the plate; None where exposures tie them, or maps are taken so
     """
 
     plate: RadianceMap
@@ -75,6 +80,7 @@ class Calibrated:
     focal_length: float | None
     probe: Probe
     cameras: dict[str, MergedCamera]
+    untied: str | None = None
 
     @property
     def calibrations(self) -> dict[str, Calibration]:
@@ -89,7 +95,8 @@ class Calibrated:
 
 
 def read_photographs(shot: Shot) -> Photographs:
-    """Read all the brackets of a shot; raises UnreadableFile, NotABracket, InvalidShot."""
+    """Read all the brackets of a shot; raises UnreadableFile, NotABracket, InvalidShot. Warns of doubtful measures."""
+    require_measures(shot)
     paths = shot.files(shot.plate.photographs)
     plate: BracketSource | RadianceMap
     if kind_of(paths[0]) != "RAW" and isinstance(first := files.read(paths[0]), RadianceMap):
@@ -98,12 +105,17 @@ def read_photographs(shot: Shot) -> Photographs:
                 f"plate.photographs: {paths[0]} is a radiance map; give it alone, or a bracket without it"
             )
         plate = first
+    elif kind_of(paths[0]) != "RAW" and len(paths) == 1:
+        plate = read_single(paths[0], shot.plate.times)
     else:
         plate = _source(paths, shot.plate.times)
-    balls = tuple(_source(shot.files(ball.photographs), ball.times) for ball in shot.light.balls or ())
-    taken = [each for each in (plate, *balls) if not isinstance(each, RadianceMap)]
+    balls = tuple(_ball_source(shot.files(ball.photographs), ball.times) for ball in shot.light.balls or ())
+    # A single photograph may be off the scale of the others: it is found from what both show.
+    taken = [*balls] if isinstance(plate, RadianceMap) or is_single(plate) else [plate, *balls]
     require_known_exposures(each for each in taken if isinstance(each, Bracket))
     _require_one_scale([_first_facts(each) for each in taken])
+    for line in other_time_or_place(plate, balls):
+        warn(line)
     return Photographs(plate, balls)
 
 
@@ -152,16 +164,31 @@ def calibrate(shot: Shot, photographs: Photographs, steps: Steps) -> Calibrated:
         views = slice(0 if isinstance(plate, RadianceMap) else 1, None)
         probe = steps.keep("light", made_from, lambda: _blended(shot, merged()[0][views]))
 
+    untied = _why_untied(shot, photographs)
+    if untied is not None and radiance.unit != probe.light.unit:
+        # Its own scale is given up: the plate's is the one that counts.
+        probe = replace(probe, light=replace(probe.light, unit=radiance.unit))
     if radiance.unit != probe.light.unit:
         raise InvalidShot(
             f"plate.photographs: the plate is in {radiance.unit} and the light in {probe.light.unit}; give both alike"
         )
-    if isinstance(plate, RadianceMap) or shot.light.map is not None:
+    if isinstance(plate, RadianceMap):
         warn(
             "plate and light come from different files; relume cannot verify that they share one radiance scale. A "
             "recovered reflectance that is not believable says that they do not"
         )
-    return Calibrated(radiance, bracket, focal_length, probe, cameras)
+    return Calibrated(radiance, bracket, focal_length, probe, cameras, untied)
+
+
+def _why_untied(shot: Shot, photographs: Photographs) -> str | None:
+    """Why no exposure puts the plate's photographs on the scale of the light; None where one does."""
+    if isinstance(photographs.plate, RadianceMap):
+        return None
+    if shot.light.map is not None:
+        return f"{shot.light.map} is a finished map"
+    if not is_single(photographs.plate):
+        return None
+    return why_untied(photographs.plate.photographs[0], photographs.balls)
 
 
 def light_from_map(path: Path) -> Probe:
@@ -180,6 +207,14 @@ def _source(paths: Sequence[Path], times: Sequence[float] | None) -> BracketSour
     if times is not None:
         raise InvalidShot(f"{paths[0]}: times are for encoded photographs; camera raws hold their own: leave them out")
     return tuple(paths)
+
+
+def _ball_source(paths: Sequence[Path], times: Sequence[float] | None) -> BracketSource:
+    """The same of a ball, whose photographs may be crops of different sizes: these are laid on one another by it."""
+    if kind_of(paths[0]) == "RAW" or len({files.read_facts(path).size for path in paths}) == 1:
+        return _source(paths, times)
+    warn(f"{paths[0]} … {paths[-1].name}: of different sizes, so taken for crops and laid on one another by the ball")
+    return Bracket(on_one_frame(exposed([files.read_photograph(path) for path in paths], times=times)))
 
 
 @dataclass(frozen=True)
@@ -238,6 +273,7 @@ def _merged(shot: Shot, photographs: Photographs) -> tuple[list[MergedBracket], 
     if not isinstance(photographs.plate, RadianceMap):
         pairs.append((photographs.plate, shot.plate))
     pairs += zip(photographs.balls, shot.light.balls or (), strict=True)
+    single = photographs.plate if is_single(photographs.plate) else None
     facts = [_first_facts(source) for source, _ in pairs]
     own = [table.profile for _, table in pairs]
     read = {name: _profile(shot.folder / name) for name in dict.fromkeys(own) if name is not None}
@@ -249,26 +285,40 @@ def _merged(shot: Shot, photographs: Photographs) -> tuple[list[MergedBracket], 
                 "white differently; give plate and balls the same one"
             )
     profiles = [name or of_camera.get(one.camera) for one, name in zip(facts, own, strict=True)]
-    _require_one_recovery(facts, profiles, [table for _, table in pairs])
+    first = 1 if single is not None else 0
+    _require_one_recovery(facts[first:], profiles[first:], [table for _, table in pairs[first:]])
 
-    # The brackets of one camera, profile and settings together.
+    # The brackets of one camera, profile and settings together; a single plate last, as it shows no response itself.
     kinds = [
         (one.camera, profile, table.merge_settings())
         for one, profile, (_, table) in zip(facts, profiles, pairs, strict=True)
     ]
     found: dict[int, MergedBracket] = {}
     cameras: dict[str, MergedCamera] = {}
-    for kind in dict.fromkeys(kinds):
+    for kind in dict.fromkeys(kinds if single is None else kinds[1:]):
         camera, profile, settings = kind
-        chosen = [index for index, each in enumerate(kinds) if each == kind]
-        before = cameras[camera].response if camera in cameras else None
-        known = before if profile is None else read[profile]
+        chosen = [index for index, each in enumerate(kinds) if each == kind and (index or single is None)]
+        known = _response_of(camera, cameras) if profile is None else read[profile]
+        one = pairs[chosen[0]][0]
+        if known is None and is_single(one) and all(is_single(pairs[index][0]) for index in chosen):
+            known = assumed_response(one.photographs[0])
         result = merge_brackets([pairs[index][0] for index in chosen], profile=known, settings=settings)
         for line in (*result.warnings, *result.notes):
             warn(line)
         found |= zip(chosen, result.brackets, strict=True)
         cameras = {**result.cameras, **cameras}
+    if single is not None:
+        camera, profile, settings = kinds[0]
+        known = _response_of(camera, cameras) if profile is None else read[profile]
+        found[0], own_camera = merge_single(single, known, settings)
+        if camera in cameras and cameras[camera].response is None:
+            cameras[f"{camera} (raws)"] = cameras.pop(camera)
+        cameras = {camera: own_camera, **cameras}
     return [found[index] for index in range(len(pairs))], cameras
+
+
+def _response_of(camera: str, cameras: Mapping[str, MergedCamera]) -> Response | None:
+    return cameras[camera].response if camera in cameras else None
 
 
 def _profile(path: Path) -> CameraProfile:
@@ -314,20 +364,20 @@ def _blended(shot: Shot, merged: Sequence[MergedBracket]) -> Probe:
     if ball is None or not tables:
         raise InvalidShot("light: balls and ball are both needed")
     views = []
-    for table, bracket in zip(tables, merged, strict=True):
+    for index, (table, bracket) in enumerate(zip(tables, merged, strict=True)):
         picture = bracket.picture
         if picture.clipped is not None and (picture.clipped == 0).mean() < FEWEST:
             raise NotABracket(f"{bracket.name}: almost nothing is measured; add longer and shorter exposures")
         reflectance = np.array(ball.reflectance, np.float32)
         picture = RadianceMap(picture.radiance / reflectance, None, picture.clipped, picture.unit)
-        views.append(
-            unwrap_ball(
-                picture,
-                camera=np.array(table.camera),
-                centre=np.array(ball.centre),
-                focal_length=table.focal_length or bracket.focal_length,
-                radius=ball.radius,
-                name=bracket.name,
-            )
+        focal_length = table.focal_length or bracket.focal_length
+        view = unwrap_ball(
+            picture,
+            camera=np.array(table.camera),
+            centre=np.array(ball.centre),
+            focal_length=focal_length,
+            radius=ball.radius,
+            name=bracket.name,
         )
+        views.append(view if focal_length is None else held_to_tape(view, index, table, ball))
     return blend_views(views, size=shot.light.size)

@@ -17,6 +17,7 @@ from relume.light.constellations.local_lamps import free_lamp
 from relume.light.constellations.placement import PlacedLights
 from relume.probe.ball.blending import Probe
 from relume.project.insertion.photographs import Calibrated
+from relume.project.insertion.slips import require_outside_ball
 from relume.project.shot_file.camera_table import camera_fit
 from relume.project.shot_file.local_table import distant_scene
 from relume.project.shot_file.objects import require_outside
@@ -63,19 +64,26 @@ class Place:
         return relit(self.bare.with_local(shapes), shot)
 
 
-def find_place(
-    shot: Shot, calibrated: Calibrated, meshes: Sequence[Mesh], renderer: Renderer | None, steps: Steps
-) -> Place:
-    """Fit the camera, set up the light, and recover the reflectance of the real surfaces.
+def find_camera(shot: Shot, calibrated: Calibrated, steps: Steps) -> CameraFit:
+    """Fit the plate's camera; raises InvalidShot, GridNotFound, UnreadableFile."""
+    with steps.timed("camera"):
+        fit = camera_fit(shot.camera, calibrated.plate.size, shot.folder, calibrated.focal_length)
+    require_outside_ball(fit.camera, shot.light.ball)
+    return fit
 
+
+def find_place(
+    shot: Shot, calibrated: Calibrated, fit: CameraFit, meshes: Sequence[Mesh], renderer: Renderer | None, steps: Steps
+) -> Place:
+    """Set up the light about the plate's camera, and recover the reflectance of the real surfaces.
+
+    fit : of the camera
     meshes : the objects, which must not hold the camera
     renderer : lights the surfaces for the recovery; a path tracer of its own unless given
     Raises InvalidShot, GridNotFound, UnreadableFile.
     """
     plate = calibrated.plate
-    with steps.timed("camera"):
-        fit = camera_fit(shot.camera, plate.size, shot.folder, calibrated.focal_length)
-        camera = _with_lens(shot, fit.camera, calibrated)
+    camera = _with_lens(shot, fit.camera, calibrated)
     bare = bare_place(shot, calibrated.probe)
     require_in_place(bare, camera)
     require_outside(meshes, camera)

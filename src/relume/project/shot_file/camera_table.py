@@ -220,8 +220,9 @@ def _from_grid(
             focal_length = exif
         elif abs(own / (exif * scale) - 1) > ZOOMED:
             warn(
-                f"{photograph.name}: its EXIF has a focal length of {own / scale:.0f} pixels of the plate and the plate's own "
-                f"{exif:.0f}: zoomed or cropped between the two? photograph the grid just as the plate, or give focal_length"
+                f"{photograph.name}: its EXIF has a focal length of {own / scale:.0f} pixels of the plate, the plate's "
+                f"own {exif:.0f}: zoomed or cropped between the two? photograph the grid just as the plate, or give "
+                "focal_length"
             )
     try:
         found = fit_grid(

@@ -85,6 +85,8 @@ class Light(Table):
     heading : degrees about +Y by which a finished map is turned to stand in the scene's frame, counter-clockwise seen
         from above
     lamps : places of lamps that hang in the room, before its walls
+    scale : by which the light is multiplied to be on the plate's scale, before anything is measured by it; where no
+        exposure says it, it is found from a reflectance that is given, or from what both show
     turn, exposure : degrees about +Y and stops, to change what was measured
     """
 
@@ -95,6 +97,7 @@ class Light(Table):
     distant: DistantTable = DistantTable()
     probe: Vector | None = None
     heading: float = 0.0
+    scale: Positive | None = None
     lamps: list[Vector] = Field(default_factory=list)
     turn: float = 0.0
     exposure: float = 0.0

@@ -1,0 +1,228 @@
+"""Whether plate and light belong together: one scale, one white, one place, one time.
+
+What both show is compared. A pixel of the plate shows a place on a real surface or on the distant scene, and the map
+of the light shows that place too, as seen from the probe. Where they agree but for a factor, the factor is the scale
+between them and its colour the difference of their whites. Walls count before tables: seen along its surface from a
+ball that stands on it, a table shines with what is mirrored in it.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from relume.errors import warn
+from relume.image.colour import luminance
+from relume.image.radiance import RadianceMap
+from relume.project.insertion.photographs import Calibrated
+from relume.project.insertion.place import bare_place, turned_light
+from relume.project.shot_file.shot import Shot
+from relume.renderers.mitsuba.distant import wall_distances
+from relume.renderers.raytrace.raycast import RayCaster
+from relume.scene.cameras.camera import Camera
+from relume.scene.scene import Scene
+from relume.scene.shapes.shapes import Plane
+from relume.sphere.directions import UP, normalised
+from relume.sphere.environment_map import EnvironmentMap
+
+ACROSS = 64
+"""Places across the plate that are compared: each so wide that a tape measure's error moves it by less."""
+ROWS = 128
+"""Rows of the map that they are looked up in, 1.4° each."""
+FEWEST = 60
+"""Places from which on something is said."""
+NEAR = 0.15
+"""Of the camera's distance to the probe: nearer to the probe than this a place is hidden by the ball, or mirrors it."""
+ALIKE = 0.5
+"""Correlation of ln luminance from which on plate and light show the same place."""
+UNLIKE = 0.2
+"""Correlation below which they do not."""
+CONTRAST = 0.35
+"""Standard deviation of ln luminance from which on a picture has something to be compared by."""
+SPREAD = float(np.log(2))
+"""Standard deviation of the ln of the ratios up to which their median is a scale."""
+SAME = float(np.log(1.5))
+"""Of a scale: what gloss and the tape measure make of two pictures of one place; a scale so near to 1 is left."""
+DOUBTED = 1.0
+"""Stops by which a scale that exposures tell may differ from what both show before it is doubted."""
+WHITE = 0.1
+"""Stops between channels from which on whites are said to differ."""
+GREY = 0.18
+"""The reflectance of a middle grey, by which exposure meters take the world."""
+USUAL = (0.08, 0.8)
+"""Reflectances of usual surfaces that one stands things on: asphalt and white paint."""
+
+
+@dataclass(frozen=True, eq=False)
+class SeenByBoth:
+    """Plate and light at the places that both show.
+
+    ratio : (3,) the plate's radiance over the light's, median
+    spread : standard deviation of the ln of their luminances' ratio, by its median deviation
+    likeness : correlation of their ln luminance; None where one of them is too even to say
+    share : of the plate that was compared
+    distant : whether the places lie on the distant scene, not on real surfaces near the probe
+    """
+
+    ratio: np.ndarray
+    spread: float
+    likeness: float | None
+    share: float
+    distant: bool
+
+    @property
+    def scale(self) -> float:
+        """The factor on the light that makes both alike."""
+        return float(luminance(self.ratio))
+
+    @property
+    def white(self) -> np.ndarray:
+        """(3,) the same without brightness: factors on the light's channels that give it the plate's white."""
+        return self.ratio / self.scale
+
+
+def on_one_scale(shot: Shot, calibrated: Calibrated, camera: Camera) -> Calibrated:
+    """The same with the light on the plate's scale and with its white, as far as they can be found; warns of each.
+
+    camera : the plate's
+    Raises InvalidShot where the place cannot be made.
+    """
+    place = bare_place(shot, calibrated.probe)
+    seen = seen_by_both(calibrated, camera, place)
+    gains = np.ones(3)
+    if shot.light.scale is not None:
+        gains = gains * shot.light.scale
+    elif calibrated.untied is not None:
+        factor, how = _scale(shot, calibrated, camera, place, seen)
+        gains = gains * factor
+        changed = "it is taken as it is" if factor == 1 else f"it is made {factor:.3g} times as bright"
+        warn(
+            f"light: {calibrated.untied}, so no exposure gives its scale; {changed}, {how}: give light.scale if the "
+            "objects come out too dark or too bright"
+        )
+    elif seen is not None and seen.spread < SPREAD and abs(np.log2(seen.scale)) > DOUBTED:
+        direction, times = ("bright", seen.scale) if seen.scale > 1 else ("dark", 1 / seen.scale)
+        warn(
+            f"light: the plate shows the same places {times:.2g} times as {direction} as the ball's photographs; were "
+            "both taken in one light, at the exposures that they hold? If not, give light.scale"
+        )
+    if seen is not None and seen.likeness is not None and seen.likeness < UNLIKE:
+        warn(
+            f"light: what plate and light should both show is not alike (correlation {seen.likeness:.2f} over "
+            f"{seen.share:.0%} of the plate): is the light of another place or time, or is its frame turned "
+            "(light.heading, the places of the ball's cameras)?"
+        )
+    gains = gains * _white(calibrated, place, seen)
+    if np.all(gains == 1):
+        return calibrated
+    light = calibrated.probe.light
+    scaled = replace(light, radiance=(light.radiance * gains).astype(np.float32))
+    return replace(calibrated, probe=replace(calibrated.probe, light=scaled))
+
+
+def seen_by_both(calibrated: Calibrated, camera: Camera, place: Scene) -> SeenByBoth | None:
+    """Plate and light at the places that both show; None where there are too few.
+
+    place : without objects; its light is looked up from its probe
+    """
+    plate, probe = calibrated.plate, np.array(place.probe)
+    colours, points = _coarse(plate, max(1, camera.width // ACROSS))
+    rays = camera.rays_through(points).reshape(-1, 3)
+    colours = colours.reshape(-1, 3)
+    # Where each ray ends: on a real surface, on the distant scene, or at infinity, where its direction is all there is.
+    near = RayCaster.of(place.local).nearest(camera.position, rays).distance
+    far = wall_distances(place.distant, np.broadcast_to(camera.position, rays.shape), rays)
+    distant = ~(near < far)
+    reach = np.minimum(near, far)
+    ends = camera.position + np.where(np.isfinite(reach), reach, 0.0)[:, None] * rays
+    away = np.linalg.norm(ends - probe, axis=-1)
+    apart = ~np.isfinite(reach) | (away > NEAR * np.linalg.norm(camera.position - probe))
+    towards = np.where(np.isfinite(reach)[:, None], normalised(np.where(apart[:, None], ends - probe, rays)), rays)
+    # What the light shows there.
+    shown = _looked_up(place.light, calibrated.probe.confidence, towards)
+    known = apart & np.all(np.isfinite(colours) & (colours > 0), axis=-1) & np.all(shown > 0, axis=-1)
+    walls = bool((known & distant).sum() >= FEWEST)
+    chosen = known & distant if walls else known
+    if chosen.sum() < FEWEST:
+        return None
+    ratios = np.log(colours[chosen] / shown[chosen])
+    ratio = np.exp(np.median(ratios, axis=0))
+    ours, theirs = (np.log(luminance(each[chosen])) for each in (colours, shown))
+    deviation = 1.4826 * float(np.median(np.abs(ours - theirs - np.median(ours - theirs))))
+    even = min(ours.std(), theirs.std()) < CONTRAST
+    likeness = None if even else float(np.corrcoef(ours, theirs)[0, 1])
+    return SeenByBoth(ratio, deviation, likeness, float(chosen.mean()), walls)
+
+
+def _coarse(plate: RadianceMap, step: int) -> tuple[np.ndarray, np.ndarray]:
+    """Means (h, w, 3) over squares of `step` pixels, NaN where any was not measured, and their middles (h, w, 2)."""
+    height, width = (n // step for n in plate.radiance.shape[:2])
+    blocks = plate.radiance[: height * step, : width * step].reshape(height, step, width, step, 3)
+    means = blocks.mean((1, 3), dtype=np.float64)
+    if plate.clipped is not None:
+        marks = plate.clipped[: height * step, : width * step].reshape(height, step, width, step)
+        means[(marks != 0).any((1, 3))] = np.nan
+    x, y = (np.arange(width) + 0.5) * step, (np.arange(height) + 0.5) * step
+    return means, np.stack(np.broadcast_arrays(x[None, :], y[:, None]), axis=-1)
+
+
+def _looked_up(light: EnvironmentMap, confidence: np.ndarray, directions: np.ndarray) -> np.ndarray:
+    """The light (N, 3) from directions (N, 3), coarsely; 0 where it was not measured."""
+    coarse = light if light.size <= ROWS else light.remapped(light.mapping, ROWS)
+    points = light.mapping.image_points(directions)
+    outside = np.isnan(points[:, 0])
+    rows, columns = light.radiance.shape[:2]
+    x, y = (np.where(outside, 0, points[:, i] * n).astype(int).clip(0, n - 1) for i, n in ((0, columns), (1, rows)))
+    unknown = outside | (confidence[y, x] == 0)
+    if light.clipped is not None:
+        unknown |= light.clipped[y, x] != 0
+    return np.where(unknown[:, None], 0.0, coarse.lookup(directions))
+
+
+def _scale(
+    shot: Shot, calibrated: Calibrated, camera: Camera, place: Scene, seen: SeenByBoth | None
+) -> tuple[float, str]:
+    """The factor on a light of unknown scale, and why that."""
+    arriving = float(luminance(turned_light(calibrated.probe.light, shot.light.heading, 0.0).irradiance(UP)))
+    colours, points = _coarse(calibrated.plate, max(1, camera.width // ACROSS))
+    hits = RayCaster.of(place.local).nearest(camera.position, camera.rays_through(points).reshape(-1, 3)).shape
+    brightness = luminance(colours.reshape(-1, 3))
+    measured = np.isfinite(brightness)
+    if not arriving > 0:
+        return 1.0, "for it brings no light from above"
+    # A reflectance that is given: L = ρ E / π.
+    for index, table in enumerate(shot.local):
+        if isinstance(table.reflectance, str) or table.mirror or len(shot.local) != len(place.local):
+            continue
+        there = measured & (hits == index)
+        if isinstance(place.local[index], Plane) and there.sum() >= FEWEST:
+            wanted = float(np.median(brightness[there])) * np.pi / float(luminance(np.array(table.reflectance)))
+            return wanted / arriving, "by the reflectance given for what the plate shows"
+    if seen is not None and seen.spread < SPREAD:
+        if abs(np.log(seen.scale)) < SAME:
+            return 1.0, "as plate and light show the same places alike"
+        return seen.scale, f"as both then show the same places alike, to a factor of {np.exp(seen.spread):.2g}"
+    # Nothing in common: the world is a middle grey, as an exposure meter takes it.
+    there = measured & (hits >= 0) if (measured & (hits >= 0)).sum() >= FEWEST else measured
+    if not there.any():
+        return 1.0, "for the plate is white or black everywhere"
+    reflectance = float(np.median(brightness[there])) * np.pi / arriving
+    if USUAL[0] <= reflectance <= USUAL[1]:
+        return 1.0, f"by which the real surface reflects {reflectance:.0%} of it, as usual surfaces do"
+    return reflectance / GREY, f"as if the real surface reflected {GREY:.0%} of it, a middle grey"
+
+
+def _white(calibrated: Calibrated, place: Scene, seen: SeenByBoth | None) -> np.ndarray:
+    """(3,) factors that give the light the plate's white; 1 where they agree, or nothing shows it."""
+    if seen is None or not seen.distant or seen.likeness is None or seen.likeness < ALIKE or seen.spread > SPREAD:
+        return np.ones(3)
+    stops = np.log2(seen.white)
+    if np.ptp(stops) < WHITE:
+        return np.ones(3)
+    warn(
+        f"light: the plate's white is another than the light's (red {stops[0]:+.2f}, green {stops[1]:+.2f}, blue "
+        f"{stops[2]:+.2f} stops, by what both show), as automatic white balance makes it; the light is given the "
+        "plate's: photograph both with one fixed white balance"
+    )
+    return seen.white

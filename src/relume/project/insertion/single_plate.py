@@ -1,0 +1,148 @@
+"""A plate that is a single photograph: by which curve it is read, and what ties it to the scale of the light.
+
+One photograph shows nothing of its camera's response. The response comes from the camera's profile, else from the
+photographs of the ball if the same camera took them, else the values are taken for sRGB, as a JPEG says of itself.
+Every pixel value is read back exactly, so that developing gives the photograph again, its whites included.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import TypeGuard
+
+import numpy as np
+
+from relume.capture.brackets.merging import BracketSource, merge_brackets
+from relume.capture.brackets.result import MergedBracket, MergedCamera
+from relume.capture.brackets.settings import MergeSettings
+from relume.capture.exposure.bracket import Bracket
+from relume.capture.exposure.exposures import exposed
+from relume.capture.response.camera_profile import CameraProfile
+from relume.errors import warn
+from relume.image import files
+from relume.image.photograph import Exposure, Photograph
+from relume.image.radiance import BLACK, SATURATED, RadianceMap
+from relume.image.response import Response
+from relume.probe.clipped_light import WHITE
+from relume.virtual_camera.film.film import srgb_response
+from relume.virtual_camera.film.grain import ROUNDING
+from relume.virtual_camera.plate_matching.grain_measuring import photograph_grain
+
+LOOKED_AT = 1600
+"""Pixels across and down of the middle in which the noise of a photograph is measured: some 6000 flat patches."""
+
+
+@dataclass(frozen=True)
+class EveryValue:
+    """The weights that read every value of a photograph alone as what its curve says, white and black too."""
+
+    def table(self, response: Response) -> np.ndarray:
+        """Weights (3, levels), all 1."""
+        return np.ones((3, response.levels))
+
+
+def read_single(path: Path, times: Sequence[float] | None) -> Bracket:
+    """One encoded photograph as a bracket; without any exposure it counts as exposed for one second, "estimated"."""
+    (photograph,) = exposed([files.read_photograph(path)], times=times)
+    if photograph.exposure is None:
+        photograph = replace(photograph, exposure=Exposure(1.0, source="estimated"))
+    return Bracket((photograph,))
+
+
+def is_single(source: BracketSource | RadianceMap) -> TypeGuard[Bracket]:
+    """Whether the source is one encoded photograph."""
+    return isinstance(source, Bracket) and len(source.photographs) == 1
+
+
+def why_untied(plate: Photograph, others: Sequence[BracketSource]) -> str | None:
+    """Why the exposures of a single photograph do not put it on the scale of the ball's; None where they do.
+
+    others : the brackets of the ball
+    """
+    exposure = plate.exposure
+    if exposure is None or exposure.source == "estimated":
+        return f"{plate.name} holds no exposure"
+    for other in others:
+        if not isinstance(other, Bracket):
+            return f"{plate.name} is encoded and the ball's photographs are camera raws"
+        theirs = other.photographs[0].exposure
+        for attribute, word in (("f_number", "f-number"), ("iso", "ISO")):
+            lacking = [getattr(each, attribute, None) is None for each in (exposure, theirs)]
+            if lacking[0] != lacking[1]:
+                having, without = (other.name, plate.name) if lacking[0] else (plate.name, other.name)
+                return f"{having} holds an {word} and {without} none"
+    return None
+
+
+def merge_single(
+    bracket: Bracket, known: CameraProfile | Response | None, settings: MergeSettings
+) -> tuple[MergedBracket, MergedCamera]:
+    """The radiance of a single photograph, and its camera; every value is read exactly as the curve has it.
+
+    known : the camera's profile, or the response that its other photographs showed; sRGB is assumed unless given
+
+    Values that are white or black are marked `clipped`, and their variance is infinite.
+    """
+    (photograph,) = bracket.photographs
+    levels = int(np.iinfo(photograph.pixels.dtype).max) + 1
+    if known is None:
+        known = assumed_response(photograph)
+    elif isinstance(known, Response) and known.levels != levels:
+        known = _at_depth(known, levels)
+    # No exposure at all is no doubt of a photograph alone: its scale is found otherwise.
+    assert photograph.exposure is not None  # a Bracket has one
+    bracket = Bracket((replace(photograph, exposure=replace(photograph.exposure, source="given")),))
+    plain = replace(settings, weighting=EveryValue(), align=False, deghost=False, refine=False)
+    result = merge_brackets(bracket, profile=known, settings=plain)
+    for line in (*result.warnings, *result.notes):
+        warn(line)
+    merged = result.bracket
+    return replace(merged, picture=_ends_marked(merged.picture, photograph)), result.camera
+
+
+def assumed_response(photograph: Photograph) -> Response:
+    """The sRGB curve, its zero that of recovered curves, with the noise that the photograph's flat patches show; warns.
+
+    ISO 12232 rates JPEG files by the middle of their values (118 of 255), and a recovered curve has its zero at the
+    middle too: so two cameras' exposures are tied as their ISO numbers promise, to about half a stop.
+    """
+    warn(
+        f"{photograph.name}: one photograph, and the curve of {photograph.camera or 'its camera'} is not known: its "
+        "values are taken for sRGB; give the profile of its camera, or a bracket"
+    )
+    levels = int(np.iinfo(photograph.pixels.dtype).max) + 1
+    curve = srgb_response(levels)
+    middle = (levels - 1) // 2
+    log_exposure = curve.log_exposure - curve.log_exposure[:, middle : middle + 1]
+    rows, columns = (slice(max(0, (n - LOOKED_AT) // 2), (n + LOOKED_AT) // 2) for n in photograph.pixels.shape[:2])
+    outside = None if photograph.outside is None else photograph.outside[rows, columns]
+    grain = photograph_grain(replace(photograph, pixels=photograph.pixels[rows, columns], outside=outside))
+    if grain is None:
+        return Response(log_exposure, curve.noise)
+    values = np.arange(levels)
+    measured = np.stack([np.interp(values, *each) for each in zip(grain.values, grain.deviation, strict=True)])
+    return Response(log_exposure, np.sqrt(measured**2 + ROUNDING))
+
+
+def _at_depth(response: Response, levels: int) -> Response:
+    """The response for photographs of another number of values: of 16 bits for 8."""
+    own, wanted = np.linspace(0, 1, response.levels), np.linspace(0, 1, levels)
+    curves, noise = (
+        np.stack([np.interp(wanted, own, each) for each in part])
+        for part in (response.log_exposure, response.deviation)
+    )
+    return Response(curves, noise * (levels - 1) / (response.levels - 1))
+
+
+def _ends_marked(picture: RadianceMap, photograph: Photograph) -> RadianceMap:
+    """The picture with what is white in a channel, or black in all, marked, and not known to any accuracy."""
+    pixels = photograph.pixels
+    white = pixels >= WHITE * np.iinfo(pixels.dtype).max
+    marks = np.where(white.any(-1), SATURATED, 0).astype(np.uint8)
+    marks[(pixels == 0).all(-1)] = BLACK
+    if picture.clipped is not None:
+        marks = np.where(picture.clipped != 0, picture.clipped, marks)
+    variance = None if picture.variance is None else np.where(white | (pixels == 0), np.inf, picture.variance)
+    return replace(picture, clipped=marks, variance=variance)

@@ -1,0 +1,159 @@
+"""Plate and light on one scale, with one white, of one place: found from what both show, doubted where they differ."""
+
+from __future__ import annotations
+
+import warnings
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from relume.image.radiance import SATURATED, RadianceMap
+from relume.probe.ball.blending import Probe
+from relume.project.insertion.agreement import on_one_scale, seen_by_both
+from relume.project.insertion.photographs import Calibrated
+from relume.project.insertion.place import bare_place
+from relume.project.shot_file.shot import Shot
+from relume.scene.cameras.camera import Camera
+from relume.sphere.directions import UP
+from relume.sphere.environment_map import EnvironmentMap
+from relume.sphere.mappings.mapping import LatLong, pixel_directions
+from toml_files import shot_of
+
+PROBE, RADIUS = (0.2, 0.1, -0.3), 3.0
+CAMERA = Camera.looking_at(np.array([0.0, 0.4, 1.5]), np.array([0.0, 0.2, -2.0]), width=128, height=96, focal_length=90)
+GAINS = np.array([0.9, 0.6, 0.45])
+SHOT = """
+local = []
+[plate]
+photographs = "plate.jpg"
+[camera]
+pose = { position = [0.0, 0.4, 1.5], look_at = [0.0, 0.2, -2.0] }
+[light]
+map = "light.exr"
+probe = [0.2, 0.1, -0.3]
+distant = { shape = "dome", radius = 3.0 }
+"""
+
+
+def painted(seed: int = 3) -> EnvironmentMap:
+    """Patches of light of other colours and brightness."""
+    directions = pixel_directions(LatLong(), 128)
+    spots = np.random.default_rng(seed).normal(size=(80, 3))
+    spots /= np.linalg.norm(spots, axis=1, keepdims=True)
+    generator = np.random.default_rng(seed + 1)
+    colours = np.exp(generator.normal(0, 1.2, (80, 1)) + generator.normal(0, 0.3, (80, 3)))
+    nearness = np.exp(25 * (directions @ spots.T - 1))
+    return EnvironmentMap((nearness @ colours / nearness.sum(-1, keepdims=True)).astype(np.float32))
+
+
+def seen_on_the_dome(light: EnvironmentMap) -> np.ndarray:
+    """What the camera sees of it: each ray ends on the dome, which the probe sees from where it stands."""
+    rays = CAMERA.rays()
+    along = -(rays @ CAMERA.position)
+    ends = (
+        CAMERA.position + (along + np.sqrt(along**2 - CAMERA.position @ CAMERA.position + RADIUS**2))[..., None] * rays
+    )
+    towards = ends - np.array(PROBE)
+    return light.lookup(towards / np.linalg.norm(towards, axis=-1, keepdims=True)).astype(np.float32)
+
+
+def calibrated(plate: np.ndarray, light: EnvironmentMap, untied: str | None) -> Calibrated:
+    clipped = np.zeros(plate.shape[:2], np.uint8)
+    probe = Probe(light, (), 0.0, 0.0, np.ones(light.radiance.shape[:2], np.float32))
+    return Calibrated(RadianceMap(plate.astype(np.float32), clipped=clipped), None, None, probe, {}, untied)
+
+
+def heard(shot: Shot, given: Calibrated, camera: Camera = CAMERA) -> tuple[np.ndarray, list[str]]:
+    """The factors on the light's channels, and what was warned of."""
+    with warnings.catch_warnings(record=True) as caught:
+        warnings.simplefilter("always")
+        found = on_one_scale(shot, given, camera)
+    factors = np.median(found.probe.light.radiance / given.probe.light.radiance, axis=(0, 1))
+    lines = [str(each.message) for each in caught]
+    assert all("\n" not in line for line in lines)
+    return factors, [line for line in lines if "no local surface" not in line]
+
+
+@pytest.fixture
+def shot(tmp_path: Path) -> Shot:
+    return shot_of(tmp_path, SHOT)
+
+
+def test_scale_and_white_are_those_that_make_plate_and_light_alike(shot: Shot) -> None:
+    light = painted()
+    factors, lines = heard(shot, calibrated(GAINS * seen_on_the_dome(light), light, "light.exr is a finished map"))
+    assert factors == pytest.approx(GAINS, rel=0.01)
+    assert len(lines) == 2
+    assert lines[0].startswith("light: light.exr is a finished map, so no exposure gives its scale; it is made 0.65")
+    assert "give light.scale" in lines[0] and "white is another than the light's (red +0.4" in lines[1]
+
+
+def test_a_light_that_is_on_the_scale_is_left_to_the_bit(shot: Shot) -> None:
+    light = painted()
+    factors, lines = heard(shot, calibrated(1.2 * seen_on_the_dome(light), light, "light.exr is a finished map"))
+    assert np.all(factors == 1) and len(lines) == 1 and "it is taken as it is, as plate and light" in lines[0]
+    factors, lines = heard(shot, calibrated(1.2 * seen_on_the_dome(light), light, None))
+    assert np.all(factors == 1) and lines == []
+
+
+def test_a_scale_by_exposures_that_the_plate_contradicts_is_kept_and_doubted(shot: Shot) -> None:
+    light = painted()
+    factors, (line,) = heard(shot, calibrated(seen_on_the_dome(light) / 8, light, None))
+    assert np.all(factors == 1) and line.startswith("light: the plate shows the same places 8 times as dark")
+
+
+def test_the_scale_of_the_shot_file_counts(tmp_path: Path) -> None:
+    light = painted()
+    shot = shot_of(tmp_path, SHOT + "scale = 2.5\n")
+    factors, lines = heard(shot, calibrated(seen_on_the_dome(light), light, "light.exr is a finished map"))
+    assert factors == pytest.approx(2.5) and lines == []
+
+
+def test_a_light_of_another_place_is_doubted(shot: Shot) -> None:
+    for other in (painted(seed=11), painted().rotated(np.diag([-1.0, 1.0, -1.0]))):
+        _, lines = heard(shot, calibrated(seen_on_the_dome(painted()), other, None))
+        assert any("of another place or time, or is its frame turned" in line for line in lines), lines
+
+
+def test_without_anything_in_common_the_surface_is_a_middle_grey(tmp_path: Path) -> None:
+    light = EnvironmentMap(np.full((64, 128, 3), 50.0, np.float32))
+    table = SHOT.replace("local = []\n", "") + "\n[[local]]\nshape = 'plane'\nsize = [20, 20]\n"
+    # Over four decades of e, so that no one factor makes plate and light alike.
+    plate = np.exp(np.linspace(-6, -2, 128))[None, :, None] * np.ones((96, 128, 3))
+    down = Camera.looking_at(np.array([0.0, 2.0, 0.5]), np.zeros(3), width=128, height=96, focal_length=90)
+    factors, (line,) = heard(shot_of(tmp_path, table), calibrated(plate, light, "P.jpg holds no exposure"), down)
+    middle = np.median(plate.mean(-1).reshape(48, 2, 64, 2).mean((1, 3)))
+    assert factors == pytest.approx(middle / (0.18 * 50), rel=1e-4)
+    assert "as if the real surface reflected 18% of it, a middle grey" in line
+
+
+def test_a_reflectance_that_is_given_gives_the_scale(tmp_path: Path) -> None:
+    light = painted()
+    table = (
+        SHOT.replace("local = []\n", "")
+        + "\n[[local]]\nshape = 'plane'\nsize = [20, 20]\nreflectance = [0.4, 0.4, 0.4]"
+    )
+    down = Camera.looking_at(np.array([0.0, 2.0, 0.5]), np.zeros(3), width=128, height=96, focal_length=90)
+    luminances = np.array([0.2126, 0.7152, 0.0722])
+    arriving = float(light.irradiance(UP) @ luminances)
+    plate = np.full((96, 128, 3), 7 * 0.4 * arriving / np.pi)
+    factors, (line,) = heard(shot_of(tmp_path, table), calibrated(plate, light, "P.jpg holds no exposure"), down)
+    assert factors == pytest.approx(7, rel=1e-4) and "by the reflectance given" in line
+
+
+def test_what_was_not_measured_is_not_compared(shot: Shot) -> None:
+    light = painted()
+    given = calibrated(seen_on_the_dome(light), light, None)
+    spoilt = given.plate.radiance.copy()
+    spoilt[:48] *= 100
+    marks = np.zeros(spoilt.shape[:2], np.uint8)
+    marks[:48] = SATURATED
+    with pytest.warns(UserWarning, match="no local surface"):
+        place = bare_place(shot, given.probe)
+    plate = RadianceMap(spoilt, clipped=marks)
+    seen = seen_by_both(replace(given, plate=plate), CAMERA, place)
+    assert seen is not None and seen.scale == pytest.approx(1, rel=0.01) and seen.share == pytest.approx(0.5)
+    marks[:] = SATURATED
+    assert seen_by_both(replace(given, plate=plate), CAMERA, place) is None
