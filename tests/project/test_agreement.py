@@ -123,10 +123,11 @@ def test_without_anything_in_common_the_surface_is_a_middle_grey(tmp_path: Path)
     # Over four decades of e, so that no one factor makes plate and light alike.
     plate = np.exp(np.linspace(-6, -2, 128))[None, :, None] * np.ones((96, 128, 3))
     down = Camera.looking_at(np.array([0.0, 2.0, 0.5]), np.zeros(3), width=128, height=96, focal_length=90)
-    factors, (line,) = heard(shot_of(tmp_path, table), calibrated(plate, light, "P.jpg holds no exposure"), down)
+    factors, (line, unlike) = heard(shot_of(tmp_path, table), calibrated(plate, light, "P.jpg holds no exposure"), down)
     middle = np.median(plate.mean(-1).reshape(48, 2, 64, 2).mean((1, 3)))
     assert factors == pytest.approx(middle / (0.18 * 50), rel=1e-3)
     assert "as if the real surface reflected 18% of it, a middle grey" in line
+    assert "not alike" in unlike
 
 
 def test_a_reflectance_that_is_given_gives_the_scale(tmp_path: Path) -> None:

@@ -42,6 +42,8 @@ CONTRAST = 0.35
 """Standard deviation of ln luminance from which on a picture has something to be compared by."""
 SPREAD = float(np.log(2))
 """Standard deviation of the ln of the ratios up to which their median is a scale."""
+EVEN = 0.06
+"""The same of an even wall that both show: 0.02 in the room of the examples, 0.05 to 0.6 where its light is turned."""
 SAME = float(np.log(1.5))
 """Of a scale: what gloss and the tape measure make of two pictures of one place; a scale so near to 1 is left."""
 DOUBTED = 1.0
@@ -70,6 +72,16 @@ class SeenByBoth:
     likeness: float | None
     share: float
     distant: bool
+
+    @property
+    def unlike(self) -> bool:
+        """Whether they do not show the same place."""
+        return self.spread > SPREAD if self.likeness is None else self.likeness < UNLIKE
+
+    @property
+    def alike(self) -> bool:
+        """Whether they show the same place, their colours included."""
+        return self.distant and (self.spread < EVEN if self.likeness is None else self.likeness > ALIKE)
 
     @property
     def scale(self) -> float:
@@ -107,13 +119,12 @@ def on_one_scale(shot: Shot, calibrated: Calibrated, camera: Camera) -> Calibrat
             f"light: the plate shows the same places {times:.2g} times as {direction} as the ball's photographs; were "
             "both taken in one light, at the exposures that they hold? If not, give light.scale"
         )
-    if seen is not None and seen.likeness is not None and seen.likeness < UNLIKE:
+    if seen is not None and seen.unlike:
         warn(
-            f"light: what plate and light should both show is not alike (correlation {seen.likeness:.2f} over "
-            f"{seen.share:.0%} of the plate): is the light of another place or time, or is its frame turned "
-            "(light.heading, the places of the ball's cameras)?"
+            f"light: what plate and light should both show is not alike in {seen.share:.0%} of the plate: is the light "
+            "of another place or time, or is its frame turned (light.heading, the places of the ball's cameras)?"
         )
-    gains = gains * _white(calibrated, place, seen)
+    gains = gains * _white(seen)
     if np.all(gains == 1):
         return calibrated
     light = calibrated.probe.light
@@ -131,7 +142,8 @@ def seen_by_both(calibrated: Calibrated, camera: Camera, place: Scene) -> SeenBy
     rays = camera.rays_through(points).reshape(-1, 3)
     colours = colours.reshape(-1, 3)
     # Where each ray ends: on a real surface, on the distant scene, or at infinity, where its direction is all there is.
-    near = RayCaster.of(place.local).nearest(camera.position, rays).distance
+    surfaces = RayCaster.of(place.local)
+    near = surfaces.nearest(camera.position, rays).distance
     far = wall_distances(place.distant, np.broadcast_to(camera.position, rays.shape), rays)
     distant = ~(near < far)
     reach = np.minimum(near, far)
@@ -139,6 +151,9 @@ def seen_by_both(calibrated: Calibrated, camera: Camera, place: Scene) -> SeenBy
     away = np.linalg.norm(ends - probe, axis=-1)
     apart = ~np.isfinite(reach) | (away > NEAR * np.linalg.norm(camera.position - probe))
     towards = np.where(np.isfinite(reach)[:, None], normalised(np.where(apart[:, None], ends - probe, rays)), rays)
+    # What a real surface hides from the probe is not in the light: below a ball on a table is the table.
+    limits = np.where(np.isfinite(reach), 0.999 * away, np.inf)
+    apart &= ~surfaces.occluded(probe, towards, limits)
     # What the light shows there.
     shown = _looked_up(place.light, calibrated.probe.confidence, towards)
     known = apart & np.all(np.isfinite(colours) & (colours > 0), axis=-1) & np.all(shown > 0, axis=-1)
@@ -213,9 +228,9 @@ def _scale(
     return reflectance / GREY, f"as if the real surface reflected {GREY:.0%} of it, a middle grey"
 
 
-def _white(calibrated: Calibrated, place: Scene, seen: SeenByBoth | None) -> np.ndarray:
+def _white(seen: SeenByBoth | None) -> np.ndarray:
     """(3,) factors that give the light the plate's white; 1 where they agree, or nothing shows it."""
-    if seen is None or not seen.distant or seen.likeness is None or seen.likeness < ALIKE or seen.spread > SPREAD:
+    if seen is None or not seen.alike or seen.spread > SPREAD:
         return np.ones(3)
     stops = np.log2(seen.white)
     if np.ptp(stops) < WHITE:
