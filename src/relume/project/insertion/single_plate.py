@@ -1,8 +1,8 @@
 """A plate that is a single photograph: by which curve it is read, and what ties it to the scale of the light.
 
 One photograph shows nothing of its camera's response. The response comes from the camera's profile, else from the
-photographs of the ball if the same camera took them, else the values are taken for sRGB, as a JPEG says of itself.
-Every pixel value is read back exactly, so that developing gives the photograph again, its whites included.
+photographs of the ball if the same camera took them, else the values are taken for what the file says of them: mostly
+sRGB. Every pixel value is read back exactly, so that developing gives the photograph again, its whites included.
 """
 
 from __future__ import annotations
@@ -22,6 +22,7 @@ from relume.capture.exposure.exposures import exposed
 from relume.capture.response.camera_profile import CameraProfile
 from relume.errors import warn
 from relume.image import files
+from relume.image.colour_space import name_of, response_of
 from relume.image.photograph import Exposure, Photograph
 from relume.image.radiance import BLACK, SATURATED, RadianceMap
 from relume.image.response import Response
@@ -103,17 +104,17 @@ def merge_single(
 
 
 def assumed_response(photograph: Photograph) -> Response:
-    """The sRGB curve, its zero that of recovered curves, with the noise that the photograph's flat patches show; warns.
+    """The curve of the photograph's profile, else sRGB, with the noise that its flat patches show; warns.
 
-    ISO 12232 rates JPEG files by the middle of their values (118 of 255), and a recovered curve has its zero at the
-    middle too: so two cameras' exposures are tied as their ISO numbers promise, to about half a stop.
+    ISO 12232 rates JPEG files by the middle of their values (118 of 255). The curve's zero is at the middle, where
+    recovered curves have theirs: so two cameras' exposures are tied as their ISO numbers promise, to about half a stop.
     """
     warn(
         f"{photograph.name}: one photograph, and the curve of {photograph.camera or 'its camera'} is not known: its "
-        "values are taken for sRGB; give the profile of its camera, or a bracket"
+        f"values are taken for {name_of(photograph)}; give the profile of its camera, or a bracket"
     )
     levels = int(np.iinfo(photograph.pixels.dtype).max) + 1
-    curve = srgb_response(levels)
+    curve = response_of(photograph) or srgb_response(levels)
     middle = (levels - 1) // 2
     log_exposure = curve.log_exposure - curve.log_exposure[:, middle : middle + 1]
     rows, columns = (slice(max(0, (n - LOOKED_AT) // 2), (n + LOOKED_AT) // 2) for n in photograph.pixels.shape[:2])
