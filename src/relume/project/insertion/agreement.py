@@ -47,7 +47,7 @@ EVEN = 0.06
 SAME = float(np.log(1.5))
 """Of a scale: what gloss and the tape measure make of two pictures of one place; a scale so near to 1 is left."""
 DOUBTED = 1.0
-"""Stops by which a scale that exposures tell may differ from what both show before it is doubted."""
+"""Stops by which the scale by exposures may differ from what both show before it is doubted."""
 WHITE = 0.1
 """Stops between channels from which on whites are said to differ."""
 GREY = 0.18

@@ -78,6 +78,7 @@ def notes_on(calibrated: Calibrated, place: Place, matte_of_objects: np.ndarray 
         calibrated.plate, calibrated.probe, place.recovered, calibrated.calibrations,
     )  # fmt: skip
     notes = list(probe.notes)
+    # What was not measured.
     if plate.clipped is not None and plate.clipped.any():
         white, black = int((plate.clipped == SATURATED).sum()), int((plate.clipped == BLACK).sum())
         single = calibrated.bracket is not None and len(calibrated.bracket.photographs) == 1
@@ -94,6 +95,7 @@ def notes_on(calibrated: Calibrated, place: Place, matte_of_objects: np.ndarray 
             f"{probe.clipped_solid_angle:.2g} sr of the light are saturated in every photograph: the light is a lower "
             "bound there; add shorter exposures of the ball"
         )
+    # What the real surfaces say of the light.
     notes += recovered.notes if recovered is not None else ()
     for found in recovered.surfaces if recovered is not None else ():
         if found.measured is not None and max(found.measured) < DARK:
@@ -108,6 +110,7 @@ def notes_on(calibrated: Calibrated, place: Place, matte_of_objects: np.ndarray 
                 f"the surface reflects {max(found.measured):.2f} times the light that was measured; the light is too "
                 "weak (was the ball's reflectance given? were its lamps saturated?)"
             )
+    # What else may be wrong.
     if len(calibrated.cameras) > 1 and calibrated.untied is None:
         notes.append(
             "plate and light come from different cameras: only their exposures tie their scales, to about half a stop; "

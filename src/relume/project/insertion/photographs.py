@@ -269,6 +269,7 @@ def _merged(shot: Shot, photographs: Photographs) -> tuple[list[MergedBracket], 
     other settings take the camera's profile, where another of its brackets has one, else the response that was
     recovered of it before: plate and light of one camera have one white.
     """
+    # What there is, and the profiles that are given.
     pairs: list[tuple[BracketSource, MergeTable]] = []
     if not isinstance(photographs.plate, RadianceMap):
         pairs.append((photographs.plate, shot.plate))
@@ -307,6 +308,7 @@ def _merged(shot: Shot, photographs: Photographs) -> tuple[list[MergedBracket], 
             warn(line)
         found |= zip(chosen, result.brackets, strict=True)
         cameras = {**result.cameras, **cameras}
+    # The single plate.
     if single is not None:
         camera, profile, settings = kinds[0]
         known = _response_of(camera, cameras) if profile is None else read[profile]
