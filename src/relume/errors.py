@@ -28,6 +28,8 @@ import os
 import re
 import sys
 import warnings
+from collections.abc import Iterable
+from dataclasses import dataclass
 from pathlib import Path
 
 _PACKAGE = f"{Path(__file__).parent}{os.sep}"
@@ -160,9 +162,78 @@ def printable(text: str) -> str:
     return _UNPRINTABLE.sub(" ", text)
 
 
-def warn(message: str) -> None:
-    """Warn at the first line outside relume, however deep in it the warning arises."""
+def warn(message: str, effect: float | None = None) -> None:
+    """Warn at the first line outside relume, however deep in it the warning arises.
+
+    effect : by what share the light in the result is likely wrong for it; None where there is no estimate
+    """
     frame, level = sys._getframe(1), 2
     while frame.f_back is not None and frame.f_code.co_filename.startswith(_PACKAGE):
         frame, level = frame.f_back, level + 1
-    warnings.warn(printable(message), stacklevel=level)
+    warnings.warn(DoubtWarning(printable(message), effect), stacklevel=level)
+
+
+class DoubtWarning(UserWarning):
+    """A warning with an estimate of its effect; see `Doubt`."""
+
+    def __init__(self, message: str, effect: float | None = None) -> None:
+        super().__init__(message)
+        self.effect = effect
+
+    def __reduce__(self) -> tuple[type, tuple[object, ...]]:
+        return DoubtWarning, (str(self), self.effect)
+
+
+WRONG = 0.25
+"""The effect from which on a result is wrong and not only a little worse: a third of a stop, which an eye sees beside
+the photograph."""
+UNKNOWN = 0.02
+"""The effect that a doubt without an estimate counts as where doubts are ranked: below whatever was found to matter."""
+
+
+@dataclass(frozen=True)
+class Doubt:
+    """What a user should know of a result, and how much it matters.
+
+    line : what, where and what to do, one line
+    effect : by what share the light in the result is likely wrong for it, 0.1 being 10 per cent: a rough estimate, half
+        or twice the truth. What makes the picture wrong in another way, such as an object that hovers, counts as what
+        disturbs as much. None where there is no estimate
+    """
+
+    line: str
+    effect: float | None = None
+
+    @property
+    def wrong(self) -> bool:
+        """Whether the result should not be used without looking at it."""
+        return self.effect is not None and self.effect >= WRONG
+
+    @property
+    def words(self) -> str:
+        """The line with the effect, where that is known and not too small to name."""
+        if self.effect is None or self.effect < 0.005:
+            return self.line
+        return f"{self.line} [{per_cent(self.effect)} of the light]"
+
+
+def per_cent(effect: float) -> str:
+    """An effect in words: about 7 %, about 30 %, more than 100 %."""
+    if effect > 1:
+        return "more than 100 %"
+    return f"about {100 * effect:.1g} %" if effect < 0.095 else f"about {10 * round(10 * effect)} %"
+
+
+def ranked(doubts: Iterable[Doubt]) -> tuple[Doubt, ...]:
+    """Each doubt once, those of the greatest effect first; of two with one line the greater effect stays."""
+    best: dict[str, Doubt] = {}
+    for doubt in doubts:
+        before = best.get(doubt.line)
+        if before is None or (before.effect or 0.0) < (doubt.effect or 0.0):
+            best[doubt.line] = doubt
+    return tuple(sorted(best.values(), key=lambda doubt: -(UNKNOWN if doubt.effect is None else doubt.effect)))
+
+
+def doubt_of(warning: object) -> Doubt:
+    """A caught warning's message as a doubt."""
+    return Doubt(str(warning), warning.effect if isinstance(warning, DoubtWarning) else None)

@@ -5,12 +5,14 @@ from __future__ import annotations
 import json
 import os
 import sys
+import time
 import traceback
 import warnings
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
 from importlib.metadata import version as _version
+from pathlib import Path
 from typing import Annotated, Any
 
 from cyclopts import Parameter
@@ -19,6 +21,10 @@ import relume as rl
 
 _LONG = 96
 """Characters of a fact that a terminal shows on one line, beside its name."""
+SAID = 2
+"""Doubts that a command says; more are not read. Those that make the result wrong are always said."""
+EVERY = 10.0
+"""Seconds between two lines of a stage under way, with -v."""
 
 
 @Parameter(name="*")
@@ -45,7 +51,7 @@ def refuse(message: str, code: int, hint: str = "") -> int:
 
 def refuse_error(error: Exception, *, verbose: bool) -> int:
     """Turn any error into one line and its exit code; with `verbose` where it arose comes before."""
-    if verbose:
+    if verbose and not isinstance(error, rl.errors.DoubtfulResult):
         traceback.print_exc()
     if isinstance(error, rl.errors.OutputNotWritten):
         return refuse(str(error), 3)
@@ -71,6 +77,22 @@ def warnings_as_notes(output: OutputOptions) -> Iterator[None]:
         yield
 
 
+@contextmanager
+def warnings_as_doubts(output: OutputOptions) -> Iterator[list[rl.errors.Doubt]]:
+    """Gather warnings as doubts, for `finish` to rank; where the command fails they are notes before its error."""
+    doubts: list[rl.errors.Doubt] = []
+    with warnings.catch_warnings():
+        warnings.simplefilter("always", UserWarning)
+        warnings.showwarning = lambda message, *_, **__: doubts.append(rl.errors.doubt_of(message))
+        try:
+            yield doubts
+        except rl.errors.DoubtfulResult:
+            raise
+        except Exception:
+            note(output, *(doubt.line for doubt in rl.errors.ranked(doubts)))
+            raise
+
+
 def force(number: int, words: str) -> None:
     """End a long render in time: by this process's own end, said in one line."""
     if words:
@@ -85,15 +107,35 @@ def note(output: OutputOptions, *lines: str) -> None:
             print(f"relume: note: {' '.join(rl.errors.printable(line).split())}", file=sys.stderr)
 
 
-def finish(output: OutputOptions, doubts: Sequence[str], *, accept: bool = False) -> None:
-    """End a command whose result is written: note its doubts; raise DoubtfulResult unless accepted."""
-    if accept or len(doubts) > 1:
-        note(output, *doubts)
-    if not doubts or accept:
+def finish(
+    output: OutputOptions, doubts: Sequence[str | rl.errors.Doubt], *, accept: bool = False, rest: Path | None = None
+) -> None:
+    """End a command whose result is written: note the doubts that matter most; raise DoubtfulResult where one makes
+    the result wrong, unless accepted.
+
+    doubts : a text is one that makes it wrong
+    rest : the report that holds the others; -v notes them all
+    """
+    texts = {each for each in doubts if isinstance(each, str)}
+    found = rl.errors.ranked(
+        each if isinstance(each, rl.errors.Doubt) else rl.errors.Doubt(each, 1.0) for each in doubts
+    )
+    words = {each: each.line if each.line in texts else each.words for each in found}
+    wrong = [each for each in found if each.wrong]
+    refused = bool(wrong) and not accept
+    # Those that make it wrong are all said; of the others as many as make two.
+    shown = found if output.verbose else found[: max(SAID, len(wrong))]
+    if len(shown) > 1 or not refused:
+        note(output, *(words[each] for each in shown))
+    if hidden := len(found) - len(shown):
+        where = "-v shows them" if rest is None else f"{rest} has them, and -v shows them"
+        note(output, f"{hidden} lesser {'doubt' if hidden == 1 else 'doubts'}: {where}")
+    if not refused:
         return
-    line = doubts[0] if len(doubts) == 1 else f"{len(doubts)} doubts, noted above"
-    if output.quiet and len(doubts) > 1:
-        line = f"{len(doubts)} doubts: {' | '.join(doubts)}"
+    line = words[wrong[0]]
+    if len(wrong) > 1:
+        every = f": {' | '.join(words[each] for each in wrong)}" if output.quiet else ", noted above"
+        line = f"{len(wrong)} doubts{every}"
     raise rl.errors.DoubtfulResult(f"{line} (all was written; --accept takes it as it is)")
 
 
@@ -123,7 +165,10 @@ def _print_lines(lines: Mapping[str, object], indent: str) -> None:
 
 @contextmanager
 def progress(output: OutputOptions) -> Iterator[Callable[[str, float], None]]:
-    """A callback for the stages of a job, shown as bars on a terminal and as nothing elsewhere."""
+    """A callback for the stages of a job: bars on a terminal; with -v a line a stage and its seconds, anywhere."""
+    if output.verbose and not output.quiet:
+        yield _StageLines()
+        return
     if output.quiet or output.json or not sys.stderr.isatty():
         yield lambda stage, share: None
         return
@@ -140,6 +185,51 @@ def progress(output: OutputOptions) -> Iterator[Callable[[str, float], None]]:
             bars.update(tasks[stage], completed=share)
 
         yield report
+
+
+def one_by_one(advance: Callable[[str, float], None]) -> Callable[[str], None]:
+    """A callback for steps that are only named as they begin: each ends as the next one begins."""
+    before: list[str] = []
+
+    def begin(step: str) -> None:
+        for name in before:
+            advance(name, 1.0)
+        before[:] = [step]
+        advance(step, 0.0)
+
+    return begin
+
+
+class _StageLines:
+    """Lines on standard error: a stage as it begins, how far it is every ten seconds, and its seconds at its end."""
+
+    def __init__(self) -> None:
+        self._begun: dict[str, float] = {}
+        self._last: dict[str, float] = {}
+        self._ended: set[str] = set()
+
+    def __call__(self, stage: str, share: float) -> None:
+        now = time.perf_counter()
+        if stage in self._ended and share > 0:
+            return  # what a stage says after its end is not news
+        if stage not in self._begun:
+            self._ended.discard(stage)
+            self._begun[stage] = self._last[stage] = now
+            if share < 1:
+                self._say(f"{stage} …")
+                return
+        seconds = now - self._begun[stage]
+        if share >= 1:
+            self._say(f"{stage}: {seconds:.1f} s")
+            del self._begun[stage]
+            self._ended.add(stage)
+        elif now - self._last[stage] >= EVERY:
+            self._last[stage] = now
+            self._say(f"{stage}: {100 * share:.0f} % after {seconds:.0f} s")
+
+    @staticmethod
+    def _say(line: str) -> None:
+        print(f"relume: {line}", file=sys.stderr, flush=True)
 
 
 def _shown(value: object) -> str:

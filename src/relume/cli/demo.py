@@ -10,8 +10,8 @@ from cyclopts import Parameter
 
 import relume as rl
 from relume.cli.arguments import Threads
-from relume.cli.console import OutputOptions, warnings_as_notes
-from relume.cli.insert import run
+from relume.cli.console import OutputOptions, finish, warnings_as_doubts
+from relume.cli.insert import inserted
 
 
 def demo(
@@ -21,8 +21,9 @@ def demo(
     output: OutputOptions = OutputOptions(),
 ) -> None:
     """Insert five objects into the photograph of a room, and say where the pictures are."""
-    with warnings_as_notes(output):
-        run(rl.read_shot(_room() / "shot.toml"), out, output, threads)
+    with warnings_as_doubts(output) as doubts:
+        found = inserted(rl.read_shot(_room() / "shot.toml"), out, output, threads)
+        finish(output, [*doubts, *found], rest=out / "report.html")
 
 
 def _room() -> Path:

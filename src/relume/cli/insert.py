@@ -1,7 +1,9 @@
-"""`relume insert`: a shot file in, a composite out."""
+"""`relume insert`: a shot file, or a plate, a ball and an object in; a composite out."""
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Annotated, Literal
 
@@ -9,17 +11,66 @@ from cyclopts import Parameter
 from cyclopts.validators import Number
 
 import relume as rl
-from relume.cli.arguments import DryRun, Threads, require_files
-from relume.cli.console import OutputOptions, force, note, print_facts, progress, warnings_as_notes
+from relume.cli.arguments import Accept, DryRun, Threads, require_files
+from relume.cli.console import OutputOptions, finish, force, print_facts, progress, warnings_as_doubts
+from relume.cli.option_types import numbers
+
+SHOT_FILE = "shot.toml"
+
+
+@Parameter(name="*")
+@dataclass(frozen=True)
+class NewShot:
+    """A shot without a file: it is written to shot.toml in the folder."""
+
+    plate: Annotated[
+        list[Path] | None,
+        Parameter(help="The photograph that receives the objects, or its bracket.", negative="", consume_multiple=True),
+    ] = None
+    ball: Annotated[
+        list[Path] | None,
+        Parameter(
+            help="A bracket of a mirrored ball where the objects shall stand, by the plate's camera from the plate's "
+            "place; every folder is a further view.",
+            negative="",
+            consume_multiple=True,
+        ),
+    ] = None
+    object: Annotated[
+        list[Path] | None,
+        Parameter(help="Meshes to stand in the ball's place, side by side.", negative="", consume_multiple=True),
+    ] = None
+    radius: Annotated[
+        float | None, Parameter(validator=Number(gt=0), help="The ball's radius in metres; 0.05 unless given.")
+    ] = None
+    foot: Annotated[
+        tuple[float, float] | None,
+        numbers("X,Y", like="750,812", help="Where a stand under the ball meets the table, pixels of the plate."),
+    ] = None
+    force: Annotated[bool, Parameter(negative="", help="Replace another shot.toml.")] = False
+
+    def given(self) -> list[str]:
+        """The options that were."""
+        return [
+            f"--{name}" for name in ("plate", "ball", "object", "radius", "foot") if getattr(self, name) is not None
+        ]
+
+    def shot(self, path: Path | None) -> rl.Shot:
+        """The shot, written to its file unless that is None."""
+        return rl.Shot.new(
+            path, plate=self.plate or [], balls=self.ball or [], objects=self.object or [], radius=self.radius,
+            foot=self.foot, force=self.force,
+        )  # fmt: skip
 
 
 def insert(
-    shot: Annotated[Path, Parameter(help="The shot file, .toml.")],
+    shot: Annotated[Path | None, Parameter(help="The shot file, .toml.")] = None,
     /,
     *,
     out: Annotated[
         Path, Parameter(alias="-o", help="The folder for composite.exr, composite.png, report.html and the rest.")
     ],
+    new: NewShot = NewShot(),
     samples: Annotated[
         int | None, Parameter(validator=Number(gte=2), help="Rays a pixel, instead of the shot file's.")
     ] = None,
@@ -36,52 +87,60 @@ def insert(
     ] = None,
     restart: Annotated[bool, Parameter(negative="", help="Discard the saved state of an interrupted render.")] = False,
     threads: Threads = None,
+    accept: Accept = False,
     dry_run: DryRun = False,
     output: OutputOptions = OutputOptions(),
 ) -> None:
     """Insert the objects of a shot into its photograph, lit by the light photographed there.
 
-    Stages are kept in the output folder: a second run redoes only what changed, and an interrupted render is resumed.
-    A shot with a [sequence] is made frame by frame.
+    The shot is a file, or --plate, --ball and --object, of which shot.toml is written into the folder. Stages are kept
+    in the output folder: a second run redoes only what changed, and an interrupted render is resumed. A shot with a
+    [sequence] is made frame by frame. A result that is wrong rather than a little worse is written all the same, with
+    exit code 4.
     """
-    with warnings_as_notes(output):
-        table = rl.read_shot(shot).with_render(samples=samples, seed=seed, noise=noise)
+    with warnings_as_doubts(output) as doubts:
+        # The shot: a file, or one that is written here.
+        if shot is None and not new.given():
+            raise ValueError("no shot; give a shot file, or --plate, --ball and --object")
+        if shot is not None and new.given():
+            raise ValueError(f"{new.given()[0]} and the shot file {shot} both describe the shot; give one of them")
+        read = rl.read_shot(shot) if shot is not None else new.shot(None if dry_run else out / SHOT_FILE)
+        table = read.with_render(samples=samples, seed=seed, noise=noise)
+        # The job.
         if dry_run:
-            _dry_run(table, out, output)
+            found = _dry_run(table, out, output)
         elif to is not None:
             with progress(output) as report:
                 prepared = rl.prepare_shot(table, out, progress=report)
             made = rl.export_shot(prepared, out, to)
             lacking = {"not held": list(made.not_held)} if output.json else {}
             print_facts(output, {"written": str(made.main), **lacking})
+            found = ()
         elif table.sequence is not None:
-            _sequence(table, out, output, threads, restart)
+            found = _sequence(table, out, output, threads, restart)
         else:
-            run(table, out, output, threads, restart)
+            found = inserted(table, out, output, threads, restart)
+        finish(output, [*doubts, *found], accept=accept or dry_run, rest=None if dry_run else out / "report.html")
 
 
-def _dry_run(shot: rl.Shot, out: Path, output: OutputOptions) -> None:
+def _dry_run(shot: rl.Shot, out: Path, output: OutputOptions) -> Sequence[rl.errors.Doubt]:
+    """What the photographs show, in seconds: frames and times, the board, the balls."""
     require_files([*shot.files(shot.plate.photographs), *(shot.folder / name for name in shot.named_files())])
-    print_facts(
-        output,
-        {
-            "would write": str(out),
-            "plate": [path.name for path in shot.files(shot.plate.photographs)],
-            "ball photographs": [len(shot.files(ball.photographs)) for ball in shot.light.balls or ()],
-            "objects": [each.mesh for each in shot.objects],
-            "samples": shot.render.samples,
-        },
-    )
+    with progress(output) as report:
+        checked = rl.report.check_shot(shot, progress=report)
+    print_facts(output, {"would write": str(out), **checked.facts})
+    return checked.doubts
 
 
-def _sequence(shot: rl.Shot, out: Path, output: OutputOptions, threads: int | None, restart: bool) -> None:
+def _sequence(
+    shot: rl.Shot, out: Path, output: OutputOptions, threads: int | None, restart: bool
+) -> Sequence[rl.errors.Doubt]:
     """Make every frame that is not there yet."""
     with progress(output) as report:
         made = rl.insert_frames(
             shot, out, threads=threads, progress=report, restart=restart, force=force, finished=rl.write_report
         )
     rl.write_report(made, out)
-    note(output, *made.notes)
     print_facts(
         output,
         {
@@ -92,14 +151,16 @@ def _sequence(shot: rl.Shot, out: Path, output: OutputOptions, threads: int | No
             "seconds": round(sum(frame.seconds for frame in made.frames), 1),
         },
     )
+    return [rl.errors.Doubt(line) for line in made.notes]
 
 
-def run(shot: rl.Shot, out: Path, output: OutputOptions, threads: int | None, restart: bool = False) -> None:
-    """Insert the objects, write the report and print where everything is."""
+def inserted(
+    shot: rl.Shot, out: Path, output: OutputOptions, threads: int | None, restart: bool = False
+) -> Sequence[rl.errors.Doubt]:
+    """Insert the objects, write the report and print where everything is; returns what to doubt."""
     with progress(output) as report:
         result = rl.insert(shot, out, threads=threads, progress=report, restart=restart, force=force)
     rl.write_report(result, out)
-    note(output, *result.notes)
     recovered = result.place.recovered
     surfaces = () if recovered is None else recovered.surfaces
     print_facts(
@@ -115,6 +176,7 @@ def run(shot: rl.Shot, out: Path, output: OutputOptions, threads: int | None, re
             "rays a pixel": result.change.samples,
             "seconds": round(sum(result.seconds.values()), 1),
             "kept from before": list(result.kept),
-            **({"notes": list(result.notes)} if output.json else {}),
+            **({"notes": [each.words for each in result.doubts]} if output.json else {}),
         },
     )
+    return result.doubts

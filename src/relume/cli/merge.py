@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import warnings
 from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
@@ -12,7 +11,7 @@ from cyclopts import Group, Parameter
 
 import relume as rl
 from relume.cli.arguments import Accept, DryRun, require_suffix
-from relume.cli.console import OutputOptions, finish, note, print_facts, progress, warnings_as_notes
+from relume.cli.console import OutputOptions, finish, one_by_one, print_facts, progress, warnings_as_doubts
 from relume.cli.option_types import numbers
 
 Method = Literal["debevec-malik", "mitsunaga-nayar", "robertson"]
@@ -180,15 +179,7 @@ def merge(
     line like "IMG_9.jpg 1/640" for each. What is read in a picture (--spot, --lux, --luminaire, --white, --glare) is
     read in the first bracket and holds for all. A doubtful result is written all the same, with exit code 4.
     """
-    # Notes are shown as they come and kept for the JSON.
-    notes: list[str] = []
-
-    def noted(line: str) -> None:
-        notes.append(" ".join(line.split()))
-        note(output, line)
-
-    with warnings_as_notes(output):
-        warnings.showwarning = lambda message, *_, **__: noted(str(message))  # until `warnings_as_notes` ends
+    with warnings_as_doubts(output) as doubts:
         # What is to be done; refused before any work where it cannot.
         for path, suffix, option in ((save_profile, ".json", "--save-profile"), (report, ".html", "--report")):
             if path is not None:
@@ -197,25 +188,23 @@ def merge(
             photographs, out, times=times, ignore=ignore, true_shutter=true_shutter, profile=profile,
             save_profile=save_profile, settings=settings_of(steps, lens, readings),
         )  # fmt: skip
-        for line in plan.notes:
-            noted(line)
+        doubts += [rl.errors.Doubt(line) for line in plan.notes]
         # The work, or what it would be.
         if dry_run:
             facts, blocks = rl.report.plan_facts(plan), rl.report.plan_summary(plan)
         else:
             with progress(output) as advance:
-                shoot = rl.capture.merge_shoot(plan, progress=lambda step: advance(step, 0.0))
-            for line in shoot.result.notes:
-                noted(line)
+                shoot = rl.capture.merge_shoot(plan, progress=one_by_one(advance))
+            doubts += shoot.result.doubts
             if report is not None:
                 rl.report.write_capture_report(shoot.result, report, settings=plan.settings, profile=plan.profile_name)
             facts, blocks = rl.report.merge_facts(shoot), rl.report.merge_summary(shoot, report=report)
         # What came of it.
         if output.json:
             written = None if report is None or dry_run else str(report)
-            print_facts(output, facts | {"notes": notes, "report": written})
+            lesser = [" ".join(each.words.split()) for each in rl.errors.ranked(doubts) if not each.wrong]
+            print_facts(output, facts | {"notes": lesser, "report": written})
         else:
             for title, lines in blocks:
                 print_facts(output, lines, title=title)
-        if not dry_run:
-            finish(output, shoot.result.warnings, accept=accept)
+        finish(output, doubts, accept=accept or dry_run, rest=report)

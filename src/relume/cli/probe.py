@@ -12,7 +12,7 @@ from cyclopts import Parameter
 
 import relume as rl
 from relume.cli.arguments import Accept, DryRun, LatLongOut, require_files, require_suffix
-from relume.cli.console import OutputOptions, finish, note, print_facts, warnings_as_notes
+from relume.cli.console import OutputOptions, finish, print_facts, warnings_as_doubts
 from relume.cli.option_types import Point, Seconds, numbers
 
 Rim = tuple[float, float, float] | tuple[float, ...]
@@ -167,7 +167,7 @@ def probe(
     saturated, and an EXR has a layer `confidence`, 0 to 1. A view whose camera's place is not given is registered to
     the first.
     """
-    with warnings_as_notes(output):
+    with warnings_as_doubts(output) as doubts:
         # What is to be done; refused before any work where it cannot.
         require_suffix(out, ".exr", ".hdr")
         if picture is not None:
@@ -193,7 +193,7 @@ def probe(
                 temporary.write_bytes(rl.report.rim_plot(result.views, result.names))
 
         # What came of it.
-        note(output, *result.notes)
         written = {"written": str(out)} | ({} if picture is None else {"picture": str(picture)})
-        print_facts(output, written | result.facts(listed=output.json))
-        finish(output, result.warnings, accept=accept)
+        noted = {"doubts": [each.words for each in result.doubts]} if output.json else {}
+        print_facts(output, written | result.facts(listed=output.json) | noted)
+        finish(output, [*doubts, *result.doubts], accept=accept)

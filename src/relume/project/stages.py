@@ -19,7 +19,7 @@ from typing import Any, TypeVar
 
 import numpy as np
 
-from relume.errors import OutputNotWritten, warn
+from relume.errors import Doubt, OutputNotWritten, doubt_of, warn
 from relume.image.files import replacing
 from relume.renderers.progressive.fingerprint import fingerprint, program
 
@@ -86,18 +86,18 @@ class Steps:
     def keep(self, name: str, made_from: object, make: Callable[[], Result]) -> Result:
         """The result of a step, made now or kept from an earlier run; its warnings are given either way."""
 
-        def with_warnings() -> tuple[Result, tuple[str, ...]]:
+        def with_warnings() -> tuple[Result, tuple[Doubt, ...]]:
             with warnings.catch_warnings(record=True) as caught:
                 warnings.simplefilter("always")
                 result = make()
-            return result, tuple(str(each.message) for each in caught)
+            return result, tuple(doubt_of(each.message) for each in caught)
 
         with self.timed(name):
-            (result, lines), was_kept = self.stages.get(name, made_from, with_warnings)
+            (result, doubts), was_kept = self.stages.get(name, made_from, with_warnings)
         if was_kept:
             self.kept.append(name)
-        for line in lines:
-            warn(line)
+        for doubt in doubts:
+            warn(doubt.line, doubt.effect)
         return result
 
 

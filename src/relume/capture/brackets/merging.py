@@ -172,6 +172,7 @@ def _compared(merged: Sequence[MergedBracket], profile: CameraProfile | None) ->
         f"of the camera {first.camera}, and the profile of {profile.camera}",
         "recover a profile of their own camera",
         degraded=True,
+        effect=0.3,
     )
     return [replace(first, doubts=(*first.doubts, doubt)), *others]
 

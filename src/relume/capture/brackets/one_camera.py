@@ -206,9 +206,9 @@ def _movement(bracket: Bracket, response: Response, shrunk: int) -> list[Doubt]:
         moved = motion.displacement(photograph.size) * shrunk
         if moved > MOVED:
             what = f"lies {moved:.1f} pixels off the others, and raws are merged as they lie"
-            doubts.append(Doubt(photograph.name, what, f"{DEVELOP}, or photograph from a tripod", True))
+            doubts.append(Doubt(photograph.name, what, f"{DEVELOP}, or photograph from a tripod", True, 0.3))
     share = float(deghost(aligned.bracket, response).ghosts.mean())
     if share > 1e-3:
         what = f"something moved in {100 * share:.2g} % of the picture, and raws are merged without taking it out"
-        doubts.append(Doubt(bracket.name, what, f"{DEVELOP}, or leave out the frames it is in", True))
+        doubts.append(Doubt(bracket.name, what, f"{DEVELOP}, or leave out the frames it is in", True, 0.3))
     return doubts

@@ -7,6 +7,7 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
+from relume import errors
 from relume.capture.alignment.alignment import Aligned
 from relume.capture.exposure.bracket import FrameFacts
 from relume.capture.exposure.consistency import NOTHING_TO_DO, Doubt
@@ -176,18 +177,26 @@ class MergeResult:
     @property
     def warnings(self) -> tuple[str, ...]:
         """Why the result should not be used without looking at it, a line each; empty where all is well."""
-        found = [doubt.line for bracket in self.brackets for doubt in bracket.doubts if doubt.degraded]
-        for camera in self.cameras.values():
-            if camera.calibration is not None and camera.calibration.residual.max() > DOUBTFUL_MISFIT:
-                found.append(
-                    f"the response fits badly (misfit {camera.calibration.residual.max():.2f} of ln exposure); "
-                    "are the exposure times right, and did nothing move?"
-                )
-        return tuple(found)
+        return tuple(doubt.line for doubt in self.doubts if doubt.wrong)
 
     @property
     def notes(self) -> tuple[str, ...]:
         """What a photographer should know and need not act on, a line each."""
-        doubts = [doubt for bracket in self.brackets for doubt in bracket.doubts]
-        minor = (doubt.line for doubt in doubts if not doubt.degraded and doubt.remedy != NOTHING_TO_DO)
-        return (*self.messages, *minor)
+        return tuple(doubt.line for doubt in self.doubts if not doubt.wrong)
+
+    @property
+    def doubts(self) -> tuple[errors.Doubt, ...]:
+        """All that a photographer should know, with its effect on the light: what the steps, then the brackets say."""
+        found = [errors.Doubt(line) for line in self.messages]
+        of_brackets = [doubt for bracket in self.brackets for doubt in bracket.doubts]
+        found += [doubt.ranked for doubt in of_brackets if doubt.remedy != NOTHING_TO_DO]
+        for camera in self.cameras.values():
+            if camera.calibration is None or camera.calibration.residual.max() <= DOUBTFUL_MISFIT:
+                continue
+            misfit = float(camera.calibration.residual.max())
+            line = (
+                f"the response fits badly (misfit {misfit:.2f} of ln exposure); are the exposure times right, and did "
+                "nothing move?"
+            )
+            found.append(errors.Doubt(line, max(errors.WRONG, float(np.expm1(misfit)))))
+        return tuple(found)

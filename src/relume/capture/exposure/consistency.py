@@ -10,6 +10,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from relume import errors
 from relume.capture.exposure.bracket import Bracket, same_pixels
 from relume.capture.exposure.comparison import (
     STRANGE,
@@ -52,12 +53,20 @@ class Doubt:
     what : is doubtful
     remedy : what to do
     degraded : whether what is merged regardless is worse than it could be
+    effect : by what share the light is likely wrong for it, see `errors.Doubt`; None where there is no estimate
     """
 
     frame: str
     what: str
     remedy: str
     degraded: bool
+    effect: float | None = None
+
+    @property
+    def ranked(self) -> errors.Doubt:
+        """The same for ranking; what is degraded by an unknown amount counts as wrong."""
+        unknown = errors.WRONG if self.degraded else None
+        return errors.Doubt(self.line, unknown if self.effect is None else self.effect)
 
     @property
     def line(self) -> str:
@@ -90,18 +99,20 @@ def check(bracket: Bracket, response: Response | None = None) -> tuple[Doubt, ..
 
 def _of_settings(bracket: Bracket) -> Iterator[Doubt]:
     photographs = bracket.photographs
-    for what, values, remedy in (
-        ("cameras", [p.camera for p in photographs], "merge each camera's photographs by themselves"),
-        ("camera bodies", [p.settings.serial for p in photographs], "merge each body's photographs by themselves"),
-        ("lenses", [p.settings.lens for p in photographs], "merge each lens's photographs by themselves"),
+    # One camera and lens took all; what another one adds is its own response, fall-off or place.
+    for what, values, remedy, effect in (
+        ("cameras", [p.camera for p in photographs], "merge each camera's photographs by themselves", 0.5),
+        ("camera bodies", [p.settings.serial for p in photographs], "merge each body's photographs by themselves", 0.3),
+        ("lenses", [p.settings.lens for p in photographs], "merge each lens's photographs by themselves", 0.3),
         (
             "focal lengths",
             [f"{p.settings.focal_length:g} mm" if p.settings.focal_length else None for p in photographs],
             "leave out the photographs taken at another zoom",
+            0.5,
         ),
     ):
         if len(found := sorted({value for value in values if value})) > 1:
-            yield Doubt(bracket.name, f"taken with different {what}: {', '.join(found)}", remedy, True)
+            yield Doubt(bracket.name, f"taken with different {what}: {', '.join(found)}", remedy, True, effect)
     table = bracket.exposure_table
     if len(apertures := sorted({line.f_number for line in table if line.f_number})) > 1:
         stated = ", ".join(f"f/{value:g}" for value in apertures)
@@ -110,6 +121,7 @@ def _of_settings(bracket: Bracket) -> Iterator[Doubt]:
             f"the aperture varies ({stated}); it is allowed for, but vignetting and depth of field vary with it",
             "varying the aperture is not recommended: vary the time alone",
             False,
+            0.03,
         )
     if len(gains := sorted({line.iso for line in table if line.iso})) > 1:
         stated = ", ".join(f"{value:g}" for value in gains)
@@ -119,6 +131,7 @@ def _of_settings(bracket: Bracket) -> Iterator[Doubt]:
             "is that of one ISO",
             "switch automatic ISO off and vary the time alone",
             True,
+            0.05,
         )
 
 
@@ -130,6 +143,7 @@ def _of_sources(bracket: Bracket) -> Iterator[Doubt]:
             "no exposure is known; it was estimated from the pixels",
             "give the exposure times with --times",
             True,
+            0.5,  # over four stops; the photographs alone leave the contrast open by some 15 % in the exponent
         )
 
 
@@ -142,7 +156,9 @@ def _of_copies(bracket: Bracket) -> Iterator[Doubt]:
             continue
         same = abs(_log_exposure(first) - _log_exposure(second)) < _SAME
         stated = "" if same else f", yet given {_stated(second)} and not {_stated(first)}"
-        yield Doubt(second.name, f"pixel for pixel {first.name}{stated}", "take one of them out", True)
+        yield Doubt(
+            second.name, f"pixel for pixel {first.name}{stated}", "take one of them out", True, 0.02 if same else 0.5
+        )
 
 
 def _of_levels(bracket: Bracket) -> Iterator[Doubt]:
@@ -162,6 +178,7 @@ def _of_levels(bracket: Bracket) -> Iterator[Doubt]:
             f"too few grey levels to recover a response: a channel holds {fewest} of {most} values",
             "give the camera's own files, or a response recovered before",
             True,
+            0.3,
         )
 
 
@@ -181,6 +198,7 @@ def _of_borders(bracket: Bracket) -> Iterator[Doubt]:
                 "that are no part of the picture",
                 f"leave them out with --ignore {written}",
                 True,
+                max(0.3, max(shares)),  # merged as light, and in the response
             )
 
 
@@ -198,8 +216,10 @@ def _strangers(bracket: Bracket, pictures: Sequence[Reduced]) -> list[Doubt]:
     names = [bracket.photographs[i].name for i in strange]
     if len(strange) == len(pictures):
         what = "these photographs do not show one scene"
-        return [Doubt(bracket.name, what, "merge photographs of one scene, taken from one place", True)]
-    return [Doubt(name, "seems not to be of the scene that the others show", "leave it out", True) for name in names]
+        return [Doubt(bracket.name, what, "merge photographs of one scene, taken from one place", True, 1.0)]
+    return [
+        Doubt(name, "seems not to be of the scene that the others show", "leave it out", True, 0.5) for name in names
+    ]
 
 
 def _of_exposures(
@@ -220,6 +240,7 @@ def _of_exposures(
                 f"about {shown / _STOP:.1f} stops",
                 "give the exposure times with --times",
                 True,
+                float(np.expm1(shown)),
             )
         return
     wrong = [i for i in range(len(stated)) if _believed(result, i)]
@@ -231,6 +252,7 @@ def _of_exposures(
             "the exposures are in another order than the photographs' brightness",
             "give the times in the order of the files, and as seconds: 1/30, not 30",
             True,
+            1.0,
         )
         return
     yield from (_of_exposure(photographs[i], float(result.corrections[i])) for i in gross or wrong)
@@ -246,6 +268,8 @@ def _of_exposures(
 def _of_exposure(photograph: Photograph, correction: float) -> Doubt:
     direction = "more" if correction > 0 else "less"
     amount = _amount(abs(correction) / _STOP)
+    # Its neighbours measure the same pixels, and hold half of the weight.
+    effect = float(np.expm1(abs(correction))) / 2
     if abs(correction) >= _GROSS:
         return Doubt(
             photograph.name,
@@ -253,6 +277,7 @@ def _of_exposure(photograph: Photograph, correction: float) -> Doubt:
             "light",
             "give the right times with --times, or leave it out",
             True,
+            effect,
         )
     return Doubt(
         photograph.name,
@@ -279,6 +304,7 @@ def _of_white_balance(photographs: Sequence[Photograph], result: ExposureCorrect
             f"{spread / _STOP:.1f} stops",
             "photograph again with a fixed white balance; merged, the colours are those of neither",
             bool(spread >= _STRONG_CAST),
+            float(np.expm1(spread)) / 2,  # what is merged lies between the two
         )
 
 
@@ -286,7 +312,7 @@ def _of_order(bracket: Bracket) -> Iterator[Doubt]:
     names = [name_order(p.name) for p in bracket.photographs]
     if names not in (sorted(names), sorted(names, reverse=True)):
         what = "the files are not named in the order of their exposures; they were sorted by exposure"
-        yield Doubt(bracket.name, what, NOTHING_TO_DO, False)
+        yield Doubt(bracket.name, what, NOTHING_TO_DO, False, 0.0)
 
 
 def _turned(pictures: Sequence[Reduced], stated: np.ndarray) -> bool:

@@ -11,6 +11,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from relume.errors import Doubt
+from relume.image.colour import luminance
 from relume.image.primaries import inside_gamut
 from relume.image.radiance import OUTSIDE, SATURATED
 from relume.probe.ball.registration import KnownPlaces, RegistrationMethod
@@ -37,7 +39,7 @@ class Probe:
     nearness : ball radius over the distance of what surrounds it, as registration found it; 0 for a lone view
     clipped_solid_angle : steradians whose light was saturated in every photograph of the view it came from
     confidence : (size, 2·size) float32, 0 where no view saw the direction well, 1 where one faced it squarely
-    notes : doubts about the views, a line each
+    notes : doubts about the views, with their effect on the light
     turns : (N, 3, 3) rotations that carried each view's world into the first one's; None where that is not known
     gains : how many times as bright as the first each view was
     unseen_solid_angle : steradians that no view saw, so that they were filled in
@@ -48,10 +50,20 @@ class Probe:
     nearness: float
     clipped_solid_angle: float
     confidence: np.ndarray
-    notes: tuple[str, ...] = ()
+    notes: tuple[Doubt, ...] = ()
     turns: np.ndarray | None = None
     gains: tuple[float, ...] = ()
     unseen_solid_angle: float = 0.0
+
+    def share(self, mark: int) -> float:
+        """The share of all light (luminance) that comes from where the map is marked so in `clipped`.
+
+        Of what is SATURATED it is a lower bound, and as much again is missing if the lamps are twice as bright.
+        """
+        if self.light.clipped is None:
+            return 0.0
+        energy = luminance(self.light.radiance) * self.light.mapping.solid_angles(self.light.size)
+        return float(energy[self.light.clipped == mark].sum() / max(float(energy.sum()), 1e-30))
 
 
 def blend_views(

@@ -13,7 +13,9 @@ import numpy as np
 
 from relume.capture.brackets.settings import MergeSettings
 from relume.capture.response.camera_profile import CameraProfile
+from relume.errors import WRONG, Doubt, doubt_of, ranked
 from relume.image import files
+from relume.image.radiance import OUTSIDE, SATURATED
 from relume.probe.ball.blending import Probe, blend_views
 from relume.probe.ball.reflectance import BallReflectance
 from relume.probe.ball.registration import KnownPlaces, UnknownPlaces
@@ -65,6 +67,7 @@ class BallProbe:
     places_known : whether the places of all cameras were given, so that registration only refined them
     notes : what a photographer should know and need not act on, a line each
     warnings : why the result should not be used without looking at it, a line each
+    doubts : all of these, with their effect on the light
     """
 
     probe: Probe
@@ -73,6 +76,7 @@ class BallProbe:
     places_known: bool
     notes: tuple[str, ...]
     warnings: tuple[str, ...]
+    doubts: tuple[Doubt, ...] = ()
 
     def facts(self, *, listed: bool = True) -> dict[str, Any]:
         """Every view's ball, how the views lie and the energy; `listed` gives the balls as one list, for machines."""
@@ -123,33 +127,38 @@ def probe_ball(
     with warnings.catch_warnings(record=True) as caught:
         warnings.simplefilter("always", UserWarning)
         read = read_view_pictures(photographs, times=times, profile=profile, settings=settings.merge)
-        notes = [*read.notes]
+        notes = [*read.doubts]
         views = [
             _view(picture, np.array(camera), each, settings, notes)
             for picture, camera, each in zip(read.pictures, cameras, photographs, strict=True)
         ]
         names = tuple(each.name for each in photographs)
-        doubts = [*read.warnings]
-        doubts += [_rival(view, name) for view, name in zip(views, names, strict=True) if view.outline.rivals]
+        notes += [_rival(view, name) for view, name in zip(views, names, strict=True) if view.outline.rivals]
 
         # One light of all views.
         unscaled = len(views) > 1 and not all(each.exposed for each in read.pictures)
         if unscaled and not settings.balance:
-            notes.append("the exposure of some views is unknown, so all are brought to the brightness of the first")
+            line = "the exposure of some views is unknown, so all are brought to the brightness of the first"
+            notes.append(Doubt(line, 0.1))
         balanced = settings.balance or unscaled
         registration = KnownPlaces() if known else UnknownPlaces()
         probe = blend_views(views, size=settings.size, registration=registration, balanced=balanced)
-    doubts += [_explained(line, probe, known) for line in probe.notes if not (balanced and "times as bright" in line)]
+    disagreeing = (each for each in probe.notes if not (balanced and "times as bright" in each.line))
+    notes += [_explained(each, probe, known) for each in disagreeing]
 
     # What the map lacks.
     measured = probe.light.audit()
     if measured.unseen > 0:
         again = "photograph from a second side" if len(views) == 1 else "photograph from one more side"
-        notes.append(f"{measured.unseen:.3g} sr are seen by no view and were filled from beside; {again}")
+        line = f"{measured.unseen:.3g} sr are seen by no view and were filled from beside; {again}"
+        # What is filled in is off by its own size in places, and by less on the whole.
+        notes.append(Doubt(line, probe.share(OUTSIDE) / 2))
     if measured.clipped > 0:
-        notes.append(f"{measured.clipped:.3g} sr are saturated in every photograph; add shorter exposures")
-    lines = dict.fromkeys([*(str(each.message) for each in caught), *notes])
-    return BallProbe(probe, tuple(views), names, known, tuple(lines), tuple(doubts))
+        line = f"{measured.clipped:.3g} sr are saturated in every photograph; add shorter exposures"
+        notes.append(Doubt(line, probe.share(SATURATED)))
+    doubts = ranked([*(doubt_of(each.message) for each in caught), *notes])
+    lesser, wrong = (tuple(each.line for each in doubts if each.wrong is kind) for kind in (False, True))
+    return BallProbe(probe, tuple(views), names, known, lesser, wrong, doubts)
 
 
 def write_probe(path: Path, probe: Probe) -> None:
@@ -175,7 +184,7 @@ def _at_distance(place: Point, distance: float | None) -> Point:
 
 
 def _view(
-    picture: ViewPicture, camera: np.ndarray, photographs: BallPhotographs, settings: ProbeSettings, notes: list[str]
+    picture: ViewPicture, camera: np.ndarray, photographs: BallPhotographs, settings: ProbeSettings, notes: list[Doubt]
 ) -> BallView:
     """The ball in one picture, by the EXIF's focal length or else by its radius and distance."""
     length, focal_length, outline = float(np.linalg.norm(camera)), picture.focal_length, photographs.outline
@@ -192,39 +201,45 @@ def _view(
         result = found(focal_length, settings.radius or length / FAR)
         if result.distance >= CROPPED:
             return result
-        notes.append(
+        line = (
             f"{picture.name}: its EXIF puts the camera {result.distance:.1f} ball radii away, as that of a crop does, "
             "so its focal length is left out"
         )
+        notes.append(Doubt(line, 0.0))
     if settings.radius is None:
         away = f"{length:.3g} m" if settings.distance is not None else "a camera"
-        notes.append(
+        line = (
             f"{picture.name}: the camera's distance in ball radii is unknown; {FAR:.0f} are taken for {away}; "
             "give --radius and --distance, metres"
         )
+        # From 10 to 40 radii away what the rim shows turns by some degrees, what the middle shows does not.
+        notes.append(Doubt(line, 0.03))
     return found(None, length / FAR if settings.radius is None else settings.radius)
 
 
-def _rival(view: BallView, name: str) -> str:
+def _rival(view: BallView, name: str) -> Doubt:
     """The doubt about a rim beside which others are seen as well."""
     outline = view.outline
     (x, y), (other_x, other_y, other) = outline.centre, outline.rivals[0]
-    return (
+    line = (
         f"{name}: the rim was taken at x,y,radius {x:.1f},{y:.1f},{outline.radius:.1f}, and {other_x:.1f},"
         f"{other_y:.1f},{other:.1f} is seen about as well; look at it with --picture and choose it with --pick"
     )
+    # Light is taken from a wrong area, and what lies outside the rim is no light: never less than wrong.
+    return Doubt(line, max(WRONG, abs((other / outline.radius) ** 2 - 1)))
 
 
-def _explained(line: str, probe: Probe, known: bool) -> str:
+def _explained(doubt: Doubt, probe: Probe, known: bool) -> Doubt:
     """A doubt of registration, with what most often is behind it."""
-    words = line.split()
-    if not known or "does not fit" not in line or words[:1] != ["view"]:
-        return line
+    words = doubt.line.split()
+    if not known or "does not fit" not in doubt.line or words[:1] != ["view"]:
+        return doubt
     turned = math.degrees(probe.corrections[int(words[1]) - 1])
-    return (
-        f"{line}; registration turned it by {turned:.1f}°, and was the camera's height given (--camera X,Y,Z with Y "
-        "up)? Folders or --view without --turn have the turn found"
+    line = (
+        f"{doubt.line}; registration turned it by {turned:.1f}°, and was the camera's height given (--camera X,Y,Z "
+        "with Y up)? Folders or --view without --turn have the turn found"
     )
+    return Doubt(line, doubt.effect)
 
 
 def _ball_facts(view: BallView) -> dict[str, Any]:

@@ -14,7 +14,7 @@ from typing import Protocol
 import numpy as np
 from scipy.ndimage import gaussian_filter
 
-from relume.errors import BallNotFound
+from relume.errors import BallNotFound, Doubt
 from relume.image.colour import luminance
 from relume.probe.ball.bundle_adjustment import NEAREST, Bundle
 from relume.probe.ball.unwrapping import BallView
@@ -31,6 +31,8 @@ LIKENESS = 0.7
 0.84 where a camera is said to have stood elsewhere."""
 BRIGHTNESS_LIMIT = 0.1
 """Natural logarithm of the brightness ratio of two views above which a warning is given."""
+MISPLACED = 0.5
+"""What a view at a wrong place does to the light: half of it comes from wrong directions."""
 HORIZON = 0.1
 """Least y of the directions that are compared: what the ball stands on is nearer than all else."""
 DIRECTIONS = 20_000
@@ -55,7 +57,7 @@ class Registration:
     nearness : ball radius over the distance of what surrounds it; 0 for a lone view
     gains : (N,) how many times as bright as the first each view is
     likenesses : (N,) correlation of ln luminance with the other views; 1 for the first, and in even light
-    doubts : a line each
+    doubts : with their effect on the light
     """
 
     views: tuple[BallView, ...]
@@ -64,7 +66,7 @@ class Registration:
     nearness: float
     gains: tuple[float, ...]
     likenesses: tuple[float, ...]
-    doubts: tuple[str, ...] = ()
+    doubts: tuple[Doubt, ...] = ()
 
 
 class RegistrationMethod(Protocol):
@@ -146,18 +148,22 @@ def _laid(
     found = problem.solved(limit)
     seen = problem.logarithms(found)
     gains = np.exp(problem.offsets(seen))
-    likenesses, doubts = [1.0], []
+    likenesses: list[float] = [1.0]
+    doubts: list[Doubt] = []
     for index in range(1, count):
         likeness = problem.likeness(seen, index)
         likenesses.append(likeness)
         far = np.any(np.abs(found.vectors[index]) > 0.98 * limit) or found.nearness > 0.98 * NEAREST
         if likeness <= LIKENESS or far:
-            doubts.append(f"view {index + 1} of the ball does not fit the first one; check where its camera stood")
+            line = f"view {index + 1} of the ball does not fit the first one; check where its camera stood"
+            doubts.append(Doubt(line, MISPLACED))
         if abs(np.log(gains[index])) > BRIGHTNESS_LIMIT:
-            doubts.append(
+            line = (
                 f"view {index + 1} of the ball is {gains[index]:.2f} times as bright as the first; "
                 "did the light or the exposure change?"
             )
+            # The blend lies between the two.
+            doubts.append(Doubt(line, abs(float(gains[index]) - 1) / 2))
     refined = [rotation_from_vector(v) @ turn for v, turn in zip(found.vectors, turns, strict=True)]
     return Registration(
         tuple(problem.placed(found, index) for index in range(count)),

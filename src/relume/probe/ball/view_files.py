@@ -15,7 +15,7 @@ from relume.capture.exposure.bracket import Bracket, read_bracket, require_known
 from relume.capture.exposure.exposures import exposed
 from relume.capture.exposure.folder import name_order, pictures_in
 from relume.capture.response.camera_profile import CameraProfile
-from relume.errors import BallNotFound, UnreadableFile
+from relume.errors import BallNotFound, Doubt, UnreadableFile
 from relume.image import files
 from relume.image.files.formats import read_photographs
 from relume.image.files.signatures import MAPS, kind_of
@@ -67,11 +67,10 @@ class ViewPicture:
 
 @dataclass(frozen=True, eq=False)
 class ViewPictures:
-    """The radiance of every view, with notes and with warnings that make the light doubtful, a line each."""
+    """The radiance of every view, and what to doubt of it."""
 
     pictures: tuple[ViewPicture, ...]
-    notes: tuple[str, ...]
-    warnings: tuple[str, ...]
+    doubts: tuple[Doubt, ...]
 
 
 def find_ball_photographs(paths: Sequence[Path | str]) -> list[BallPhotographs]:
@@ -141,8 +140,7 @@ def read_view_pictures(
     Raises UnreadableFile, NotABracket, BallNotFound.
     """
     seconds = None if times is None else list(times)
-    notes: list[str] = []
-    warnings: list[str] = []
+    notes: list[Doubt] = []
     brackets: dict[int, Bracket | tuple[Path, ...]] = {}
     raw_times: list[float] = []
     found: dict[int, ViewPicture] = {}
@@ -159,10 +157,12 @@ def read_view_pictures(
         elif len(view.paths) == 1:
             found[index] = _single(files.read_photograph(view.paths[0]), given, profile, view.paths[0].name)
             if profile is None:
-                notes.append(
+                line = (
                     f"{view.name}: one photograph, assumed to be sRGB; give --profile for its camera's curve, or a "
                     "bracket"
                 )
+                # Cameras' tone curves lift the middle by half a stop or more, of which a reflectance takes a part.
+                notes.append(Doubt(line, 0.2))
         else:
             brackets[index] = _bracket(view.paths, given, notes)
     # Their exposures must lie on one scale.
@@ -175,17 +175,17 @@ def read_view_pictures(
     # Brackets, together.
     if brackets:
         merged = merge_brackets(list(brackets.values()), profile=profile, times=raw_times or None, settings=settings)
-        notes += merged.notes
-        warnings += merged.warnings
+        notes += merged.doubts
         for index, bracket in zip(brackets, merged.brackets, strict=True):
             picture, count = in_the_colour_beside(bracket.picture)
             if count:
-                notes.append(
+                line = (
                     f"{bracket.name}: {count} pixels are saturated in some channels only; those were lowered to the "
                     "colour of what is beside them, and are lower bounds still"
                 )
+                notes.append(Doubt(line))
             found[index] = ViewPicture(picture, bracket.focal_length, bracket.name)
-    return ViewPictures(tuple(found[index] for index in range(len(views))), tuple(notes), tuple(warnings))
+    return ViewPictures(tuple(found[index] for index in range(len(views))), tuple(notes))
 
 
 def _single(
@@ -197,14 +197,15 @@ def _single(
     return ViewPicture(picture, photograph.focal_length, name, photograph.exposure is not None)
 
 
-def _bracket(paths: Sequence[Path], times: list[float] | None, notes: list[str]) -> Bracket:
+def _bracket(paths: Sequence[Path], times: list[float] | None, notes: list[Doubt]) -> Bracket:
     sizes = {files.read_facts(path).size for path in paths}
     if len(sizes) == 1:
         return read_bracket(paths, times=times)
-    notes.append(
+    line = (
         f"{paths[0].name} … {paths[-1].name}: {len(sizes)} sizes, so they are taken for crops and laid on one another "
         "by the ball"
     )
+    notes.append(Doubt(line))
     photographs = exposed(read_photographs(paths), times=times)
     return Bracket(on_one_frame(photographs))
 

@@ -100,7 +100,7 @@ def on_one_scale(shot: Shot, calibrated: Calibrated, camera: Camera) -> Calibrat
     camera : the plate's
     Raises InvalidShot where the place cannot be made.
     """
-    place = bare_place(shot, calibrated.probe)
+    place = bare_place(shot, calibrated.probe, calibrated.ball_centre)
     seen = seen_by_both(calibrated, camera, place)
     gains = np.ones(3)
     if shot.light.scale is not None:
@@ -207,8 +207,8 @@ def _scale(
     if not arriving > 0:
         return 1.0, "for it brings no light from above"
     # A reflectance that is given: L = ρ E / π.
-    for index, table in enumerate(shot.local):
-        if isinstance(table.reflectance, str) or table.mirror or len(shot.local) != len(place.local):
+    for index, table in enumerate(shot.surfaces()):
+        if isinstance(table.reflectance, str) or table.mirror or len(shot.surfaces()) != len(place.local):
             continue
         there = measured & (hits == index)
         if isinstance(place.local[index], Plane) and there.sum() >= FEWEST:

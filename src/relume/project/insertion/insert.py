@@ -10,9 +10,11 @@ import warnings
 from collections.abc import Callable
 from pathlib import Path
 
+from relume.errors import doubt_of, ranked
 from relume.project.insertion.agreement import on_one_scale
 from relume.project.insertion.composite import composited, development_of
-from relume.project.insertion.outcome import Inserted, notes_on, require_folder, write_outcome
+from relume.project.insertion.doubts import doubts_on
+from relume.project.insertion.outcome import Inserted, require_folder, write_outcome
 from relume.project.insertion.photographs import calibrate, read_photographs
 from relume.project.insertion.place import find_camera, find_place
 from relume.project.insertion.prepared import PreparedShot
@@ -70,13 +72,13 @@ def insert(
         change = render_change(shot, calibrated, place, meshes, development.film, steps, rendering)
         composite = composited(shot, calibrated, place, change, development, steps)
         # What the user should know.
-        notes = (
+        doubts = (
             *doubts_about(meshes, place.camera, place.bare.local),
-            *notes_on(calibrated, place, composite.change.matte if meshes else None),
+            *doubts_on(calibrated, place, composite.change.matte if meshes else None),
         )
     # Nothing but kept stages was written until here.
-    notes = (*dict.fromkeys(str(each.message) for each in caught), *notes)
-    result = Inserted(calibrated, place, composite, steps.seconds, tuple(steps.kept), notes)
+    doubts = ranked([*(doubt_of(each.message) for each in caught), *doubts])
+    result = Inserted(calibrated, place, composite, steps.seconds, tuple(steps.kept), doubts)
     with steps.timed("write"):
         write_outcome(result, out)
     return result

@@ -23,8 +23,10 @@ from relume.image.photograph import Exposure
 from relume.image.radiance import RadianceMap
 from relume.image.response import Response
 from relume.probe.ball.blending import Probe, blend_views
-from relume.probe.ball.unwrapping import unwrap_ball
+from relume.probe.ball.registration import KnownPlaces, UnknownPlaces
+from relume.probe.ball.unwrapping import BallView, unwrap_ball
 from relume.probe.ball.view_files import on_one_frame
+from relume.project.insertion.ball_camera import BallCamera, camera_of_ball
 from relume.project.insertion.single_plate import assumed_response, is_single, merge_single, read_single, why_untied
 from relume.project.insertion.slips import held_to_tape, other_time_or_place, require_measures
 from relume.project.shot_file.shot import MergeTable, Shot
@@ -73,6 +75,7 @@ class Calibrated:
     probe : the light
     cameras : what is known of each camera, by its name
     untied : why the scale of the light is not that of the plate; None where exposures tie them, or maps are taken so
+    stood : the plate's camera and the ball's place, where the camera was found from the ball
     """
 
     plate: RadianceMap
@@ -81,6 +84,12 @@ class Calibrated:
     probe: Probe
     cameras: dict[str, MergedCamera]
     untied: str | None = None
+    stood: BallCamera | None = None
+
+    @property
+    def ball_centre(self) -> tuple[float, float, float] | None:
+        """Where the ball was found to be, metres; None where it was measured."""
+        return None if self.stood is None else self.stood.centre
 
     @property
     def calibrations(self) -> dict[str, Calibration]:
@@ -151,6 +160,21 @@ def calibrate(shot: Shot, photographs: Photographs, steps: Steps) -> Calibrated:
         if shot.plate.denoise:
             radiance = steps.keep("denoised", radiance, lambda: denoise(radiance))
 
+    # The camera, where the ball shows it.
+    views = slice(0 if isinstance(plate, RadianceMap) else 1, None)
+    stood: BallCamera | None = None
+    if (asked := shot.camera.of_ball) is not None:
+        photograph = [] if asked.photograph is None else [shot.folder / asked.photograph]
+        made_from = [
+            sources,
+            shot.camera.model_dump(),
+            shot.light.ball and shot.light.ball.radius,
+            photograph,
+            radiance,
+        ]
+        seen = lambda: [(each.name, each.picture) for each in merged()[0][views]] if shot.light.balls else []  # noqa: E731
+        stood = steps.keep("ball", made_from, lambda: camera_of_ball(shot, asked, radiance, focal_length, seen()))
+
     # The light.
     if shot.light.map is not None:
         with steps.timed("light"):
@@ -159,10 +183,9 @@ def calibrate(shot: Shot, photographs: Photographs, steps: Steps) -> Calibrated:
         ball = shot.light.ball
         made_from = [
             sources, [table.model_dump() for table in shot.light.balls or ()], ball and ball.model_dump(),
-            shot.light.size,
+            shot.light.size, stood and stood.fit.camera,
         ]  # fmt: skip
-        views = slice(0 if isinstance(plate, RadianceMap) else 1, None)
-        probe = steps.keep("light", made_from, lambda: _blended(shot, merged()[0][views]))
+        probe = steps.keep("light", made_from, lambda: _blended(shot, merged()[0][views], stood))
 
     untied = _why_untied(shot, photographs)
     if untied is not None and radiance.unit != probe.light.unit:
@@ -177,7 +200,7 @@ def calibrate(shot: Shot, photographs: Photographs, steps: Steps) -> Calibrated:
             "plate and light come from different files; relume cannot verify that they share one radiance scale. A "
             "recovered reflectance that is not believable says that they do not"
         )
-    return Calibrated(radiance, bracket, focal_length, probe, cameras, untied)
+    return Calibrated(radiance, bracket, focal_length, probe, cameras, untied, stood)
 
 
 def _why_untied(shot: Shot, photographs: Photographs) -> str | None:
@@ -304,8 +327,8 @@ def _merged(shot: Shot, photographs: Photographs) -> tuple[list[MergedBracket], 
         if known is None and is_single(one) and all(is_single(pairs[index][0]) for index in chosen):
             known = assumed_response(one.photographs[0])
         result = merge_brackets([pairs[index][0] for index in chosen], profile=known, settings=settings)
-        for line in (*result.warnings, *result.notes):
-            warn(line)
+        for doubt in result.doubts:
+            warn(doubt.line, doubt.effect)
         found |= zip(chosen, result.brackets, strict=True)
         cameras = {**result.cameras, **cameras}
     # The single plate.
@@ -360,26 +383,37 @@ def _for_plot(camera: MergedCamera) -> MergedCamera:
     return replace(camera, calibration=replace(camera.calibration, samples=(red, green, blue)))
 
 
-def _blended(shot: Shot, merged: Sequence[MergedBracket]) -> Probe:
-    """The views of the ball, unwrapped and blended."""
+def _blended(shot: Shot, merged: Sequence[MergedBracket], stood: BallCamera | None) -> Probe:
+    """The views of the ball, unwrapped and blended.
+
+    stood : the plate's camera, where it was found from the ball: it took the views of which no other place is given
+    """
     ball, tables = shot.light.ball, shot.light.balls or ()
     if ball is None or not tables:
         raise InvalidShot("light: balls and ball are both needed")
-    views = []
+    views: list[BallView] = []
     for index, (table, bracket) in enumerate(zip(tables, merged, strict=True)):
         picture = bracket.picture
         if picture.clipped is not None and (picture.clipped == 0).mean() < FEWEST:
             raise NotABracket(f"{bracket.name}: almost nothing is measured; add longer and shorter exposures")
         reflectance = np.array(ball.reflectance, np.float32)
         picture = RadianceMap(picture.radiance / reflectance, None, picture.clipped, picture.unit)
-        focal_length = table.focal_length or bracket.focal_length
+        centre = ball.centre if stood is None else stood.centre
+        place, focal_length, outline = table.camera, table.focal_length or bracket.focal_length, None
+        if place is None and stood is not None:
+            place = stood.fit.camera.position
+            # The plate's own lens where the plate's camera took it; of a crop the EXIF's is that of the whole.
+            outline = stood.outline if not views else None
+            if not views:
+                focal_length = table.focal_length if outline is None else stood.fit.camera.focal_length
         view = unwrap_ball(
-            picture,
-            camera=np.array(table.camera),
-            centre=np.array(ball.centre),
-            focal_length=focal_length,
-            radius=ball.radius,
-            name=bracket.name,
-        )
-        views.append(view if focal_length is None else held_to_tape(view, index, table, ball))
-    return blend_views(views, size=shot.light.size)
+            picture, camera=np.array(place), centre=np.array(centre), focal_length=focal_length,
+            radius=ball.radius, outline=outline, name=bracket.name,
+        )  # fmt: skip
+        if outline is not None and stood is not None:
+            view = stood.turned(view)
+        elif focal_length is not None and table.camera is not None and ball.centre is not None:
+            view = held_to_tape(view, index, table, ball)
+        views.append(view)
+    known = all(table.camera is not None for table in tables[1:])
+    return blend_views(views, size=shot.light.size, registration=KnownPlaces() if known else UnknownPlaces())

@@ -67,6 +67,8 @@ class Place:
 def find_camera(shot: Shot, calibrated: Calibrated, steps: Steps) -> CameraFit:
     """Fit the plate's camera; raises InvalidShot, GridNotFound, UnreadableFile."""
     with steps.timed("camera"):
+        if calibrated.stood is not None:
+            return calibrated.stood.fit
         fit = camera_fit(shot.camera, calibrated.plate.size, shot.folder, calibrated.focal_length)
     require_outside_ball(fit.camera, shot.light.ball)
     return fit
@@ -84,7 +86,7 @@ def find_place(
     """
     plate = calibrated.plate
     camera = _with_lens(shot, fit.camera, calibrated)
-    bare = bare_place(shot, calibrated.probe)
+    bare = bare_place(shot, calibrated.probe, calibrated.ball_centre)
     require_in_place(bare, camera)
     require_outside(meshes, camera)
     vignetting = shot.match.vignetting_in(shot.folder, camera.focal_length, plate.size)
@@ -97,7 +99,7 @@ def find_place(
             even = replace(plate, radiance=(plate.radiance / fall_off).astype(np.float32))
         ball = shot.light.ball
         made_from = [
-            even, camera, bare, calibrated.probe.confidence, [table.model_dump() for table in shot.local],
+            even, camera, bare, calibrated.probe.confidence, [table.model_dump() for table in shot.surfaces()],
             ball and ball.model_dump(), shot.render.seed, without_threads(renderer),
         ]  # fmt: skip
         progress: Progress = lambda share: steps.progress("reflectance", share)  # noqa: E731
@@ -124,14 +126,15 @@ def _with_lens(shot: Shot, camera: Camera, calibrated: Calibrated) -> Camera:
     return replace(camera, aperture=diameter / 2, focus=focus)
 
 
-def bare_place(shot: Shot, probe: Probe) -> Scene:
+def bare_place(shot: Shot, probe: Probe, centre: tuple[float, float, float] | None = None) -> Scene:
     """The scene without objects, as it was photographed; its surfaces grey where they are to be recovered.
 
+    centre : of the ball, metres, where it was found and not measured
     Raises InvalidShot where a lamp is not seen in the light, and what reading the meshes raises.
     """
     light, where = turned_light(probe.light, shot.light.heading, 0.0), (0.0, 0.0, 0.0)
     if shot.light.ball is not None:
-        where = shot.light.ball.centre
+        where = centre or shot.light.ball.centre or where
     elif shot.light.probe is not None:
         where = shot.light.probe
     lamps: list[SphereLight] = []
@@ -142,7 +145,7 @@ def bare_place(shot: Shot, probe: Probe) -> Scene:
             raise InvalidShot(f"light.lamps.{index}: {error}") from None
         light = found.rest
         lamps.append(_sphere(found.lamp))
-    local = tuple(shape for table in shot.local for shape in table.shapes(shot.folder))
+    local = tuple(shape for table in shot.surfaces() for shape in table.shapes(shot.folder))
     if not local:
         warn("there is no local surface: the objects throw no shadow; describe what they stand on as [[local]]")
     return Scene(light, local, (), tuple(lamps), distant_scene(shot.light.distant, shot.folder), where)
@@ -189,7 +192,7 @@ def _recovered(
     ball = shot.light.ball
     seen = ball is not None
     # A mesh file may hold several surfaces, which are all wanted alike.
-    wanted = [table.wanted(seen) for table in shot.local for _ in table.shapes(shot.folder)]
+    wanted = [table.wanted(seen) for table in shot.surfaces() for _ in table.shapes(shot.folder)]
     view = ViewOfProbe(probe.confidence, ball.radius) if ball is not None else None
     try:
         return recover_reflectance(

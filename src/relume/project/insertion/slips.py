@@ -44,6 +44,8 @@ def require_measures(shot: Shot) -> None:
     if ball is None:
         return
     for index, table in enumerate(shot.light.balls or ()):
+        if table.camera is None or ball.centre is None:
+            continue  # found from the ball
         distance = float(np.linalg.norm(np.subtract(table.camera, ball.centre)))
         if distance <= ball.radius:
             raise InvalidShot(
@@ -61,6 +63,8 @@ def require_measures(shot: Shot) -> None:
                 f"light.balls.{index}.camera: {radii:.2g} ball radii away; the camera hides much of the light there: "
                 f"stand {CLOSE:g} radii away ({CLOSE * ball.radius:.2g} m) or more"
             )
+    if ball.centre is None:
+        return
     heights = [table.height for table in shot.local if table.shape == "plane"]
     depth = max(heights, default=-np.inf) - (ball.centre[1] - ball.radius)
     if len(heights) == 1 and depth > SUNK * ball.radius:
@@ -69,7 +73,7 @@ def require_measures(shot: Shot) -> None:
 
 def require_outside_ball(camera: Camera, ball: Ball | None) -> None:
     """Raises InvalidShot where the plate's camera stands inside the ball: a slip of a unit."""
-    if ball is None:
+    if ball is None or ball.centre is None:
         return
     distance = float(np.linalg.norm(camera.position - np.array(ball.centre)))
     if distance <= ball.radius:
@@ -85,6 +89,7 @@ def held_to_tape(view: BallView, index: int, table: BallPhotographs, ball: Ball)
     view : by the focal length of the table or of the EXIF
     index : of `table` in light.balls
     """
+    assert table.camera is not None and ball.centre is not None  # else there is no tape
     distance = float(np.linalg.norm(np.subtract(table.camera, ball.centre)))
     by_tape = distance / ball.radius
     quotient = view.distance / by_tape

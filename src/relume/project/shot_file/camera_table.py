@@ -1,4 +1,4 @@
-"""The shot file's [camera]: a grid, a pose, lines drawn on the plate or another program's camera, and the lens."""
+"""The shot file's [camera]: a grid, a pose, lines on the plate, the ball or another program's camera; the lens."""
 
 from __future__ import annotations
 
@@ -12,6 +12,7 @@ from pydantic import BeforeValidator, Field, model_validator
 from relume.errors import InvalidShot, warn
 from relume.image import files
 from relume.project.schema import Positive, Table, Vector
+from relume.project.shot_file.ball_table import BallOnTable
 from relume.project.shot_file.sequence_table import CameraKey, require_rising
 from relume.scene.cameras.camera import Camera
 from relume.scene.cameras.distortion import Distortion
@@ -26,7 +27,7 @@ Pixel = tuple[float, float]
 """A point of the photograph: x right and y down from its upper left corner."""
 Segment = tuple[float, float, float, float]
 """A line drawn on the photograph: x and y of one end, x and y of the other."""
-SOURCES = ("grid", "pose", "lines", "file")
+SOURCES = ("grid", "pose", "lines", "ball", "file")
 GRID_RESIDUAL = 1.0
 """Pixels, RMS, from which on a grid's corners doubt the lens: they are found to a tenth even in a noisy JPEG."""
 LINES_RESIDUAL = 3.0
@@ -125,16 +126,24 @@ class DistortionTable(Table):
 
 
 class CameraTable(Table):
-    """The plate's camera: from a grid, lines or a file, or given; and its lens."""
+    """The plate's camera: from a grid, lines, a file or the ball, or given; from the ball unless asked otherwise."""
 
     grid: Grid | None = None
     pose: Pose | None = None
     lines: Lines | None = None
+    ball: BallOnTable | None = None
     file: Annotated[CameraFile | None, BeforeValidator(lambda v: {"path": v} if isinstance(v, str) else v)] = None
     focal_length: Positive | None = None
     centre: Pixel | None = None
     distortion: DistortionTable | None = None
     keyframes: tuple[CameraKey, ...] = ()
+
+    @property
+    def of_ball(self) -> BallOnTable | None:
+        """The ball as the camera saw it, where the camera is found from it: unless another source is given."""
+        if any(getattr(self, source) is not None for source in SOURCES if source != "ball"):
+            return None
+        return self.ball or BallOnTable()
 
     @model_validator(mode="after")
     def _one_source(self) -> CameraTable:
@@ -143,8 +152,8 @@ class CameraTable(Table):
             raise ValueError(
                 f"grid.squares is {list(self.grid.squares)}; the long side comes first, and must be longer"
             )
-        if sum(getattr(self, source) is not None for source in SOURCES) != 1:
-            raise ValueError("give one of grid, pose, lines and file")
+        if sum(getattr(self, source) is not None for source in SOURCES) > 1:
+            raise ValueError("give one of grid, pose, lines, ball and file")
         if self.file is not None and (self.focal_length is not None or self.centre is not None):
             raise ValueError("file holds the focal length and the centre; leave focal_length and centre out")
         if self.focal_length is not None and self.grid is not None and self.grid.estimate_focal_length:
@@ -175,7 +184,7 @@ def camera_fit(table: CameraTable, size: tuple[int, int], folder: Path, focal_le
         camera = read_camera(folder / asked.path, *size, name=asked.name, up=asked.up, unit=asked.unit)
         fit = CameraFit(_with(camera, "camera.distortion", distortion=distortion))
     else:
-        assert table.pose is not None  # _one_source
+        assert table.pose is not None  # else it is found from the ball: CameraTable.of_ball
         fit = CameraFit(_from_pose(table, table.pose, size, focal_length, distortion))
     _warn_of_residual(table, fit)
     return fit

@@ -8,7 +8,7 @@ from pathlib import Path
 
 import numpy as np
 
-from relume.errors import InvalidShot
+from relume.errors import Doubt, InvalidShot
 from relume.project.mesh_tables import placed
 from relume.project.shot_file.shot import Object, Shot
 from relume.scene.cameras.camera import Camera
@@ -24,13 +24,38 @@ SUNK = 0.05
 """Of an object's height: deeper in the plane than the foot of anything that stands on it."""
 
 
+SMALL, LARGE = 0.003, 4.0
+"""Of its distance: a mesh that is shorter is not seen, one that is longer is not a thing on a table."""
+
+
 def placed_meshes(shot: Shot) -> tuple[Mesh, ...]:
     """Every mesh of every object of the shot, in world coordinates."""
     return tuple(
-        _overridden(placed(mesh, table), table)
+        _overridden(mesh, table)
         for table in shot.objects
-        for mesh in _at_rest_or_moved(shot.folder / table.mesh, table.time)
+        for mesh in _in_place(shot, table, _at_rest_or_moved(shot.folder / table.mesh, table.time))
     )
+
+
+def _in_place(shot: Shot, table: Object, meshes: Sequence[Mesh]) -> Sequence[Mesh]:
+    """An object's meshes scaled, turned, stood on the table and moved, as the shot asks."""
+    if table.size is not None:
+        extent = np.ptp(np.concatenate([mesh.vertices for mesh in meshes]), axis=0).max()
+        if not extent > 0:
+            raise InvalidShot(f"objects.size: {table.mesh} has no extent; give scale instead")
+        table = table.model_copy(update={"scale": table.scale * table.size / float(extent)})
+    stand = table.stand
+    if stand is None and shot.camera.of_ball is not None and not any(table.translate) and table.stage is None:
+        stand = (0.0, 0.0)
+    if stand is None or stand is False:
+        return [placed(mesh, table) for mesh in meshes]
+    # The middle of its foot, once it is scaled and turned.
+    there = [placed(mesh, table.model_copy(update={"translate": (0.0, 0.0, 0.0)})) for mesh in meshes]
+    points = np.concatenate([mesh.vertices for mesh in there])
+    low, high = points.min(0), points.max(0)
+    moved = np.array([stand[0] - (low[0] + high[0]) / 2, -low[1], stand[1] - (low[2] + high[2]) / 2])
+    moved += np.array(table.translate)
+    return [replace(mesh, vertices=(mesh.vertices + moved).astype(np.float32)) for mesh in there]
 
 
 def _at_rest_or_moved(path: Path, time: float | None) -> tuple[Mesh, ...]:
@@ -62,21 +87,32 @@ def require_outside(meshes: Sequence[Mesh], camera: Camera) -> None:
             raise InvalidShot(f"objects: the camera is inside {mesh.name!r}; move one of them, or is its scale wrong?")
 
 
-def doubts_about(meshes: Sequence[Mesh], camera: Camera, local: Sequence[Shape]) -> tuple[str, ...]:
-    """Where the objects stand strangely: under a surface, behind the camera, in it or over it; a line each."""
-    found = []
+def doubts_about(meshes: Sequence[Mesh], camera: Camera, local: Sequence[Shape]) -> tuple[Doubt, ...]:
+    """Where the objects stand strangely: under a surface, behind the camera, in it or over it, or of a strange size."""
+    found: list[Doubt] = []
+
+    def add(line: str, effect: float) -> None:
+        found.append(Doubt(line, effect))
+
     floor = min((shape.height for shape in local if isinstance(shape, Plane)), default=None)
     lowest = min((float(mesh.vertices[:, 1].min()) for mesh in meshes), default=0.0)
     if floor is not None and meshes and lowest > floor + HOVERING:
-        found.append(f"the objects hover {lowest - floor:.3g} m over the plane; translate them down to stand on it")
+        add(f"the objects hover {lowest - floor:.3g} m over the plane; translate them down to stand on it", 0.2)
     for mesh in meshes:
         low, high = mesh.vertices.min(axis=0), mesh.vertices.max(axis=0)
         if floor is not None and high[1] < floor:
-            found.append(f"object {mesh.name!r} lies under the plane, {floor - high[1]:.3g} m below it; move it up")
+            add(f"object {mesh.name!r} lies under the plane, {floor - high[1]:.3g} m below it; move it up", 0.5)
         elif floor is not None and low[1] < floor - SUNK * (high[1] - low[1]):
             deep = floor - low[1]
-            found.append(f"object {mesh.name!r} reaches {deep:.3g} m into the plane; move it up to stand on it")
+            add(f"object {mesh.name!r} reaches {deep:.3g} m into the plane; move it up to stand on it", 0.15)
         ahead = (mesh.vertices - camera.position) @ -camera.rotation[:, 2]
         if ahead.max() <= 0:
-            found.append(f"object {mesh.name!r} is behind the camera; it can only be seen in mirrors and by its shadow")
+            add(f"object {mesh.name!r} is behind the camera; it can only be seen in mirrors and by its shadow", 0.15)
+        distance, extent = float(np.linalg.norm((low + high) / 2 - camera.position)), float((high - low).max())
+        if not SMALL * distance < extent < LARGE * distance:
+            line = (
+                f"object {mesh.name!r} is {extent:.3g} m long, {distance:.3g} m from the camera; is its file in "
+                "metres? give it a size"
+            )
+            add(line, 0.2)
     return tuple(found)

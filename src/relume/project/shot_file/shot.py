@@ -6,6 +6,7 @@ Paths are relative to the file; lengths are metres, angles degrees. An unknown k
 from __future__ import annotations
 
 import re
+import tomllib
 from collections.abc import Sequence
 from glob import glob
 from pathlib import Path
@@ -20,6 +21,7 @@ from relume.project.schema import Names, Positive, Table, Vector, checked, read_
 from relume.project.shot_file.camera_table import CameraTable
 from relume.project.shot_file.local_table import DistantTable, LocalTable
 from relume.project.shot_file.match_table import MatchTable
+from relume.project.shot_file.new_shot import new_shot_text, write_new_shot
 from relume.project.shot_file.sequence_table import LightKey, ObjectKey, SequenceTable, require_rising
 
 
@@ -49,6 +51,9 @@ class MergeTable(Table):
         )  # fmt: skip
 
 
+TABLE = 24.0
+"""Ball radii across which a table of unknown size is taken to reach: 1.2 m for a ball of 10 cm."""
+
 Mirrored = Annotated[float, Field(gt=0, le=1)]
 
 
@@ -61,18 +66,24 @@ class Plate(MergeTable):
 
 
 class BallPhotographs(MergeTable):
-    """A bracket of the mirrored ball and where its camera stood."""
+    """A bracket of the mirrored ball and where its camera stood.
+
+    camera : unless given the plate's camera, from the plate's place; of a further view it is found by registration
+    """
 
     photographs: Names = Field(min_length=1)
-    camera: Vector
+    camera: Vector | None = None
     times: list[Positive] | None = None
     focal_length: Positive | None = None
 
 
 class Ball(Table):
-    """The mirrored ball; `reflectance` of its surface, 1 unless measured."""
+    """The mirrored ball; `reflectance` of its surface, 1 unless measured.
 
-    centre: Vector
+    centre : metres; above the origin, on the table, where the camera is found from the ball
+    """
+
+    centre: Vector | None = None
     radius: Positive
     reflectance: Mirrored | tuple[Mirrored, Mirrored, Mirrored] = 1.0
 
@@ -109,7 +120,7 @@ class Light(Table):
         if (self.balls is None) == (self.map is None):
             raise ValueError("give one of balls and map")
         if self.balls is not None and (self.ball is None or not self.balls):
-            raise ValueError("balls need ball = { centre, radius }")
+            raise ValueError("balls need ball = { radius }, and its centre where the camera is not found from the ball")
         if self.map is not None and self.ball is not None:
             raise ValueError("ball goes with photographs of it; with a finished map give probe = [x, y, z]")
         if self.map is None and self.probe is not None:
@@ -124,11 +135,16 @@ class Light(Table):
 class Object(Placement):
     """A mesh to insert.
 
+    size : metres of its longest side, in place of its own
+    stand : [x, z] where the middle of its foot stands on the table, before it is moved by `translate`; at the origin
+        unless given where the camera is found from the ball and there is no `translate`, elsewhere as the file has it
     stage : a light stage of the real thing that the mesh is of, in its frame: the thing's own pixels are shown
     stage_cameras : whose pictures, where the stage has several; the first camera's unless given
     """
 
     mesh: str
+    size: Positive | None = None
+    stand: tuple[float, float] | Literal[False] | None = None
     stage: str | None = None
     stage_cameras: list[str] | None = None
     material: MaterialTable = MaterialTable()
@@ -140,6 +156,8 @@ class Object(Placement):
         require_rising(self.keyframes)
         if self.stage is None and self.stage_cameras is not None:
             raise ValueError("stage_cameras are those of a stage; give stage too, or leave them out")
+        if self.stage is not None and (self.size is not None or self.stand):
+            raise ValueError("a thing from a light stage has its own size and place; leave size and stand out")
         if self.stage is not None and self.time is not None:
             raise ValueError("a thing from a light stage has the pose it was taken in; leave time out")
         return self
@@ -167,7 +185,7 @@ class Shot(Table):
     """A whole shot file; `folder` is where its relative paths start."""
 
     plate: Plate
-    camera: CameraTable
+    camera: CameraTable = CameraTable()
     light: Light
     local: list[LocalTable] = Field(default_factory=lambda: [LocalTable(shape="plane")])
     objects: list[Object] = Field(default_factory=list)
@@ -176,6 +194,84 @@ class Shot(Table):
     develop: DevelopTable = DevelopTable()
     sequence: SequenceTable | None = None
     folder: Path = Field(default=Path("."), exclude=True)
+
+    @model_validator(mode="after")
+    def _one_frame(self) -> Shot:
+        if fault := self._frame_fault():
+            raise ValueError(fault)
+        return self
+
+    def _frame_fault(self) -> str | None:
+        """What contradicts that all lengths are in one frame: the ball's, or that of another source of the camera."""
+        ball, balls, asked = self.light.ball, self.light.balls or [], self.camera.of_ball
+        placed = [each.camera is not None for each in balls]
+        if asked is None:
+            if ball is not None and ball.centre is None:
+                return "light.ball.centre: missing; it is known only where the camera is found from the ball"
+            if not all(placed):
+                return f"light.balls.{placed.index(False)}.camera: missing; give where that camera stood, in metres"
+            return None
+        # The frame of the ball.
+        if self.camera.keyframes:
+            return "camera.keyframes: they move a pose; give [camera] pose"
+        if not (ball or asked.radius) or not (balls or asked.photograph or asked.rim):
+            return "camera: give one of grid, pose, lines and file, or ball = { photograph, radius }"
+        if ball is not None and asked.radius not in (None, ball.radius):
+            return f"camera.ball.radius is {asked.radius:g} and light.ball.radius {ball.radius:g}; give it once"
+        measured = (
+            "light.ball.centre" if ball and ball.centre else "light.balls.0.camera" if placed[:1] == [True] else ""
+        )
+        if measured and self.camera.ball is None:
+            return f"{measured}: in which frame? give one of grid, pose, lines and file as [camera], or leave it out"
+        if ball is not None and ball.centre is not None:
+            return "light.ball.centre: with camera.ball the ball stands at the origin; leave it out"
+        if placed[:1] == [True] and not (asked.photograph or asked.rim):
+            return "light.balls.0.camera: camera.ball says that the plate's camera took it; leave one of them out"
+        return None
+
+    @classmethod
+    def new(
+        cls,
+        path: str | Path | None,
+        *,
+        plate: Sequence[str | Path],
+        balls: Sequence[str | Path],
+        objects: Sequence[str | Path],
+        radius: float | None = None,
+        foot: tuple[float, float] | None = None,
+        force: bool = False,
+    ) -> Shot:
+        """The shortest useful shot, written as its file: camera and frame come from the ball's outline.
+
+        path : of the file, .toml, whose folder is made; None writes none
+        plate : its photographs, or one radiance map
+        balls : photographs of the ball where the objects shall stand, by the plate's camera from the plate's place;
+            every folder is a further view
+        objects : meshes, stood side by side in the ball's place; one that is not of a table's size gets one
+        radius : of the ball, metres; 0.05 unless given, with a warning: it sets the scale alone
+        foot : where a stand under the ball meets the table, x and y in pixels; the ball lies on the table unless given
+        force : whether another file of that name is replaced
+        Raises OutputNotWritten, UnreadableFile, ValueError.
+        """
+        file = Path("shot.toml") if path is None else Path(path)
+        named = [[Path(each) for each in paths] for paths in (plate, balls, objects)]
+        text = new_shot_text(file.parent, *named, radius, foot)
+        if path is not None:
+            write_new_shot(file, text, force)
+        table = tomllib.loads(text)
+        return checked(Shot, table, file, "shot file", InvalidShot).model_copy(update={"folder": file.parent})
+
+    def surfaces(self) -> list[LocalTable]:
+        """[[local]]; unless given one plane at 0, endless, or about the ball where the camera is found from it.
+
+        Of such a place nothing is measured: the plane ends where a table may, lest walls count as the table.
+        """
+        asked = self.camera.of_ball
+        if "local" in self.model_fields_set or asked is None:
+            return self.local
+        radius = asked.radius or (self.light.ball and self.light.ball.radius)
+        assert radius is not None  # _frame_fault
+        return [LocalTable(shape="plane", size=(TABLE * radius, TABLE * radius))]
 
     def with_render(self, *, samples: int | None = None, seed: int | None = None, noise: float | None = None) -> Shot:
         """The shot with other values in [render]; None keeps the file's. Raises pydantic's ValidationError."""

@@ -1,0 +1,94 @@
+"""What the user should know of an insertion's measurements, and how much each matters to the light."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+import numpy as np
+
+from relume.errors import Doubt
+from relume.image.radiance import BLACK, SATURATED
+from relume.project.insertion.photographs import Calibrated
+from relume.project.insertion.place import Place
+
+DARK = 0.03
+"""The reflectance of coal and of black velvet: hardly anything reflects less."""
+BRIGHT = 0.9
+"""The reflectance of white paper and of snow: hardly anything reflects more."""
+TWO_CAMERAS = 0.2
+"""By what share two cameras' scales differ, usually: their ISO and aperture are true to a quarter of a stop or so."""
+
+
+def doubts_on(calibrated: Calibrated, place: Place, matte_of_objects: np.ndarray | None) -> tuple[Doubt, ...]:
+    """What the user should know of the measurements.
+
+    matte_of_objects : None where there are no objects
+    """
+    return (
+        *calibrated.probe.notes, *_of_clipping(calibrated), *_of_surfaces(place), *_of_cameras(calibrated),
+        *([_unseen()] if matte_of_objects is not None and not matte_of_objects.any() else []),
+    )  # fmt: skip
+
+
+def _unseen() -> Doubt:
+    line = "no object is seen in the picture; are they in metres, and in the frame that the camera is in?"
+    return Doubt(line, 1.0)
+
+
+def _of_clipping(calibrated: Calibrated) -> Iterator[Doubt]:
+    plate, probe = calibrated.plate, calibrated.probe
+    if plate.clipped is not None and plate.clipped.any():
+        white, black = int((plate.clipped == SATURATED).sum()), int((plate.clipped == BLACK).sum())
+        single = calibrated.bracket is not None and len(calibrated.bracket.photographs) == 1
+        if white and single:
+            line = f"{white} pixels of the plate are white and stay so; what is seen through a shadow there is a guess"
+            yield Doubt(line, 0.1 * white / plate.clipped.size)
+        elif white:
+            # Of what is white the reflectance is not known; it matters where the objects shadow it.
+            yield Doubt(
+                f"{white} pixels of the plate are white in every photograph; take shorter exposures as well",
+                0.1 * white / plate.clipped.size,
+            )
+        if black and not single:
+            line = f"{black} pixels of the plate are black in every photograph; take longer exposures as well"
+            yield Doubt(line, 0.01 * black / plate.clipped.size)
+    if probe.clipped_solid_angle > 0:
+        yield Doubt(
+            f"{probe.clipped_solid_angle:.2g} sr of the light are saturated in every photograph: the light is a lower "
+            "bound there; add shorter exposures of the ball",
+            probe.share(SATURATED),
+        )
+
+
+def _of_surfaces(place: Place) -> Iterator[Doubt]:
+    recovered = place.recovered
+    if recovered is None:
+        return
+    yield from (Doubt(line) for line in recovered.notes)
+    for found in recovered.surfaces:
+        if found.measured is None:
+            continue
+        brightest = max(found.measured)
+        if brightest < DARK:
+            stops = np.log2(0.2 / max(brightest, 1e-6))
+            yield Doubt(
+                f"the surface reflects only {brightest:.2g} of the light that was measured, less than coal; "
+                f"the light is far too strong for the plate (are the exposures of both right?), by some {stops:.0f} "
+                "stops if the surface is a usual one",
+                DARK / max(brightest, 1e-6),
+            )
+        if brightest > 1:
+            yield Doubt(
+                f"the surface reflects {brightest:.2f} times the light that was measured; the light is too "
+                "weak (was the ball's reflectance given? were its lamps saturated?)",
+                brightest / BRIGHT - 1,
+            )
+
+
+def _of_cameras(calibrated: Calibrated) -> Iterator[Doubt]:
+    if len(calibrated.cameras) > 1 and calibrated.untied is None:
+        yield Doubt(
+            "plate and light come from different cameras: only their exposures tie their scales, to about half a stop; "
+            "give light.scale if the objects come out too dark or too bright",
+            TWO_CAMERAS,
+        )

@@ -1,0 +1,169 @@
+"""What the photographs of a shot show, in seconds: times, the board, the balls, the camera and where objects stand.
+
+Nothing is merged or rendered. Each ball is sought in one photograph of its bracket, made small: what the job itself
+finds is finer, and may fail where this does not, but seldom the other way round.
+"""
+
+from __future__ import annotations
+
+import warnings
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+import numpy as np
+
+from relume.capture.brackets.merging import BracketSource
+from relume.capture.exposure.bracket import Bracket
+from relume.capture.exposure.consistency import check
+from relume.errors import Doubt, doubt_of, ranked
+from relume.image import files
+from relume.image.photograph import Photograph
+from relume.image.radiance import RadianceMap
+from relume.probe.ball.silhouette import Outline, outline_through
+from relume.probe.ball.unwrapping import unwrap_ball
+from relume.probe.clipped_light import linear
+from relume.project.insertion.ball_camera import camera_of_ball
+from relume.project.insertion.photographs import read_photographs
+from relume.project.shot_file.camera_table import camera_fit
+from relume.project.shot_file.objects import doubts_about, placed_meshes
+from relume.project.shot_file.shot import Shot
+from relume.report.capture_report import seconds_in_words
+from relume.scene.cameras.fit import CameraFit
+
+SIDE = 1000
+"""Longer side, pixels, of the pictures in which balls are sought."""
+
+
+@dataclass(frozen=True, eq=False)
+class ShotCheck:
+    """What was found.
+
+    facts : by their names, for a person or a machine
+    doubts : what the user should know, what matters most first
+    """
+
+    facts: dict[str, object]
+    doubts: tuple[Doubt, ...]
+
+
+def check_shot(shot: Shot, *, progress: Callable[[str, float], None] = lambda step, share: None) -> ShotCheck:
+    """Read all that a shot names and say what is in it: what `insert` would use.
+
+    progress : called with the name of each step and the share of it that is done
+    Raises RelumeError for what `insert` would refuse of it.
+    """
+    found: list[Doubt] = []
+    facts: dict[str, object] = {}
+    with warnings.catch_warnings(record=True) as caught:
+        warnings.simplefilter("always", UserWarning)
+        # The photographs and their times.
+        progress("photographs", 0.0)
+        meshes = placed_meshes(shot)
+        photographs = read_photographs(shot)
+        plate = photographs.plate
+        facts["plate"] = "radiance map" if isinstance(plate, RadianceMap) else _times(plate)
+        for each in (plate, *photographs.balls):
+            if isinstance(each, Bracket) and len(each.photographs) > 1:
+                found += [doubt.ranked for doubt in check(each)]
+        progress("photographs", 1.0)
+
+        # The balls, each in one of its photographs.
+        progress("balls", 0.0)
+        seen = [_middle(source) for source in photographs.balls]
+        outlines = [None if each is None else _ball(each) for each in seen]
+        facts["balls"] = [
+            {
+                "photographs": _times(source),
+                "ball": "raws are looked at when they are merged" if o is None else _circle(o),
+            }
+            for source, o in zip(photographs.balls, outlines, strict=True)
+        ]
+        progress("balls", 1.0)
+
+        # The camera, and the objects in its frame.
+        progress("camera", 0.0)
+        size, focal_length, picture = _plate(plate)
+        fit = _camera(shot, size, focal_length, picture, seen, outlines)
+        if fit is not None:
+            facts["camera"] = {
+                "at": [round(float(v), 3) for v in fit.camera.position], "from": fit.agreement,
+                "focal length, pixels": round(fit.camera.focal_length, 1),
+            }  # fmt: skip
+            found += doubts_about(meshes, fit.camera, ())
+        progress("camera", 1.0)
+    facts["objects"] = {mesh.name: _extent(mesh.vertices) for mesh in meshes}
+    facts["pixels"], facts["samples"] = f"{size[0]} × {size[1]}", shot.render.samples
+    return ShotCheck(facts, ranked([*(doubt_of(each.message) for each in caught), *found]))
+
+
+def _times(source: BracketSource) -> dict[str, str]:
+    """The exposure of each photograph, by its name."""
+    if isinstance(source, Bracket):
+        known = [(photograph.name, photograph.exposure) for photograph in source.photographs]
+    else:
+        known = [(facts.name, facts.exposure) for facts in (files.read_facts(Path(str(path))) for path in source)]
+    return {Path(name).name: "unknown" if e is None else seconds_in_words(e.seconds) for name, e in known}
+
+
+def _middle(source: BracketSource) -> Photograph | None:
+    """The photograph whose middle value is nearest to half of white; None for raws."""
+    if not isinstance(source, Bracket):
+        return None
+    middles = [float(np.median(p.pixels[::8, ::8])) / np.iinfo(p.pixels.dtype).max for p in source.photographs]
+    return source.photographs[int(np.argmin(np.abs(np.array(middles) - 0.5)))]
+
+
+def _ball(photograph: Photograph) -> Outline:
+    """The ball's outline, sought in the photograph made small; raises BallNotFound."""
+    import cv2
+
+    scale = min(1.0, SIDE / max(photograph.size))
+    focal_length = photograph.focal_length
+    if scale < 1:
+        pixels = cv2.resize(photograph.pixels, None, fx=scale, fy=scale, interpolation=cv2.INTER_AREA)
+        photograph = replace(photograph, pixels=pixels, outside=None)
+    view = unwrap_ball(
+        linear(photograph), camera=np.array([0.0, 0.0, 1.0]), centre=np.zeros(3), radius=0.05,
+        focal_length=focal_length and focal_length * scale, name=photograph.name,
+    )  # fmt: skip
+    return outline_through(view.outline.points / scale)
+
+
+def _circle(outline: Outline) -> dict[str, float]:
+    x, y = outline.centre
+    return {"x": round(x, 1), "y": round(y, 1), "radius": round(outline.radius, 1)}
+
+
+def _plate(plate: BracketSource | RadianceMap) -> tuple[tuple[int, int], float | None, RadianceMap | None]:
+    """Size, focal length in pixels and a picture of the plate, where one is had without merging."""
+    if isinstance(plate, RadianceMap):
+        return plate.size, None, plate
+    if isinstance(plate, Bracket):
+        photograph = _middle(plate) or plate.photographs[0]
+        return photograph.size, photograph.focal_length, linear(photograph)
+    facts = files.read_facts(Path(str(plate[0])))
+    return facts.size, facts.focal_length, None
+
+
+def _camera(
+    shot: Shot, size: tuple[int, int], focal_length: float | None, plate: RadianceMap | None,
+    seen: Sequence[Photograph | None], outlines: Sequence[Outline | None],
+) -> CameraFit | None:  # fmt: skip
+    """The plate's camera, from whatever the shot has it from; None where raws would have to be merged for it."""
+    asked = shot.camera.of_ball
+    if asked is None:
+        return camera_fit(shot.camera, size, shot.folder, focal_length)
+    if plate is None or (seen and seen[0] is None):
+        return None
+    balls = [(each.name, linear(each)) for each in seen[:1] if each is not None]
+    return camera_of_ball(shot, asked, plate, focal_length, balls, outlines[0] if outlines else None).fit
+
+
+def _extent(points: np.ndarray) -> str:
+    across, up, along = np.ptp(points, axis=0).tolist()
+    low, high = points.min(0), points.max(0)
+    return (
+        f"{across:.3g} × {up:.3g} × {along:.3g} m, foot at {low[1]:.3g} m over ({(low[0] + high[0]) / 2:.3g}, "
+        f"{(low[2] + high[2]) / 2:.3g})"
+    )
