@@ -140,4 +140,5 @@ def test_a_lone_view_stays_as_it_is(front):
 def test_a_given_place_wrong_by_more_than_a_tape_measure_is_doubted(front):
     wrong = CENTRE + turned(OTHERS["a quarter turn"] - CENTRE, np.array([0.0, 1.0, 0.0]), 40.0)
     doubts = KnownPlaces()((front, view(OTHERS["a quarter turn"], given=wrong))).doubts
-    assert doubts and doubts[0] == "view 2 of the ball does not fit the first one; check where its camera stood"
+    assert doubts and doubts[0].wrong
+    assert doubts[0].line == "view 2 of the ball does not fit the first one; check where its camera stood"

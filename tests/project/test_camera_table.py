@@ -170,8 +170,11 @@ GRID = 'grid = { photograph = "g.jpg", squares = [9, 6], square = 0.03, %s }\n'
 @pytest.mark.parametrize(
     ("text", "message"),
     [
-        ("", "give one of grid, pose, lines and file"),
-        (POSE + 'file = "a.glb"', "give one of grid, pose, lines and file"),
+        (POSE + 'file = "a.glb"', "give one of grid, pose, lines, ball and file"),
+        (POSE + "ball = {}", "give one of grid, pose, lines, ball and file"),
+        ("ball = { pitch = 20, camera_height = 0.4 }", "both pitch and camera_height"),
+        ("ball = { raised = 0.1, foot = [3, 4] }", "both raised and foot"),
+        ("ball = { pitch = 90 }", "degrees that the camera looks down"),
         ('file = "a.glb"\nfocal_length = 3.0', "file holds the focal length and the centre; leave focal_length and"),
         ("gird = 3", "gird: unknown key; did you mean grid?"),
         (f"lines = {{ {LINES} }}", "lines: give one of length, upright and camera_height"),

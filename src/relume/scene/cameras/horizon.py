@@ -33,6 +33,8 @@ PRIOR = 0.15
 """What the prior weighs against the edges, as a share of their votes: enough to choose between rivals, no more."""
 LEAST_SHARE = 0.3
 """Share of the edges' length that must run along the three directions: chance gives about a fifth."""
+ROUNDS, STEP = 8, 1e-4
+"""Of the fit, and radians over which its slopes are taken."""
 RIVAL_APART = np.radians(6)
 """Two turns whose up differs by more are two answers."""
 LEAST_LEAD = 0.06
@@ -121,26 +123,33 @@ class _Edges:
         missed = np.minimum(np.minimum(across, along), np.abs(upright)[:, None])
         return self.weights @ np.maximum(1 - (missed / (2 * TOLERANCE)) ** 2, 0)
 
-    def deviation(self, turn: np.ndarray) -> float:
-        """Standard deviation of the pitch (radians) by how well the edges that agree do, at (pitch, roll, heading)."""
+    def fitted(self, turn: np.ndarray) -> tuple[np.ndarray, float]:
+        """The turn (pitch, roll, heading) fitted to the edges that agree with one, by least squares, and the standard
+        deviation of its pitch, radians."""
+        spread, curvature = np.pi, np.eye(3)
+        for _ in range(ROUNDS):
+            here = self._missed(turn)
+            nearest = np.argmin(np.abs(here), axis=1)
+            rows = np.flatnonzero(np.abs(here).min(1) < 2 * TOLERANCE)
+            if len(rows) < 3:
+                break
+            here, weight = here[rows, nearest[rows]], self.weights[rows] / self.weights[rows].sum()
+            slopes = np.stack(
+                [(self._missed(turn + STEP * e)[rows, nearest[rows]] - here) / STEP for e in np.eye(3)], axis=1
+            )
+            curvature = slopes.T @ (weight[:, None] * slopes)
+            turn = turn - np.linalg.pinv(curvature) @ (slopes.T @ (weight * here))
+            # Edges of one thing err together: a tenth of them count as independent.
+            spread = float(weight @ here**2) / max(len(rows) / 10 - 3, 1)
+        return turn, float(np.sqrt(np.linalg.pinv(curvature)[0, 0] * spread))
 
-        def misses(values: np.ndarray) -> np.ndarray:
-            pitch, roll, heading = values.tolist()
-            upright, first, second = _axes(pitch, roll)
-            across = np.cos(heading) * first + np.sin(heading) * second
-            along = np.cos(heading) * second - np.sin(heading) * first
-            return np.stack([self.normals @ axis for axis in (upright, across, along)], axis=1)
-
-        here = misses(turn)
-        nearest = np.argmin(np.abs(here), axis=1)
-        rows = np.flatnonzero(np.abs(here).min(1) < 2 * TOLERANCE)
-        here = here[rows, nearest[rows]]
-        step = 1e-4
-        slopes = [(misses(turn + step * e)[rows, nearest[rows]] - here) / step for e in np.eye(3)]
-        curvature = np.stack(slopes) @ np.stack(slopes).T
-        # Edges of one thing err together: a tenth of them count as independent.
-        spread = float(here @ here) / max(len(rows) / 10 - 3, 1)
-        return float(np.sqrt(np.linalg.pinv(curvature)[0, 0] * spread)) if len(rows) else float(np.pi)
+    def _missed(self, turn: np.ndarray) -> np.ndarray:
+        """(N, 3) by how much each edge misses each axis of a turn, radians, signed."""
+        pitch, roll, heading = turn.tolist()
+        upright, first, second = _axes(pitch, roll)
+        across = np.cos(heading) * first + np.sin(heading) * second
+        along = np.cos(heading) * second - np.sin(heading) * first
+        return np.stack([self.normals @ axis for axis in (upright, across, along)], axis=1)
 
 
 def _axes(pitch: float, roll: float) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
@@ -182,12 +191,12 @@ def horizon_of(segments: np.ndarray, lens: Camera) -> Horizon | None:
         return -float(found.fun), found.x
 
     score, turn = refined(tried[0])
+    turn, deviation = edges.fitted(turn)
     up = up_of(*turn[:2])
     others = [each for each in tried if angle_between(up, up_of(each[1], each[2])) > RIVAL_APART]
     share = float(edges.votes(turn[0], turn[1], turn[2:])[0])
     if share < LEAST_SHARE:
         return None
-    deviation = edges.deviation(turn)
     if others:
         rival, other = refined(others[0])
         apart = float(angle_between(up, up_of(*other[:2])))

@@ -21,6 +21,8 @@ from relume.sphere.directions import normalised
 
 LEAST_ABOVE = 0.05
 """Radii above the table below which no camera stands: its lens has a size."""
+SMALLEST = 1e-8
+"""Of 1 − cos α: a ball of a hundredth of a degree is a pixel."""
 OVERHEAD = 1e-3
 """Radians from straight down within which "towards the camera" is taken from the photograph's lower edge."""
 
@@ -48,7 +50,7 @@ def ball_in_view(rim: np.ndarray, lens: Camera) -> BallInView:
     # Linear in m = axis ∕ cos α: d·m = 1 on every ray.
     m, *_ = np.linalg.lstsq(rays, np.ones(len(rays)), rcond=None)
     cosine = 1 / max(float(np.linalg.norm(m)), 1e-12)
-    if not np.isfinite(m).all() or not 0 < cosine < 1:
+    if not np.isfinite(m).all() or not 0 < cosine < 1 - SMALLEST:
         raise BallNotFound("the rim of the ball fits no ball in front of the camera; is the focal length right?")
     sine = float(np.sqrt(1 - cosine**2))
     return BallInView(normalised(m) / sine, float(np.arcsin(sine)))

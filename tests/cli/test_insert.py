@@ -1,0 +1,104 @@
+"""`relume insert`: a shot in words, stages as they run, a look in seconds, and which doubts end with which code."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+
+from command_line import printed, refused, reported
+from relume.cli.console import OutputOptions, finish, progress
+from relume.errors import Doubt, DoubtfulResult, ranked
+
+ROOM = Path(__file__).parents[2] / "examples" / "room"
+OBJECT = ROOM / "objects" / "cube_gold.glb"
+
+
+def test_a_dry_run_looks_at_the_board_the_balls_and_the_times(tmp_path, capsys):
+    facts = reported(["insert", ROOM / "shot.toml", "-o", tmp_path / "out", "--dry-run"], capsys)
+    assert facts["plate"] == {
+        "IMG_0001.jpg": "1/4 s",
+        "IMG_0002.jpg": "1 s",
+        "IMG_0003.jpg": "4 s",
+        "IMG_0004.jpg": "16 s",
+    }
+    assert [ball["ball"]["radius"] for ball in facts["balls"]] == pytest.approx([296, 296], rel=0.01)
+    assert facts["camera"]["at"] == pytest.approx([0.25, 0.55, 1.15], abs=0.004)
+    assert "points, off by" in facts["camera"]["from"] and facts["pixels"] == "768 × 512"
+    assert any("0.2" in size for size in facts["objects"].values()) and not (tmp_path / "out").exists()
+
+
+def test_a_shot_in_words_is_looked_at_without_being_written(tmp_path, capsys):
+    plates, balls = sorted((ROOM / "plate").glob("*.jpg")), sorted((ROOM / "ball_0").glob("*.jpg"))
+    words = ["insert", "--plate", *plates, "--ball", *balls, "--object", OBJECT, "-o", tmp_path / "out", "--dry-run"]
+    said = printed([*words, "-v"], capsys)
+    # This ball was photographed by another camera from another place, so its place in the plate is guessed.
+    assert "where the ball stood in the plate is not known" in said.err and "radius was not given" in said.err
+    assert not (tmp_path / "out").exists()
+    stages = [line for line in said.err.splitlines() if line.startswith(("relume: balls", "relume: camera "))]
+    assert stages[0] == "relume: balls …" and stages[1].endswith(" s")
+
+
+def test_two_ways_to_say_a_shot_and_none_are_refused(tmp_path, capsys):
+    assert "no shot; give a shot file, or --plate" in refused(["insert", "-o", tmp_path], capsys)
+    words = ["insert", ROOM / "shot.toml", "--radius", "0.05", "-o", tmp_path]
+    assert "--radius and the shot file" in refused(words, capsys)
+    assert "no ball was given" in refused(["insert", "--plate", OBJECT, "--object", OBJECT, "-o", tmp_path], capsys)
+    (tmp_path / "shot.toml").write_text("# mine\n")
+    plate = sorted((ROOM / "plate").glob("*.jpg"))[0]
+    words = ["insert", "--plate", plate, "--ball", plate, "--object", OBJECT, "--radius", "0.05", "-o", tmp_path]
+    assert "--force" in refused(words, capsys, 3) and (tmp_path / "shot.toml").read_text() == "# mine\n"
+
+
+LITTLE, MORE, WRONG, UNKNOWN = Doubt("little", 0.01), Doubt("more", 0.12), Doubt("wrong", 0.4), Doubt("unknown")
+
+
+def ended(capsys, *doubts: Doubt, accept: bool = False, **output: bool) -> tuple[list[str], str | None]:
+    """The notes that `finish` printed, and the message it raised."""
+    raised = None
+    try:
+        finish(OutputOptions(**output), doubts, accept=accept, rest=Path("out/report.html"))
+    except DoubtfulResult as error:
+        raised = str(error)
+    return [line.removeprefix("relume: note: ") for line in capsys.readouterr().err.splitlines()], raised
+
+
+def test_the_two_doubts_that_matter_are_said_and_the_rest_counted(capsys):
+    notes, raised = ended(capsys, LITTLE, UNKNOWN, MORE, Doubt("more", 0.05))
+    assert notes == [
+        "more [about 10 % of the light]",
+        "unknown",
+        "1 lesser doubt: out/report.html has them, and -v shows them",
+    ]
+    assert raised is None
+    assert ended(capsys, LITTLE, UNKNOWN, MORE, verbose=True)[0][-1] == "little [about 1 % of the light]"
+    assert ended(capsys, LITTLE, UNKNOWN, MORE, quiet=True) == ([], None)
+
+
+def test_what_makes_the_result_wrong_ends_with_4_unless_accepted(capsys):
+    notes, raised = ended(capsys, WRONG)
+    assert notes == [] and raised is not None and raised.startswith("wrong [about 40 % of the light] (all was written;")
+    notes, raised = ended(capsys, WRONG, MORE, LITTLE)
+    assert len(notes) == 3 and raised is not None and raised.startswith("wrong")
+    notes, raised = ended(capsys, WRONG, MORE, accept=True)
+    assert len(notes) == 2 and raised is None
+    _, raised = ended(capsys, WRONG, Doubt("worse", 2.0), quiet=True)
+    assert raised is not None and raised.startswith("2 doubts: worse [more than 100 % of the light] | wrong")
+    assert ended(capsys, Doubt("just below", 0.2499))[1] is None
+
+
+def test_doubts_are_ranked_by_their_effect_and_each_stands_once():
+    assert [each.line for each in ranked([UNKNOWN, LITTLE, Doubt("wrong", 0.1), WRONG, MORE])] == [
+        "wrong", "more", "unknown", "little",
+    ]  # fmt: skip
+
+
+def test_stages_are_printed_with_their_seconds(capsys):
+    with progress(OutputOptions(verbose=True)) as report:
+        for stage, share in (("plate", 0.0), ("plate", 1.0), ("plate", 1.0), ("render", 0.0), ("render", 0.4)):
+            report(stage, share)
+    lines = capsys.readouterr().err.splitlines()
+    assert lines[0] == "relume: plate …" and lines[1] == "relume: plate: 0.0 s" and lines[2:] == ["relume: render …"]
+    with progress(OutputOptions(verbose=True, quiet=True)) as report:
+        report("plate", 0.0)
+    assert capsys.readouterr().err == ""

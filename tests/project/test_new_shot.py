@@ -1,0 +1,99 @@
+"""The shortest shot file as it is written: what it holds, what it guesses, and that it replaces nothing unasked."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from relume.errors import OutputNotWritten, UnreadableFile
+from relume.image import files
+from relume.image.photograph import Photograph
+from relume.project.shot_file.objects import placed_meshes
+from relume.project.shot_file.shot import Shot, read_shot
+
+OBJECTS = Path(__file__).parents[2] / "examples/room/objects"
+CUBE, MONKEY = OBJECTS / "cube_gold.glb", OBJECTS / "suzanne_plastic.glb"
+
+
+@pytest.fixture
+def place(tmp_path: Path) -> Path:
+    """Photographs of nothing: only their names matter here."""
+    for name in ("plate.jpg", "ball [1]/a.jpg", "ball [1]/b.jpg", "side/c.jpg"):
+        (tmp_path / name).parent.mkdir(exist_ok=True)
+        files.write(tmp_path / name, Photograph(np.full((8, 8, 3), 99, np.uint8)))
+    return tmp_path
+
+
+def new(place: Path, path: Path | None, *objects: Path, **more: object) -> Shot:
+    balls = [place / "ball [1]/a.jpg", place / "ball [1]/b.jpg", place / "side"]
+    return Shot.new(path, plate=[place / "plate.jpg"], balls=balls, objects=objects or [CUBE], radius=0.06, **more)  # pyright: ignore
+
+
+def test_what_is_written_is_read_and_names_every_file(place: Path) -> None:
+    shot = new(place, place / "out" / "shot.toml")
+    assert shot == read_shot(place / "out" / "shot.toml") and shot.light.ball is not None
+    assert shot.light.ball.radius == 0.06 and shot.camera.of_ball is not None
+    # Every folder is a view; brackets in names are no pattern.
+    views = [[path.name for path in shot.files(ball.photographs)] for ball in shot.light.balls or []]
+    assert views == [["c.jpg"], ["a.jpg", "b.jpg"]] or views == [["a.jpg", "b.jpg"], ["c.jpg"]]
+    assert views[0] == ["a.jpg", "b.jpg"]
+    assert [path.resolve() for path in shot.files(shot.plate.photographs)] == [place / "plate.jpg"]
+    lines = (place / "out" / "shot.toml").read_text().splitlines()
+    assert sum(bool(line.strip()) and not line.startswith("#") for line in lines) <= 8
+
+
+def test_nothing_is_written_without_a_path(place: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.chdir(place)
+    shot = new(place, None, foot=(3.0, 4.0))
+    assert shot.camera.ball is not None and shot.camera.ball.foot == (3, 4)
+    assert not (place / "shot.toml").exists() and shot.files(shot.plate.photographs)[0].is_file()
+
+
+def test_another_file_is_not_replaced_unasked(place: Path) -> None:
+    path = place / "shot.toml"
+    new(place, path)
+    kept = path.stat().st_mtime_ns
+    new(place, path)  # the same again, as when a command is repeated
+    assert path.stat().st_mtime_ns == kept
+    path.write_text(path.read_text() + "# mine\n")
+    with pytest.raises(OutputNotWritten, match=r"shot\.toml is there and says something else; .*--force"):
+        new(place, path)
+    assert path.read_text().endswith("# mine\n")
+    new(place, path, force=True)
+    assert not path.read_text().endswith("# mine\n")
+
+
+def test_objects_stand_side_by_side_and_those_of_no_table_get_a_size(place: Path) -> None:
+    shot = new(place, place / "shot.toml", CUBE, MONKEY, CUBE)
+    left, middle, right = placed_meshes(shot)
+    assert left.vertices[:, 0].max() < middle.vertices[:, 0].min() < right.vertices[:, 0].min()
+    assert left.vertices[:, 0].min() == pytest.approx(-right.vertices[:, 0].max(), abs=2e-3)
+    assert all(mesh.vertices[:, 1].min() == 0 for mesh in (left, middle, right))
+    # A cube of two units, in what its file calls metres.
+    corners = [f"v {x} {y} {z}" for x in (-1, 1) for y in (-1, 1) for z in (-1, 1)]
+    (place / "cube.obj").write_text("\n".join([*corners, "f 1 2 4 3", "f 5 7 8 6", "f 1 5 6 2", "f 3 4 8 7"]) + "\n")
+    (mesh,) = placed_meshes(new(place, None, place / "cube.obj"))
+    assert np.ptp(mesh.vertices, axis=0).max() == pytest.approx(4 * 0.06, rel=1e-5)
+    assert (
+        Shot.new(None, plate=[place / "plate.jpg"], balls=[place / "side"], objects=[CUBE], radius=0.06).objects[0].size
+        is None
+    )
+
+
+def test_a_radius_that_is_guessed_is_said(place: Path) -> None:
+    with pytest.warns(UserWarning, match=r"radius was not given, and 0\.05 m are taken"):
+        shot = Shot.new(place / "s.toml", plate=[place / "plate.jpg"], balls=[place / "side"], objects=[CUBE])
+    assert shot.light.ball is not None and shot.light.ball.radius == 0.05
+    assert "a guess" in (place / "s.toml").read_text()
+
+
+def test_what_is_not_there_is_refused(place: Path) -> None:
+    with pytest.raises(UnreadableFile, match=r"nobody\.glb"):
+        new(place, place / "shot.toml", place / "nobody.glb")
+    with pytest.raises(ValueError, match="no plate was given"):
+        Shot.new(None, plate=[], balls=[place / "side"], objects=[CUBE])
+    with pytest.raises(ValueError, match="radius is -1"):
+        Shot.new(None, plate=[place / "plate.jpg"], balls=[place / "side"], objects=[CUBE], radius=-1.0)
+    assert not (place / "shot.toml").exists()
