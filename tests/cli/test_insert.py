@@ -68,7 +68,7 @@ def test_the_two_doubts_that_matter_are_said_and_the_rest_counted(capsys):
     assert notes == [
         "more [about 10 % of the light]",
         "unknown",
-        "1 lesser doubt: out/report.html has them, and -v shows them",
+        "1 lesser doubt: out/report.html has it, and -v shows it",
     ]
     assert raised is None
     assert ended(capsys, LITTLE, UNKNOWN, MORE, verbose=True)[0][-1] == "little [about 1 % of the light]"

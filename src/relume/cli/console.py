@@ -128,8 +128,9 @@ def finish(
     if len(shown) > 1 or not refused:
         note(output, *(words[each] for each in shown))
     if hidden := len(found) - len(shown):
-        where = "-v shows them" if rest is None else f"{rest} has them, and -v shows them"
-        note(output, f"{hidden} lesser {'doubt' if hidden == 1 else 'doubts'}: {where}")
+        what, them = ("doubt", "it") if hidden == 1 else ("doubts", "them")
+        where = f"-v shows {them}" if rest is None else f"{rest} has {them}, and -v shows {them}"
+        note(output, f"{hidden} lesser {what}: {where}")
     if not refused:
         return
     line = words[wrong[0]]

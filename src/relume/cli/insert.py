@@ -120,6 +120,7 @@ def insert(
             found = _sequence(table, out, output, threads, restart)
         else:
             found = inserted(table, out, output, threads, restart)
+        # What of it to doubt.
         finish(output, [*doubts, *found], accept=accept or dry_run, rest=None if dry_run else out / "report.html")
 
 
