@@ -22,21 +22,18 @@ from relume.image.files.signatures import kind_of
 from relume.image.photograph import Exposure
 from relume.image.radiance import RadianceMap
 from relume.image.response import Response
-from relume.probe.ball.blending import Probe, blend_views
-from relume.probe.ball.registration import KnownPlaces, UnknownPlaces
-from relume.probe.ball.unwrapping import BallView, unwrap_ball
+from relume.probe.ball.blending import Probe
 from relume.probe.ball.view_files import on_one_frame
 from relume.project.insertion.ball_camera import BallCamera, camera_of_ball
+from relume.project.insertion.ball_light import blended
 from relume.project.insertion.single_plate import assumed_response, is_single, merge_single, read_single, why_untied
-from relume.project.insertion.slips import held_to_tape, other_time_or_place, require_measures
+from relume.project.insertion.slips import other_time_or_place, require_measures
 from relume.project.shot_file.shot import MergeTable, Shot
 from relume.project.stages import Steps
 from relume.sphere.environment_files import as_environment
 
 PLOTTED = 2000
 """Observations of a response that are kept, for its plot."""
-FEWEST = 0.01
-"""Share of a ball's picture that has to be measured."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -185,7 +182,7 @@ def calibrate(shot: Shot, photographs: Photographs, steps: Steps) -> Calibrated:
             sources, [table.model_dump() for table in shot.light.balls or ()], ball and ball.model_dump(),
             shot.light.size, stood and stood.fit.camera,
         ]  # fmt: skip
-        probe = steps.keep("light", made_from, lambda: _blended(shot, merged()[0][views], stood))
+        probe = steps.keep("light", made_from, lambda: blended(shot, merged()[0][views], stood))
 
     untied = _why_untied(shot, photographs)
     if untied is not None and radiance.unit != probe.light.unit:
@@ -381,39 +378,3 @@ def _for_plot(camera: MergedCamera) -> MergedCamera:
         return camera
     red, green, blue = (each[:: max(1, len(each) // PLOTTED)] for each in camera.calibration.samples)
     return replace(camera, calibration=replace(camera.calibration, samples=(red, green, blue)))
-
-
-def _blended(shot: Shot, merged: Sequence[MergedBracket], stood: BallCamera | None) -> Probe:
-    """The views of the ball, unwrapped and blended.
-
-    stood : the plate's camera, where it was found from the ball: it took the views of which no other place is given
-    """
-    ball, tables = shot.light.ball, shot.light.balls or ()
-    if ball is None or not tables:
-        raise InvalidShot("light: balls and ball are both needed")
-    views: list[BallView] = []
-    for index, (table, bracket) in enumerate(zip(tables, merged, strict=True)):
-        picture = bracket.picture
-        if picture.clipped is not None and (picture.clipped == 0).mean() < FEWEST:
-            raise NotABracket(f"{bracket.name}: almost nothing is measured; add longer and shorter exposures")
-        reflectance = np.array(ball.reflectance, np.float32)
-        picture = RadianceMap(picture.radiance / reflectance, None, picture.clipped, picture.unit)
-        centre = ball.centre if stood is None else stood.centre
-        place, focal_length, outline = table.camera, table.focal_length or bracket.focal_length, None
-        if place is None and stood is not None:
-            place = stood.fit.camera.position
-            # The plate's own lens where the plate's camera took it; of a crop the EXIF's is that of the whole.
-            outline = stood.outline if not views else None
-            if not views:
-                focal_length = table.focal_length if outline is None else stood.fit.camera.focal_length
-        view = unwrap_ball(
-            picture, camera=np.array(place), centre=np.array(centre), focal_length=focal_length,
-            radius=ball.radius, outline=outline, name=bracket.name,
-        )  # fmt: skip
-        if outline is not None and stood is not None:
-            view = stood.turned(view)
-        elif focal_length is not None and table.camera is not None and ball.centre is not None:
-            view = held_to_tape(view, index, table, ball)
-        views.append(view)
-    known = all(table.camera is not None for table in tables[1:])
-    return blend_views(views, size=shot.light.size, registration=KnownPlaces() if known else UnknownPlaces())

@@ -1,0 +1,56 @@
+"""The light of a shot from its photographs of the ball: views unwrapped where their cameras stood, and blended."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from relume.capture.brackets.result import MergedBracket
+from relume.errors import InvalidShot, NotABracket
+from relume.image.radiance import RadianceMap
+from relume.probe.ball.blending import Probe, blend_views
+from relume.probe.ball.registration import KnownPlaces, UnknownPlaces
+from relume.probe.ball.unwrapping import BallView, unwrap_ball
+from relume.project.insertion.ball_camera import BallCamera
+from relume.project.insertion.slips import held_to_tape
+from relume.project.shot_file.shot import Shot
+
+FEWEST = 0.01
+"""Share of a ball's picture that has to be measured."""
+
+
+def blended(shot: Shot, merged: Sequence[MergedBracket], stood: BallCamera | None) -> Probe:
+    """The views of the ball, unwrapped and blended.
+
+    stood : the plate's camera, where it was found from the ball: it took the views of which no other place is given
+    """
+    ball, tables = shot.light.ball, shot.light.balls or ()
+    if ball is None or not tables:
+        raise InvalidShot("light: balls and ball are both needed")
+    views: list[BallView] = []
+    for index, (table, bracket) in enumerate(zip(tables, merged, strict=True)):
+        picture = bracket.picture
+        if picture.clipped is not None and (picture.clipped == 0).mean() < FEWEST:
+            raise NotABracket(f"{bracket.name}: almost nothing is measured; add longer and shorter exposures")
+        reflectance = np.array(ball.reflectance, np.float32)
+        picture = RadianceMap(picture.radiance / reflectance, None, picture.clipped, picture.unit)
+        centre = ball.centre if stood is None else stood.centre
+        place, focal_length, outline = table.camera, table.focal_length or bracket.focal_length, None
+        if place is None and stood is not None:
+            place = stood.fit.camera.position
+            # The plate's own lens where the plate's camera took it; of a crop the EXIF's is that of the whole.
+            outline = stood.outline if not views else None
+            if not views:
+                focal_length = table.focal_length if outline is None else stood.fit.camera.focal_length
+        view = unwrap_ball(
+            picture, camera=np.array(place), centre=np.array(centre), focal_length=focal_length,
+            radius=ball.radius, outline=outline, name=bracket.name,
+        )  # fmt: skip
+        if outline is not None and stood is not None:
+            view = stood.turned(view)
+        elif focal_length is not None and table.camera is not None and ball.centre is not None:
+            view = held_to_tape(view, index, table, ball)
+        views.append(view)
+    known = all(table.camera is not None for table in tables[1:])
+    return blend_views(views, size=shot.light.size, registration=KnownPlaces() if known else UnknownPlaces())
