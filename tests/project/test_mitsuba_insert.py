@@ -19,6 +19,7 @@ from relume.export.shot_files import SHOT_FORMATS
 from relume.image.files import read_radiance, write
 from relume.image.photograph import Photograph
 from relume.image.radiance import RadianceMap
+from relume.project.insertion import render_change, render_tiles
 from relume.project.insertion.insert import insert
 from relume.project.insertion.outcome import Inserted
 from relume.project.shot_file.shot import Shot, read_shot
@@ -199,3 +200,22 @@ def test_a_render_that_was_interrupted_goes_on_to_the_same_bits(tmp_path: Path) 
     assert np.array_equal(read_radiance(out / "composite.exr").radiance, straight.composite)
     layers = [(folder / "layers.exr").read_bytes() for folder in (out, tmp_path / "straight")]
     assert layers[0] == layers[1]
+
+
+def test_a_large_plate_is_rendered_in_tiles_and_leaves_none_behind(
+    made: tuple[Shot, Path, Inserted], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    shot, _, whole = made
+    for name, value in {"VIEWED": 1000, "SIDE": 24, "BORDER": 4, "PILOT": 300}.items():
+        monkeypatch.setattr(render_tiles, name, value)
+    seen: list[tuple[int, ...]] = []
+    monkeypatch.setattr(render_change.Previews, "show", lambda self, change: seen.append(change.matte.shape))
+    tiled = insert(changed(shot, "render", preview=True, denoise=True), tmp_path / "out")
+    # The first picture is a small one; what is not covered or changed stays the plate to the bit.
+    assert seen == [(15, 20)]
+    same = (tiled.change.matte == 0) & np.all(tiled.change.difference == 0, axis=-1)
+    assert same.any() and np.array_equal(tiled.composite[same], tiled.plate.radiance[same])
+    assert np.abs(tiled.change.matte - whole.change.matte).mean() < 0.02
+    assert tiled.change.objects.sum() == pytest.approx(whole.change.objects.sum(), rel=0.1)
+    assert tiled.change.samples < whole.change.samples
+    assert not [path.name for path in (tmp_path / "out/stages").iterdir() if "tile" in path.name]

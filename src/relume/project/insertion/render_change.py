@@ -13,13 +13,14 @@ from relume.image import files
 from relume.image.radiance import RadianceMap
 from relume.project.insertion.photographs import Calibrated
 from relume.project.insertion.place import Place
+from relume.project.insertion.render_tiles import change_in_tiles, forget_tiles, is_large
 from relume.project.shot_file.objects import placed_meshes
 from relume.project.shot_file.shot import Shot
-from relume.project.stages import Steps
+from relume.project.stages import Stages, Steps
 from relume.renderers.mitsuba.differential import Differential
 from relume.renderers.progressive.accumulation import RenderSession, forget
 from relume.renderers.progressive.convergence import Sums
-from relume.renderers.progressive.fingerprint import without_threads
+from relume.renderers.progressive.fingerprint import fingerprint, without_threads
 from relume.renderers.progressive.graceful_shutdown import HardStop
 from relume.renderers.renderer import Moments, Renderer
 from relume.renderers.results import Change
@@ -105,14 +106,31 @@ def render_change(
             force=rendering.force,
         )  # fmt: skip
 
-        def trace(watch: RenderSession) -> Change:
-            return renderer.change(
-                scene, place.camera, seed=table.seed, progress=lambda share: steps.progress("render", share),
-                watch=watch, plate=plate.radiance, moments=moments,
-                shutter=Shutter(0.0, 0.0) if motion is None else motion.shutter,
-            )  # fmt: skip
+        shutter = Shutter(0.0, 0.0) if motion is None else motion.shutter
 
-        # Render, from the saved state where it is of this render; denoise.
+        def report(share: float) -> None:
+            steps.progress("render", share)
+
+        def finish(change: Change) -> Change:
+            if not table.denoise:
+                return change
+            from relume.renderers.mitsuba.denoise import denoised
+
+            return denoised(change)
+
+        def trace(watch: RenderSession) -> Change:
+            if is_large(place.camera) and isinstance(renderer, Differential):
+                return change_in_tiles(
+                    renderer, scene, place.camera, plate.radiance, seed=table.seed, made_from=fingerprint(made_from),
+                    stages=Stages(folder), watch=watch, finish=finish,
+                    first=previews.show if table.preview else None, progress=report, moments=moments, shutter=shutter,
+                )  # fmt: skip
+            return finish(renderer.change(
+                scene, place.camera, seed=table.seed, progress=report, watch=watch, plate=plate.radiance,
+                moments=moments, shutter=shutter,
+            ))  # fmt: skip
+
+        # Render, from the saved state where it is of this render.
         try:
             change = trace(watch)
         except CannotResume as error:
@@ -121,14 +139,11 @@ def render_change(
             change = trace(RenderSession(watch.checkpoint, True, preview=watch.preview, force=rendering.force))
         forget(watch)
         previews.remove()
-        if not table.denoise:
-            return change
-        from relume.renderers.mitsuba.denoise import denoised
-
-        return denoised(change)
+        return change
 
     # Things from light stages show their own pixels.
     change = steps.keep("render", made_from, make)
+    forget_tiles(steps.stages)
     if any(each.stage is not None for each in shot.objects):
         from relume.project.insertion.light_stage_objects import with_stages
 
@@ -158,9 +173,20 @@ class Previews:
 
     def __call__(self, sums: Sums) -> None:
         """Write them; a full disk costs the preview, with a warning, and not the render."""
-        matte = sums.mean("matte")[..., None]
-        composite = self.plate.radiance * (1 - matte) + sums.mean("difference") + sums.mean("objects")
-        composite = np.asarray(composite, np.float32)
+        self._write(self.plate.radiance, *(sums.mean(name) for name in ("objects", "difference", "matte")))
+
+    def show(self, change: Change) -> None:
+        """Write them of a change that was rendered smaller than the plate, at that size."""
+        height, width = change.matte.shape
+        rows, columns = (
+            (np.arange(few) + 0.5) * many / few
+            for few, many in zip((height, width), self.plate.radiance.shape, strict=False)
+        )
+        plate = self.plate.radiance[np.ix_(rows.astype(int), columns.astype(int))]
+        self._write(plate, change.objects, change.difference, change.matte)
+
+    def _write(self, plate: np.ndarray, objects: np.ndarray, difference: np.ndarray, matte: np.ndarray) -> None:
+        composite = np.asarray(plate * (1 - matte[..., None]) + difference + objects, np.float32)
         try:
             files.write(self.folder / "preview.exr", RadianceMap(composite, unit=self.plate.unit))
             files.write(self.folder / "preview.png", develop(composite, self.film))

@@ -9,6 +9,7 @@ objects, beside the light's and the surface's own, weighed by the balance heuris
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
+from typing import Any
 
 import numpy as np
 
@@ -66,6 +67,7 @@ class Differential(PathTracing):
         plate: np.ndarray | None = None,
         moments: Moments | None = None,
         shutter: Shutter = Shutter(0.0, 0.0),
+        prepared: Any = None,
     ) -> Change:
         """What the scene's objects change of what the camera sees.
 
@@ -73,6 +75,7 @@ class Differential(PathTracing):
         moments : the scene and the camera at each moment of the exposure, where something moves; `scene` and `camera`
             are those in its middle
         shutter : which moments
+        prepared : the scene as `prepare` made it ready; made ready here unless given
 
         Raises UnsupportedScene naming what cannot be shaded, ValueError for objects outside the distant scene.
         """
@@ -91,7 +94,7 @@ class Differential(PathTracing):
             full = max(self.samples // samples, 2)
             even, passes, share = _spread_of(full, samples, camera) if moments is None else (full, full, 1.0)
             backdrop = np.zeros((camera.height, camera.width, 3)) if plate is None else plate
-            still = Estimator(scene, camera, self.depth)
+            still = Estimator(scene, camera, self.depth) if prepared is None else prepared.seeing(camera)
             times = shutter.times(passes, seed) if moments is not None else np.zeros(passes)
             at = {pass_seed(seed, index): float(time) for index, time in enumerate(times)}
 
@@ -130,6 +133,17 @@ class Differential(PathTracing):
             samples=samples * (sums.passes if sums.counts is None else int(sums.counts.mean())),
             passes=sums.passes,
         )
+
+    def prepare(self, scene: Scene, camera: Camera) -> Any:
+        """A scene made ready once, for the changes of many parts of a picture; None where that saves nothing."""
+        if not scene.objects or why_not(scene) is not None:
+            return None
+        with _mitsuba(self.variant, self.threads) as mi:
+            if "_ad_" not in mi.variant():
+                return None
+            from relume.renderers.mitsuba.transport.estimator import Estimator
+
+            return Estimator(scene, camera, self.depth)
 
     def _key(
         self, scene: Scene, camera: Camera, seed: int, plate: np.ndarray | None, moments: Moments | None,

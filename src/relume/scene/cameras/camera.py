@@ -77,6 +77,11 @@ class Camera:
             centre = (x * scale, height / 2 + (y - self.height / 2) * scale)
         return replace(self, width=width, height=height, focal_length=self.focal_length * scale, centre=centre)
 
+    def window(self, left: int, top: int, width: int, height: int) -> Camera:
+        """What these pixels of the picture show, as a picture of its own: the same place, lens and size of pixels."""
+        across, down = self.principal_point
+        return replace(self, width=width, height=height, centre=(across - left, down - top))
+
     def rays(self) -> np.ndarray:
         """Unit directions (H, W, 3), world, through the pixel centres."""
         x, y = np.arange(self.width) + 0.5, np.arange(self.height) + 0.5

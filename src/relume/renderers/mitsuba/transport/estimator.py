@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from copy import copy
 from typing import Any
 
 import drjit as dr
@@ -67,6 +68,12 @@ class Estimator:
         # What is level never meets itself, in however many pieces: no path goes on without the objects.
         heights = [_corners(shape)[:, 1] for shape in scene.local]
         self.alone = not heights or float(np.ptp(np.concatenate(heights))) == 0
+
+    def seeing(self, camera: Camera) -> Estimator:
+        """The same scene, seen by another camera."""
+        other = copy(self)
+        other.camera, other.lens = camera, Lens(camera)
+        return other
 
     def traced(self, samples: int, seed: int, chosen: np.ndarray | None = None) -> Planes:
         """The planes objects, difference, taken (the part of it below 0) and matte of so many samples a pixel.

@@ -1,0 +1,100 @@
+"""What a large plate costs: seconds, memory, and noise in the picture that is looked at, beside the room at its size.
+
+    python benchmarks/large_plates.py [megapixels …]        # 24 and 48 unless given
+
+The room of examples/room at light at infinity with its five objects, denoised; the plate is the model's own picture of
+the table, even. Each size runs in a process of its own, whose peak of memory it is. Noise is that of a second seed: the
+mean absolute difference of two denoised changes, both shrunk to the room's own size, over the mean radiance where they
+change anything. "First" is when the small render was there to look at.
+"""
+
+from __future__ import annotations
+
+import json
+import resource
+import subprocess
+import sys
+import tempfile
+import time
+from pathlib import Path
+
+import numpy as np
+from insert_scenes import REFLECTANCE, room
+
+from relume.project.insertion.render_tiles import change_in_tiles, is_large
+from relume.project.stages import Stages
+from relume.renderers.mitsuba.denoise import denoised
+from relume.renderers.mitsuba.differential import Differential
+from relume.renderers.progressive.accumulation import NO_SESSION
+from relume.renderers.results import Change
+
+SAMPLES = 64
+OWN = 768
+"""Pixels across of examples/room."""
+
+
+def rendered(across: int, seed: int) -> tuple[Change, np.ndarray, float, float]:
+    """The change, the plate, and the seconds until it was there and until there was something to look at."""
+    scene, camera = room(across)
+    level = np.pi / 4 * scene.light.total() / np.pi * REFLECTANCE
+    plate = np.broadcast_to(level.astype(np.float32), (camera.height, camera.width, 3))
+    seen: list[float] = []
+    start, spent = time.perf_counter(), time.process_time()
+    renderer = Differential(SAMPLES)
+    if not is_large(camera):
+        change = denoised(renderer.change(scene, camera, seed=seed, plate=plate))
+    else:
+        with tempfile.TemporaryDirectory() as folder:
+            change = change_in_tiles(
+                renderer, scene, camera, plate, seed=seed, made_from="", stages=Stages(Path(folder)), watch=NO_SESSION,
+                finish=denoised,
+                first=lambda small: seen.append(time.perf_counter() - start), progress=lambda share: None,
+            )  # fmt: skip
+    taken = time.perf_counter() - start
+    print(f"processor {time.process_time() - spent:.0f} s", file=sys.stderr)
+    return change, plate, taken, seen[0] if seen else taken
+
+
+def shrunk(picture: np.ndarray, across: int) -> np.ndarray:
+    """Means over whole squares of pixels, about so many across."""
+    step = picture.shape[1] // across
+    rows, columns = (length // step for length in picture.shape[:2])
+    return picture[: rows * step, : columns * step].reshape(rows, step, columns, step, -1).mean((1, 3))
+
+
+def measured(across: int, seed: int, path: str) -> None:
+    """One render in this process; the picture's change as it is looked at goes to `path`."""
+    change, plate, taken, first = rendered(across, seed)
+    peak = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 2**20
+    small = {name: shrunk(getattr(change, name), OWN) for name in ("objects", "difference")}
+    small["matte"] = shrunk(change.matte[..., None], OWN)
+    small["plate"] = plate[: len(small["matte"]), : small["matte"].shape[1]]
+    np.savez(path, **small)  # pyright: ignore[reportArgumentType]
+    print(
+        json.dumps({"size": change.matte.shape[::-1], "rays": change.samples, "s": taken, "first": first, "GB": peak})
+    )
+
+
+def main(sizes: list[float]) -> None:
+    with tempfile.TemporaryDirectory() as folder:
+        for megapixels in (0, *sizes):
+            across = round(np.sqrt(megapixels * 1e6 * 1.5)) if megapixels else OWN
+            pictures = []
+            for seed in (1, 2):
+                path = f"{folder}/{seed}.npz"
+                run = [sys.executable, __file__, "--one", str(across), str(seed), path]
+                line = json.loads(subprocess.run(run, capture_output=True, text=True, check=True).stdout)
+                with np.load(path) as planes:
+                    pictures.append({name: planes[name].astype(np.float64) for name in planes.files})
+            one, other = (p["objects"] + p["difference"] + (1 - p["matte"]) * p["plate"] for p in pictures)
+            changed = np.abs(one - pictures[0]["plate"]).sum(-1) > 0.03 * pictures[0]["plate"].sum(-1)
+            noise = np.abs(one - other)[changed].mean() / np.sqrt(2) / one[changed].mean()
+            print(f"{line['size'][0]}×{line['size'][1]}: {line['s']:.0f} s, first {line['first']:.1f} s, "
+                  f"{line['GB']:.1f} GB, {line['rays']} rays a pixel, noise {noise:.2%}", flush=True)  # fmt: skip
+
+
+if __name__ == "__main__":
+    if len(sys.argv) > 1 and sys.argv[1] == "--one":
+        measured(int(sys.argv[2]), int(sys.argv[3]), sys.argv[4])
+    else:
+        main([float(size) for size in sys.argv[1:]] or [24.0, 48.0])

@@ -1,0 +1,225 @@
+"""A large plate's change, rendered tile by tile: rays where the change is, and no more memory than a tile takes.
+
+Noise is seen in the picture that is looked at, whose pixels are means of many of a large plate's. So the rays of a
+picture of a screen's size are spread over all pixels of a larger one, the tiles getting theirs by how noisy a small
+render shows them to be; edges and reflections are as fine as the plate's own pixels. Each tile is denoised by itself,
+with a border that its neighbours show too, and put away at once.
+"""
+
+from __future__ import annotations
+
+import warnings
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass, fields, replace
+from math import ceil, sqrt
+from typing import Any
+
+import numpy as np
+
+from relume.errors import warn
+from relume.project.stages import Stages
+from relume.renderers.mitsuba.differential import Differential
+from relume.renderers.progressive.accumulation import RenderSession, forget, pass_seed
+from relume.renderers.progressive.allocation import weighed_variance
+from relume.renderers.renderer import Moments
+from relume.renderers.results import Change
+from relume.scene.cameras.camera import Camera
+from relume.scene.motion.keyframes import Shutter
+from relume.scene.scene import Scene
+
+VIEWED = 2_000_000
+"""Pixels of the picture that is looked at: a screen of 1920 × 1080 shows no more, and noise that is finer than its
+pixels averages out in them. Larger pictures are traced in tiles with as many rays as this one."""
+SIDE = 1024
+"""Pixels along a tile: its sums and the rays of a pass take half a gigabyte."""
+BORDER = 32
+"""Pixels that a tile is rendered and denoised beyond its edges, so that no seam shows: the denoiser looks as far."""
+PILOT, PILOT_RAYS = 200_000, 16
+"""Pixels and rays a pixel of the small render that shows where the change is; two seconds of two cores."""
+FEWEST, LEAST = 4, 2
+"""Rays a pixel of a tile in which anything changes: edges are then steps of a quarter before the denoiser. And of one
+in which the small render met no change at all, for its depth, and for what is too small to be met."""
+
+
+@dataclass(frozen=True)
+class Tile:
+    """A part of the picture: rows and columns that it fills, and those it is rendered with."""
+
+    top: int
+    left: int
+    bottom: int
+    right: int
+
+    def with_border(self, height: int, width: int) -> Tile:
+        """The same with its border, as far as the picture goes."""
+        return Tile(
+            max(self.top - BORDER, 0), max(self.left - BORDER, 0),
+            min(self.bottom + BORDER, height), min(self.right + BORDER, width),
+        )  # fmt: skip
+
+    def window(self, camera: Camera) -> Camera:
+        """What a camera sees in it."""
+        return camera.window(self.left, self.top, self.right - self.left, self.bottom - self.top)
+
+    @property
+    def place(self) -> tuple[slice, slice]:
+        """Its pixels in the picture."""
+        return slice(self.top, self.bottom), slice(self.left, self.right)
+
+    def within(self, larger: Tile) -> tuple[slice, slice]:
+        """Its pixels in a larger tile."""
+        top, left = self.top - larger.top, self.left - larger.left
+        return slice(top, top + self.bottom - self.top), slice(left, left + self.right - self.left)
+
+
+def is_large(camera: Camera) -> bool:
+    """Whether a picture has more pixels than are looked at one by one."""
+    return camera.width * camera.height > VIEWED
+
+
+def change_in_tiles(
+    renderer: Differential,
+    scene: Scene,
+    camera: Camera,
+    plate: np.ndarray,
+    *,
+    seed: int,
+    made_from: object,
+    stages: Stages,
+    watch: RenderSession,
+    finish: Callable[[Change], Change],
+    first: Callable[[Change], None] | None,
+    progress: Callable[[float], None],
+    moments: Moments | None = None,
+    shutter: Shutter = Shutter(0.0, 0.0),
+) -> Change:
+    """What the scene's objects change of a large picture, finished tile by tile.
+
+    plate : (H, W, 3) what is seen without them
+    made_from : what the pixels depend on, for tiles that an interrupted render has put away
+    stages : where tiles are kept until all are there
+    finish : what is done with each tile: denoising, or nothing
+    first : is shown the small render
+    moments, shutter : as in `Differential.change`
+    Raises as `Differential.change` does.
+    """
+    height, width = camera.height, camera.width
+    tiles = list(_tiles(height, width))
+    if watch.restart:
+        forget_tiles(stages)
+
+    prepared = renderer.prepare(scene, camera)
+
+    def part(seen_by: Callable[[Camera], Camera]) -> dict[str, Any]:
+        """What is rendered through another part of the camera's picture."""
+        seen = None
+        if moments is not None:
+            seen = lambda time, at=moments: _through(at(time), seen_by)  # noqa: E731
+        return {"camera": seen_by(camera), "moments": seen, "shutter": shutter, "prepared": prepared}
+
+    # A small render shows where the change is and how noisy.
+    side = sqrt(PILOT / (height * width))
+    across, down = max(1, round(width * side)), max(1, round(height * side))
+    few = replace(renderer, samples=min(PILOT_RAYS, renderer.samples), noise=None)
+    pilot = few.change(scene, **part(lambda its: its.resized(across, down)), seed=pass_seed(seed, len(tiles)))
+    if first is not None:
+        first(pilot)
+    shares = _rays(pilot, plate, camera, tiles, renderer.samples)
+    noise = None if renderer.noise is None else renderer.noise * sqrt(height * width / VIEWED)
+    # Each tile with its border, put away as soon as it is finished.
+    whole, traced = _empty(height, width), 0
+    doubts: list[str] = []
+    begun = np.concatenate([[0], np.cumsum(shares)]) / sum(shares)
+    for index, (tile, samples) in enumerate(zip(tiles, shares, strict=True)):
+        larger = tile.with_border(height, width)
+        path = None if watch.checkpoint is None else watch.checkpoint.with_suffix(f".tile_{index:03d}")
+        session = replace(watch, checkpoint=path, preview=None)
+        own = replace(renderer, samples=samples, noise=noise)
+
+        def make(index: int = index, larger: Tile = larger, session: RenderSession = session,
+                 own: Differential = own) -> Change:  # fmt: skip
+            low, high = begun[index : index + 2]
+            return finish(own.change(
+                scene, **part(larger.window), seed=pass_seed(seed, index), watch=session, plate=plate[larger.place],
+                progress=lambda share: progress(float(low + share * (high - low))),
+            ))  # fmt: skip
+
+        with warnings.catch_warnings(record=True) as caught:
+            warnings.simplefilter("always", UserWarning)
+            change, _ = stages.get(f"render_tile_{index:03d}", [made_from, index, samples], make)
+        doubts += [str(each.message) for each in caught]
+        forget(session)
+        for field in fields(Change):
+            plane = getattr(whole, field.name)
+            if isinstance(plane, np.ndarray):
+                plane[tile.place] = getattr(change, field.name)[tile.within(larger)]
+        traced += change.samples * (tile.bottom - tile.top) * (tile.right - tile.left)
+        progress(float(begun[index + 1]))
+    _warn_once(doubts, len(tiles), renderer)
+    return replace(whole, samples=ceil(traced / (height * width)))
+
+
+def _warn_once(doubts: list[str], tiles: int, renderer: Differential) -> None:
+    """What tiles warned of, each once; of a noise that some did not reach, how many those were."""
+    missed = [line for line in doubts if "was not reached" in line]
+    for line in dict.fromkeys(line for line in doubts if line not in missed):
+        warn(line)
+    if missed:
+        warn(
+            f"the noise asked for, {renderer.noise:g}, was not reached in {len(missed)} of {tiles} parts of the picture "
+            f"with {renderer.samples} samples; give more samples"
+        )
+
+
+def _through(moment: tuple[Scene, Camera], seen_by: Callable[[Camera], Camera]) -> tuple[Scene, Camera]:
+    return moment[0], seen_by(moment[1])
+
+
+def forget_tiles(stages: Stages) -> None:
+    """Remove the tiles, once the picture that they are parts of is safe."""
+    for path in stages.folder.glob("render_tile_*.npz"):
+        path.unlink(missing_ok=True)
+
+
+def _tiles(height: int, width: int) -> Iterator[Tile]:
+    """The picture in parts of about SIDE, row by row, as even as may be."""
+    down, across = ceil(height / SIDE), ceil(width / SIDE)
+    for row in range(down):
+        for column in range(across):
+            yield Tile(
+                row * height // down, column * width // across,
+                (row + 1) * height // down, (column + 1) * width // across,
+            )  # fmt: skip
+
+
+def _rays(pilot: Change, plate: np.ndarray, camera: Camera, tiles: list[Tile], samples: int) -> list[int]:
+    """Rays a pixel of each tile: in proportion to the standard deviation (Neyman 1934)."""
+    height, width = pilot.matte.shape
+    rows = np.minimum(((np.arange(height) + 0.5) * camera.height / height).astype(int), camera.height - 1)
+    columns = np.minimum(((np.arange(width) + 0.5) * camera.width / width).astype(int), camera.width - 1)
+    backdrop = (1 - pilot.matte[..., None]) * plate[np.ix_(rows, columns)]
+    variance = pilot.objects_variance + pilot.difference_variance
+    error = np.sqrt(weighed_variance(pilot.objects + pilot.difference + backdrop, variance))
+    touched = (pilot.matte > 0) | np.any(pilot.difference != 0, axis=-1)
+    means = []
+    for tile in tiles:
+        # A small pixel more on each side, for what begins between two.
+        larger = tile.with_border(camera.height, camera.width)
+        top, bottom = np.searchsorted(rows, [larger.top, larger.bottom])
+        left, right = np.searchsorted(columns, [larger.left, larger.right])
+        part = slice(max(top - 1, 0), bottom + 1), slice(max(left - 1, 0), right + 1)
+        means.append(float(error[part].mean()) if touched[part].any() else 0.0)
+    areas = np.array([(tile.bottom - tile.top) * (tile.right - tile.left) for tile in tiles])
+    noisy, budget = np.array(means), float(samples * VIEWED)
+    each = budget * noisy / max(float((noisy * areas).sum()), 1e-30)
+    fewest = [min(FEWEST if mean > 0 else LEAST, samples) for mean in means]
+    return [int(np.clip(round(n), low, samples)) for n, low in zip(each, fewest, strict=True)]
+
+
+def _empty(height: int, width: int) -> Change:
+    """A change of nothing; pages of memory that no tile fills are never touched."""
+    flat = lambda *channels: np.zeros((height, width, *channels), np.float32)  # noqa: E731
+    return Change(
+        objects=flat(3), difference=flat(3), matte=flat(), depth=flat(), normal=flat(3), albedo=flat(3),
+        objects_variance=flat(3), difference_variance=flat(3),
+    )  # fmt: skip
