@@ -166,8 +166,8 @@ def _warn_once(doubts: list[str], tiles: int, renderer: Differential) -> None:
         warn(line)
     if missed:
         warn(
-            f"the noise asked for, {renderer.noise:g}, was not reached in {len(missed)} of {tiles} parts of the picture "
-            f"with {renderer.samples} samples; give more samples"
+            f"the noise asked for, {renderer.noise:g}, was not reached in {len(missed)} of {tiles} parts "
+            f"of the picture with {renderer.samples} samples; give more samples"
         )
 
 
