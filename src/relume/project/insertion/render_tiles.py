@@ -103,6 +103,7 @@ def change_in_tiles(
     moments, shutter : as in `Differential.change`
     Raises as `Differential.change` does.
     """
+    # The scene is made ready once; what it is seen through changes.
     height, width = camera.height, camera.width
     tiles = list(_tiles(height, width))
     if watch.restart:
