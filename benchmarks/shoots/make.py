@@ -21,6 +21,7 @@ from objects import write_glb
 from photographs import photographs, records
 from place import Place, View
 from places import PLACES
+from scipy.ndimage import uniform_filter
 
 from virtual_camera import read, write
 
@@ -115,15 +116,21 @@ def refine_sun(path: Path, seed: int) -> None:
 
 
 def truths(folder: Path) -> None:
-    """plate.exr and with_all.exr, the means of two seeds; with_all_1.exr and _2.exr, as each seed changes it.
+    """plate.exr and with_all.exr, the means of two seeds; with_all_1.exr and _2.exr, each seed's own.
 
-    Outside of the place's region there is one picture of few rays, which is the plate and the truth alike.
+    What a plate's noise is known to be, against the mean of both, is taken out of the picture of the same seed as far
+    as it is in there: a control variate, its weight the regression of one pair of differences on the other over
+    windows of nine pixels, 0 on the objects. Outside of the place's region there is one picture of few rays, which is
+    the plate and the truth alike.
     """
     raw = {name: read(folder / f"renders/{name}.exr") for name in
            ("plate", "plate_1", "plate_2", "with_all_1", "with_all_2", "mask_all")}  # fmt: skip
     inside = raw["plate_1"].any(-1, keepdims=True)
     plate = np.where(inside, (raw["plate_1"] + raw["plate_2"]) / 2, raw["plate"])
-    seeds = [np.where(inside, raw[f"with_all_{i}"] - raw[f"plate_{i}"] + plate, plate) for i in (1, 2)]
+    there, without = raw["with_all_1"] - raw["with_all_2"], raw["plate_1"] - raw["plate_2"]
+    common, own = (uniform_filter(product, size=(9, 9, 1)) for product in (there * without, without**2))
+    share = np.clip(common / np.maximum(own, 1e-12), 0, 1) * (raw["mask_all"].mean(-1, keepdims=True) == 0)
+    seeds = [np.where(inside, raw[f"with_all_{i}"] - share * (raw[f"plate_{i}"] - plate), raw["plate"]) for i in (1, 2)]
     done = {"plate": plate, "with_all": (seeds[0] + seeds[1]) / 2, "with_all_1": seeds[0], "with_all_2": seeds[1]}
     for name, pixels in {**done, "mask_all": raw["mask_all"]}.items():
         write(folder / f"truth/{name}.exr", pixels)
