@@ -143,6 +143,22 @@ def test_the_height_of_the_lens_stands_for_how_far_it_looked_down(tmp_path: Path
     assert np.allclose(moved, [0, 0.1, 0]) and raised.centre == pytest.approx((0, 0.15, 0))
 
 
+def test_a_stand_is_noticed_and_objects_stand_at_its_foot(tmp_path: Path) -> None:
+    x, y = CAMERA.project(CENTRE)
+    rows, columns = np.mgrid[:HEIGHT, :WIDTH] + 0.5
+    below = (rows > y + 38) & (rows < y + 88)
+    cup = np.where((below & (np.abs(columns - x) < 14))[..., None], 0.4, BALL.radiance).astype(np.float32)
+    with pytest.warns(UserWarning, match=r"stand on something .*give foot = \[x, y\].*or raised = 0"):
+        found = stood(tmp_path, ball=RadianceMap(cup))
+    foot = found.fit.camera.project(np.zeros(3))
+    assert foot == pytest.approx([x, y + 88], abs=3) and found.centre[1] > 0.1
+    on_table = stood(tmp_path, "camera.ball.raised = 0\n" + KNOWN + SHORTEST, ball=RadianceMap(cup))
+    assert on_table.centre == (0, 0.05, 0)
+    # A shadow is as wide as the ball, and darker.
+    shadow = np.where((below & (np.abs(columns - x) < 45))[..., None], 0.4 * BALL.radiance, BALL.radiance)
+    assert stood(tmp_path, ball=RadianceMap(shadow.astype(np.float32))).centre == (0, 0.05, 0)
+
+
 def test_crops_do_not_say_where_the_ball_stood(tmp_path: Path) -> None:
     x, y = CAMERA.project(CENTRE).astype(int)
     crop = RadianceMap(np.ascontiguousarray(BALL.radiance[y - 60 : y + 60, x - 60 : x + 60]))

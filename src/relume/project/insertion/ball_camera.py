@@ -18,6 +18,7 @@ from relume.image.radiance import RadianceMap
 from relume.probe.ball.silhouette import Outline, outline_of_circle
 from relume.probe.ball.unwrapping import CAMERA_FROM_PIXELS, BallView, unwrap_ball
 from relume.probe.clipped_light import linear
+from relume.project.insertion.ball_stand import foot_of_stand
 from relume.project.shot_file.ball_table import BallOnTable
 from relume.project.shot_file.camera_table import CameraTable
 from relume.project.shot_file.shot import Shot
@@ -33,6 +34,8 @@ GUESSED_PLACE, GUESSED_SIZE = (0.5, 0.62), 0.06
 """Where a ball is taken to have stood of which only crops exist, and its radius, in shares of the plate."""
 CROP_GUESSED = 0.2
 """What that guess does to the light: it is turned by the camera's unknown way to the ball."""
+STAND_FOUND = 0.1
+"""What a foot that was found a tenth of a radius off does: the object stands as much too near."""
 GUESSED_FOCAL_LENGTH, FOCAL_LENGTH_GUESSED = 0.8, 0.05
 """Of the longer side, 29 mm on a full frame, between phones and cameras; and what a wrong one does to the light: the
 ball is seen from a wrong distance, which shifts what its rim shows, and hardly what its middle does."""
@@ -72,7 +75,7 @@ def camera_of_ball(
     lens = _lens(shot.camera, plate.size, focal_length)
     radius = asked.radius if asked.radius is not None else shot.light.ball and shot.light.ball.radius
     assert radius is not None  # Shot._frame_fault
-    found = None
+    found, picture, name = None, None, ""
     if asked.rim is not None:
         rim = outline_of_circle(*asked.rim).points
     elif asked.photograph is not None:
@@ -82,15 +85,18 @@ def camera_of_ball(
                 f"camera.ball.photograph: {photograph.name} is {photograph.size[0]}×{photograph.size[1]}, the plate "
                 f"{plate.size[0]}×{plate.size[1]}; photograph the ball with the plate's camera from its place"
             )
-        rim = _seen(linear(photograph), lens, photograph.name).outline.points
-        _require_same_view(plate, linear(photograph), rim, photograph.name)
+        name, picture = photograph.name, linear(photograph)
+        rim = _seen(picture, lens, name).outline.points
     elif balls[0][1].size == plate.size:
         name, picture = balls[0]
         found = outline or _seen(picture, lens, name).outline
         rim = found.points
-        _require_same_view(plate, picture, rim, name)
     else:
-        rim = _guessed_rim(plate, *balls[0])
+        rim, picture = _guessed_rim(plate, *balls[0]), None
+    # A picture from the plate's place also shows whether the ball stands on something.
+    if picture is not None:
+        _require_same_view(plate, picture, rim, name)
+        asked = _on_its_stand(asked, foot_of_stand(plate, picture, rim))
     fit, raised = asked.camera(rim, lens, radius, plate)
     return BallCamera(fit, (0.0, radius + raised, 0.0), found)
 
@@ -142,6 +148,18 @@ def _require_same_view(plate: RadianceMap, picture: RadianceMap, rim: np.ndarray
 def _blocks(values: np.ndarray, step: int) -> np.ndarray:
     height, width = (side // step for side in values.shape)
     return values[: height * step, : width * step].reshape(height, step, width, step).mean((1, 3))
+
+
+def _on_its_stand(asked: BallOnTable, foot: tuple[float, float] | None) -> BallOnTable:
+    """What is asked, with the foot of the ball's stand where one is seen and nothing else is given; warns."""
+    if foot is None or asked.foot is not None or asked.raised is not None or asked.camera_height is not None:
+        return asked
+    warn(
+        f"camera.ball: the ball seems to stand on something that meets the table at {foot[0]:.0f},{foot[1]:.0f}, and "
+        "objects are stood there; give foot = [x, y] where that is not so, or raised = 0 for a ball on the table",
+        effect=STAND_FOUND,
+    )
+    return asked.model_copy(update={"foot": foot})
 
 
 def _guessed_rim(plate: RadianceMap, name: str, ball: RadianceMap) -> np.ndarray:
