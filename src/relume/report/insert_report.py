@@ -23,7 +23,7 @@ def write_insert_report(result: Inserted, path: Path) -> None:
     """Write the page: before and after, response curves, light, matte, signed difference, energy audit, timings."""
     after, before = plots.encoded(result.picture.pixels), plots.encoded(result.composited.before.pixels)
     parts = [
-        *(note(each) for each in result.notes),
+        *(note(each.words) for each in result.doubts),
         slide(before, after, "Before, to the left of the handle; after, to the right."),
         heading("What the objects changed"),
         _difference(result),
