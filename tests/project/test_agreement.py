@@ -9,6 +9,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from relume.capture.brackets.result import MergedCamera
+from relume.capture.exposure.bracket import Bracket
+from relume.image.photograph import Exposure, Photograph, Settings
 from relume.image.radiance import SATURATED, RadianceMap
 from relume.probe.ball.blending import Probe
 from relume.project.insertion.agreement import on_one_scale, seen_by_both
@@ -158,3 +161,44 @@ def test_what_was_not_measured_is_not_compared(shot: Shot) -> None:
     assert seen is not None and seen.scale == pytest.approx(1, rel=0.01) and seen.share == pytest.approx(0.5)
     marks[:] = SATURATED
     assert seen_by_both(replace(given, plate=plate), CAMERA, place) is None
+
+
+BALL = SHOT.replace(
+    'map = "light.exr"\nprobe = [0.2, 0.1, -0.3]',
+    'balls = [ { photographs = "b.jpg", camera = [0.2, 0.1, 1] } ]\n'
+    "ball = { centre = [0.2, 0.1, -0.3], radius = 0.05 }",
+)
+
+
+def test_light_that_the_ball_took_is_named(tmp_path: Path) -> None:
+    """A ball of chrome whose reflectance was not given: the plate shows all 1/0.8 times as bright."""
+    light = painted()
+    dark = replace(light, radiance=np.float32(0.8) * light.radiance)
+    factors, lines = heard(shot_of(tmp_path, BALL), calibrated(seen_on_the_dome(light), dark, None))
+    assert np.all(factors == 1) and len(lines) == 1
+    assert "1.25 times as bright as the ball does; a ball that reflects 0.80 of the light would" in lines[0]
+
+
+def test_a_fixed_white_balance_of_one_camera_is_left(tmp_path: Path) -> None:
+    light, seen = painted(), seen_on_the_dome(painted())
+    given = calibrated(seen * [1.2, 1, 0.9], light, None)
+    for automatic, changed in ((True, True), (None, True), (False, False)):
+        settings = Settings(automatic_white=automatic)
+        shown = Photograph(np.zeros((96, 128, 3), np.uint8), exposure=Exposure(1.0), settings=settings)
+        one = replace(given, bracket=Bracket((shown,)), cameras={"": MergedCamera("", None)})
+        factors, _ = heard(shot_of(tmp_path, BALL), one)
+        assert bool(np.any(factors != 1)) is changed
+    # Its colour changes, not its brightness.
+    assert heard(shot_of(tmp_path, BALL), given)[0] @ [0.2126, 0.7152, 0.0722] == pytest.approx(1, abs=0.01)
+
+
+def test_what_the_table_hides_from_the_ball_is_not_compared(tmp_path: Path) -> None:
+    """The dome below the table's edge shines in another colour, and the ball sees the table instead."""
+    light = painted()
+    below = pixel_directions(LatLong(), 128)[..., 1] < 0
+    light = replace(light, radiance=np.where(below[..., None], [9.0, 0.1, 0.1], light.radiance).astype(np.float32))
+    plate = seen_on_the_dome(painted())
+    table = SHOT.replace("local = []\n", "") + "\n[[local]]\nshape = 'plane'\nsize = [40, 40]\nheight = 0.05\n"
+    given = calibrated(plate, light, None)
+    seen = seen_by_both(given, CAMERA, bare_place(shot_of(tmp_path, table), given.probe))
+    assert seen is not None and seen.distant and seen.ratio == pytest.approx([1, 1, 1], rel=0.02)

@@ -8,7 +8,6 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from relume.capture.brackets.merging import merge_brackets
 from relume.capture.brackets.settings import MergeSettings
 from relume.capture.exposure.bracket import Bracket
 from relume.image.colour import decode_srgb
@@ -17,6 +16,7 @@ from relume.image.photograph import Exposure, Photograph
 from relume.image.radiance import BLACK, SATURATED
 from relume.project.insertion.insert import insert
 from relume.project.insertion.outcome import Inserted
+from relume.project.insertion.photographs import read_photographs
 from relume.project.insertion.single_plate import merge_single, read_single, why_untied
 from relume.project.shot_file.shot import Shot, read_shot
 from relume.renderers.renderer import ConstantRenderer
@@ -102,16 +102,21 @@ def test_aperture_and_iso_of_plate_and_ball_may_differ(tmp_path: Path) -> None:
     assert found[1] == pytest.approx(found[0], rel=1e-5) and found[2] == pytest.approx(found[0], rel=1e-3)
 
 
-def single(shot: Shot, **light: object) -> Shot:
-    """The room with one photograph as plate."""
-    plate = shot.plate.model_copy(update={"photographs": ["plate/IMG_0003.jpg"], "denoise": False})
-    return shot.model_copy(update={"plate": plate, "light": type(shot.light)(**light)} if light else {"plate": plate})
+def single(shot: Shot, name: str = "plate/IMG_0003.jpg") -> Shot:
+    """The room with one photograph as plate, and three of one ball, as they lie."""
+    assert shot.light.balls is not None
+    plate = shot.plate.model_copy(update={"photographs": [name], "denoise": False})
+    few = {"photographs": ["ball_0/IMG_000[357].jpg"], "align": False, "deghost": False}
+    light = {"balls": [shot.light.balls[0].model_copy(update=few)], "size": 64}
+    return shot.model_copy(update={"plate": plate, "light": shot.light.model_copy(update=light)})
 
 
 def test_a_jpeg_and_a_finished_map_make_a_composite(room: Room, copied_room: tuple[Path, Path]) -> None:
     path, out = copied_room
     own = read_photograph(path.parent / "plate/IMG_0003.jpg")
-    shot = single(read_shot(path), map=str(room[1] / "light.exr"), probe=(0.0, 0.05, 0.0))
+    shot = single(read_shot(path))
+    light = type(shot.light)(map=str(room[1] / "light.exr"), probe=(0.0, 0.05, 0.0))
+    shot = shot.model_copy(update={"light": light})
     result = insert(shot, out, renderer=FAKE)
     untouched = result.change.matte == 0
     assert np.array_equal(result.picture.pixels[untouched], own.pixels[untouched])
@@ -127,13 +132,9 @@ def test_a_jpeg_and_a_finished_map_make_a_composite(room: Room, copied_room: tup
 
 def test_the_ball_of_the_same_camera_gives_the_curve(room: Room, copied_room: tuple[Path, Path]) -> None:
     path, out = copied_room
-    shot = read_shot(path)
-    assert shot.light.balls is not None
-    light = shot.light.model_dump() | {"balls": [each.model_dump() for each in shot.light.balls[:1]], "size": 64}
-    result = insert(single(shot, **light), out, renderer=FAKE)
+    result = insert(single(read_shot(path)), out, renderer=FAKE)
     (camera,) = result.calibrated.cameras.values()
-    alone = merge_brackets(shot.files(shot.light.balls[0].photographs)).response
-    assert camera.response is not None and np.array_equal(camera.response.log_exposure, alone.log_exposure)
+    assert camera.calibration is not None and camera.response is not None
     assert result.calibrated.untied is None and not any("sRGB" in note for note in result.notes)
     # As bright as the bracket has it, where that is well exposed.
     both = (result.plate.clipped == 0) & (room[0].plate.clipped == 0)
@@ -145,12 +146,34 @@ def test_a_plate_without_exif_is_taken_with_photographs_of_the_ball(copied_room:
     path, out = copied_room
     bare = replace(read_photograph(path.parent / "plate/IMG_0003.jpg"), exposure=None, camera="")
     write(path.parent / "plate/bare.png", bare)
-    shot = read_shot(path)
-    assert shot.light.balls is not None
-    light = shot.light.model_dump() | {"balls": [each.model_dump() for each in shot.light.balls[:1]], "size": 64}
-    shot = single(shot, **light)
-    shot = shot.model_copy(update={"plate": shot.plate.model_copy(update={"photographs": ["plate/bare.png"]})})
-    result = insert(shot, out, renderer=FAKE)
+    result = insert(single(read_shot(path), "plate/bare.png"), out, renderer=FAKE)
     (note,) = (each for each in result.notes if "no exposure gives its scale" in each)
     assert "bare.png holds no exposure" in note and "by the reflectance given" in note
     assert np.array_equal(result.composited.before.pixels, bare.pixels)
+
+
+def test_one_photograph_of_plate_and_ball_each_make_a_composite(copied_room: tuple[Path, Path]) -> None:
+    path, out = copied_room
+    shot = single(read_shot(path))
+    assert shot.light.balls is not None
+    balls = [shot.light.balls[0].model_copy(update={"photographs": ["ball_0/IMG_0006.jpg"]})]
+    shot = shot.model_copy(update={"light": shot.light.model_copy(update={"balls": balls})})
+    result = insert(shot, out, renderer=FAKE)
+    assert sum("taken for sRGB" in note for note in result.notes) == 1
+    assert result.calibrated.untied is None and len(result.calibrated.cameras) == 1
+
+
+def test_crops_of_a_ball_that_differ_in_size_are_laid_on_one_another(copied_room: tuple[Path, Path]) -> None:
+    path, _ = copied_room
+    shot = read_shot(path)
+    assert shot.light.balls is not None
+    for index, cut in ((6, 20), (7, 28)):
+        whole = read_photograph(path.parent / f"ball_0/IMG_000{index}.jpg")
+        pixels = np.ascontiguousarray(whole.pixels[cut:-cut:2, cut:-cut:2])
+        write(path.parent / f"crop_{index}.png", replace(whole, pixels=pixels))
+    balls = [shot.light.balls[0].model_copy(update={"photographs": ["crop_*.png"]})]
+    shot = shot.model_copy(update={"light": shot.light.model_copy(update={"balls": balls})})
+    with pytest.warns(UserWarning, match=r"crop_6\.png … crop_7\.png: of different sizes, so taken for crops"):
+        (bracket,) = read_photographs(shot).balls
+    assert isinstance(bracket, Bracket) and len({each.size for each in bracket.photographs}) == 1
+    assert bracket.focal_length is None

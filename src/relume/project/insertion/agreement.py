@@ -46,9 +46,11 @@ EVEN = 0.06
 """The same of an even wall that both show: 0.02 in the room of the examples, 0.05 to 0.6 where its light is turned."""
 SAME = float(np.log(1.5))
 """Of a scale: what gloss and the tape measure make of two pictures of one place; a scale so near to 1 is left."""
+LOST = 1.2
+"""Times as bright as the ball shows it that the plate shows a place, from which on the ball took some of the light."""
 DOUBTED = 1.0
 """Stops by which the scale by exposures may differ from what both show before it is doubted."""
-WHITE = 0.1
+WHITE = 0.15
 """Stops between channels from which on whites are said to differ."""
 GREY = 0.18
 """The reflectance of a middle grey, by which exposure meters take the world."""
@@ -119,12 +121,17 @@ def on_one_scale(shot: Shot, calibrated: Calibrated, camera: Camera) -> Calibrat
             f"light: the plate shows the same places {times:.2g} times as {direction} as the ball's photographs; were "
             "both taken in one light, at the exposures that they hold? If not, give light.scale"
         )
+    elif seen is not None and seen.alike and seen.spread < SAME and seen.scale > LOST and shot.light.ball is not None:
+        warn(
+            f"light: the plate shows the same places {seen.scale:.2f} times as bright as the ball does; a ball that "
+            f"reflects {1 / seen.scale:.2f} of the light would: give light.ball.reflectance, or light.scale"
+        )
     if seen is not None and seen.unlike:
         warn(
             f"light: what plate and light should both show is not alike in {seen.share:.0%} of the plate: is the light "
             "of another place or time, or is its frame turned (light.heading, the places of the ball's cameras)?"
         )
-    gains = gains * _white(seen)
+    gains = gains * _white(calibrated, seen)
     if np.all(gains == 1):
         return calibrated
     light = calibrated.probe.light
@@ -217,7 +224,7 @@ def _scale(
     if seen is not None and seen.spread < SPREAD:
         if abs(np.log(seen.scale)) < SAME:
             return 1.0, "as plate and light show the same places alike"
-        return seen.scale, f"as both then show the same places alike, to a factor of {np.exp(seen.spread):.2g}"
+        return seen.scale, f"by which what both show is equally bright, to a factor of {np.exp(seen.spread):.2g}"
     # Nothing in common: the world is a middle grey, as an exposure meter takes it.
     there = measured & (hits >= 0) if (measured & (hits >= 0)).sum() >= FEWEST else measured
     if not there.any():
@@ -228,16 +235,20 @@ def _scale(
     return reflectance / GREY, f"as if the real surface reflected {GREY:.0%} of it, a middle grey"
 
 
-def _white(seen: SeenByBoth | None) -> np.ndarray:
+def _white(calibrated: Calibrated, seen: SeenByBoth | None) -> np.ndarray:
     """(3,) factors that give the light the plate's white; 1 where they agree, or nothing shows it."""
     if seen is None or not seen.alike or seen.spread > SPREAD:
+        return np.ones(3)
+    bracket = calibrated.bracket
+    fixed = bracket is not None and all(each.settings.automatic_white is False for each in bracket.photographs)
+    if fixed and len(calibrated.cameras) == 1 and calibrated.untied is None:
         return np.ones(3)
     stops = np.log2(seen.white)
     if np.ptp(stops) < WHITE:
         return np.ones(3)
     warn(
         f"light: the plate's white is another than the light's (red {stops[0]:+.2f}, green {stops[1]:+.2f}, blue "
-        f"{stops[2]:+.2f} stops, by what both show), as automatic white balance makes it; the light is given the "
-        "plate's: photograph both with one fixed white balance"
+        f"{stops[2]:+.2f} stops, by what both show), as automatic white balance or an unknown curve makes it; it is "
+        "given the plate's: photograph both with one camera and a fixed white balance"
     )
     return seen.white
