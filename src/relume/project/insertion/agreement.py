@@ -56,6 +56,10 @@ GREY = 0.18
 """The reflectance of a middle grey, by which exposure meters take the world."""
 USUAL = (0.08, 0.8)
 """Reflectances of usual surfaces that one stands things on: asphalt and white paint."""
+UNSURE = 0.3
+"""By what share a scale by such a guess is wrong: the reflectances of tables and floors differ by more."""
+ELSEWHERE = 0.2
+"""The effect of a light that may be another place's: a frame that was measured badly looks alike."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -108,28 +112,32 @@ def on_one_scale(shot: Shot, calibrated: Calibrated, camera: Camera) -> Calibrat
     if shot.light.scale is not None:
         gains = gains * shot.light.scale
     elif calibrated.untied is not None:
-        factor, how = _scale(shot, calibrated, camera, place, seen)
+        factor, how, effect = _scale(shot, calibrated, camera, place, seen)
         gains = gains * factor
         changed = "it is taken as it is" if factor == 1 else f"it is made {factor:.3g} times as bright"
         warn(
             f"light: {calibrated.untied}, so no exposure gives its scale; {changed}, {how}: give light.scale if the "
-            "objects come out too dark or too bright"
+            "objects come out too dark or too bright",
+            effect=effect,
         )
     elif seen is not None and seen.spread < SPREAD and abs(np.log2(seen.scale)) > DOUBTED:
         direction, times = ("bright", seen.scale) if seen.scale > 1 else ("dark", 1 / seen.scale)
         warn(
             f"light: the plate shows the same places {times:.2g} times as {direction} as the ball's photographs; were "
-            "both taken in one light, at the exposures that they hold? If not, give light.scale"
+            "both taken in one light, at the exposures that they hold? If not, give light.scale",
+            effect=abs(seen.scale - 1),
         )
     elif seen is not None and seen.alike and seen.spread < SAME and seen.scale > LOST and shot.light.ball is not None:
         warn(
             f"light: the plate shows the same places {seen.scale:.2f} times as bright as the ball does; a ball that "
-            f"reflects {1 / seen.scale:.2f} of the light would: give light.ball.reflectance, or light.scale"
+            f"reflects {1 / seen.scale:.2f} of the light would: give light.ball.reflectance, or light.scale",
+            effect=1 - 1 / seen.scale,
         )
     if seen is not None and seen.unlike:
         warn(
             f"light: what plate and light should both show is not alike in {seen.share:.0%} of the plate: is the light "
-            "of another place or time, or is its frame turned (light.heading, the places of the ball's cameras)?"
+            "of another place or time, or is its frame turned (light.heading, the places of the ball's cameras)?",
+            effect=ELSEWHERE,
         )
     gains = gains * _white(calibrated, seen)
     if np.all(gains == 1):
@@ -204,15 +212,15 @@ def _looked_up(light: EnvironmentMap, confidence: np.ndarray, directions: np.nda
 
 def _scale(
     shot: Shot, calibrated: Calibrated, camera: Camera, place: Scene, seen: SeenByBoth | None
-) -> tuple[float, str]:
-    """The factor on a light of unknown scale, and why that."""
+) -> tuple[float, str, float]:
+    """The factor on a light of unknown scale, why that, and by what share it may be wrong."""
     arriving = float(luminance(turned_light(calibrated.probe.light, shot.light.heading, 0.0).irradiance(UP)))
     colours, points = _coarse(calibrated.plate, max(1, camera.width // ACROSS))
     hits = RayCaster.of(place.local).nearest(camera.position, camera.rays_through(points).reshape(-1, 3)).shape
     brightness = luminance(colours.reshape(-1, 3))
     measured = np.isfinite(brightness)
     if not arriving > 0:
-        return 1.0, "for it brings no light from above"
+        return 1.0, "for it brings no light from above", 1.0
     # A reflectance that is given: L = ρ E / π.
     for index, table in enumerate(shot.surfaces()):
         if isinstance(table.reflectance, str) or table.mirror or len(shot.surfaces()) != len(place.local):
@@ -220,19 +228,19 @@ def _scale(
         there = measured & (hits == index)
         if isinstance(place.local[index], Plane) and there.sum() >= FEWEST:
             wanted = float(np.median(brightness[there])) * np.pi / float(luminance(np.array(table.reflectance)))
-            return wanted / arriving, "by the reflectance given for what the plate shows"
+            return wanted / arriving, "by the reflectance given for what the plate shows", 0.1
     if seen is not None and seen.spread < SPREAD:
         if abs(np.log(seen.scale)) < SAME:
-            return 1.0, "as plate and light show the same places alike"
-        return seen.scale, f"by which what both show is equally bright, to a factor of {np.exp(seen.spread):.2g}"
+            return 1.0, "as plate and light show the same places alike", 0.1
+        return seen.scale, f"by which what both show is equally bright, to a factor of {np.exp(seen.spread):.2g}", 0.2
     # Nothing in common: the world is a middle grey, as an exposure meter takes it.
     there = measured & (hits >= 0) if (measured & (hits >= 0)).sum() >= FEWEST else measured
     if not there.any():
-        return 1.0, "for the plate is white or black everywhere"
+        return 1.0, "for the plate is white or black everywhere", 1.0
     reflectance = float(np.median(brightness[there])) * np.pi / arriving
     if USUAL[0] <= reflectance <= USUAL[1]:
-        return 1.0, f"by which the real surface reflects {reflectance:.0%} of it, as usual surfaces do"
-    return reflectance / GREY, f"as if the real surface reflected {GREY:.0%} of it, a middle grey"
+        return 1.0, f"by which the real surface reflects {reflectance:.0%} of it, as usual surfaces do", UNSURE
+    return reflectance / GREY, f"as if the real surface reflected {GREY:.0%} of it, a middle grey", UNSURE
 
 
 def _white(calibrated: Calibrated, seen: SeenByBoth | None) -> np.ndarray:

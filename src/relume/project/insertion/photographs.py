@@ -27,7 +27,7 @@ from relume.probe.ball.view_files import on_one_frame
 from relume.project.insertion.ball_camera import BallCamera, camera_of_ball
 from relume.project.insertion.ball_light import blended
 from relume.project.insertion.single_plate import assumed_response, is_single, merge_single, read_single, why_untied
-from relume.project.insertion.slips import other_time_or_place, require_measures
+from relume.project.insertion.slips import CHANGED, other_time_or_place, require_measures
 from relume.project.shot_file.shot import MergeTable, Shot
 from relume.project.stages import Steps
 from relume.sphere.environment_files import as_environment
@@ -121,7 +121,7 @@ def read_photographs(shot: Shot) -> Photographs:
     require_known_exposures(each for each in taken if isinstance(each, Bracket))
     _require_one_scale([_first_facts(each) for each in taken])
     for line in other_time_or_place(plate, balls):
-        warn(line)
+        warn(line, CHANGED)
     return Photographs(plate, balls)
 
 

@@ -33,6 +33,8 @@ from relume.virtual_camera.plate_matching.grain_measuring import photograph_grai
 
 LOOKED_AT = 1600
 """Pixels across and down of the middle in which the noise of a photograph is measured: some 6000 flat patches."""
+ASSUMED = 0.1
+"""By what share a camera's own curve differs from sRGB where objects stand: a tone curve lifts the middle."""
 
 
 @dataclass(frozen=True)
@@ -111,7 +113,8 @@ def assumed_response(photograph: Photograph) -> Response:
     """
     warn(
         f"{photograph.name}: one photograph, and the curve of {photograph.camera or 'its camera'} is not known: its "
-        f"values are taken for {name_of(photograph)}; give the profile of its camera, or a bracket"
+        f"values are taken for {name_of(photograph)}; give the profile of its camera, or a bracket",
+        effect=ASSUMED,
     )
     levels = int(np.iinfo(photograph.pixels.dtype).max) + 1
     curve = response_of(photograph) or srgb_response(levels)

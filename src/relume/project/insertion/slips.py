@@ -32,6 +32,10 @@ SUNK = 0.1
 """Of the ball's radius that it may reach into a plane: what the tape leaves unsure."""
 LATER = timedelta(minutes=30)
 """Between plate and ball from which on the sun has moved by 7°."""
+MISPLACED = 0.1
+"""What a ball that stands elsewhere than it is said to does to the light: it turns it by some degrees."""
+CHANGED = 0.2
+"""What half an hour or half a kilometre does to daylight."""
 EARTH = 6_371_000.0
 """Its radius, m."""
 APART = 200.0
@@ -56,19 +60,23 @@ def require_measures(shot: Shot) -> None:
         if radii > REMOTE:
             warn(
                 f"light.balls.{index}.camera: {distance:.3g} m from a ball of {ball.radius:g} m, {radii:.0f} of its "
-                f"radii; {METRES}"
+                f"radii; {METRES}",
+                effect=MISPLACED,
             )
         elif radii < CLOSE - 0.5:
             warn(
                 f"light.balls.{index}.camera: {radii:.2g} ball radii away; the camera hides much of the light there: "
-                f"stand {CLOSE:g} radii away ({CLOSE * ball.radius:.2g} m) or more"
+                f"stand {CLOSE:g} radii away ({CLOSE * ball.radius:.2g} m) or more",
+                effect=1 / radii**2,
             )
     if ball.centre is None:
         return
     heights = [table.height for table in shot.local if table.shape == "plane"]
     depth = max(heights, default=-np.inf) - (ball.centre[1] - ball.radius)
     if len(heights) == 1 and depth > SUNK * ball.radius:
-        warn(f"light.ball: it reaches {depth:.2g} m into the plane it stands on; check its centre and radius")
+        warn(
+            f"light.ball: it reaches {depth:.2g} m into the plane it stands on; check its centre and radius", MISPLACED
+        )
 
 
 def require_outside_ball(camera: Camera, ball: Ball | None) -> None:
@@ -100,7 +108,8 @@ def held_to_tape(view: BallView, index: int, table: BallPhotographs, ball: Ball)
     if quotient < 1 and full and table.focal_length is None:
         warn(
             f"{seen}, by tape {by_tape:.3g}; the photographs are taken for crops, whose EXIF has the focal length of "
-            "the whole picture, and the tape is believed: else give focal_length"
+            "the whole picture, and the tape is believed: else give focal_length",
+            effect=MISPLACED,
         )
         return unwrap_ball(
             view.picture, camera=np.array(table.camera), centre=np.array(ball.centre), radius=ball.radius,
@@ -112,7 +121,7 @@ def held_to_tape(view: BallView, index: int, table: BallPhotographs, ball: Ball)
         advice = METRES
     else:
         advice = "check camera, ball.radius and focal_length"
-    warn(f"{seen}, by tape {by_tape:.3g}; {advice}")
+    warn(f"{seen}, by tape {by_tape:.3g}; {advice}", MISPLACED)
     return view
 
 

@@ -231,7 +231,8 @@ def _from_grid(
             warn(
                 f"{photograph.name}: its EXIF has a focal length of {own / scale:.0f} pixels of the plate, the plate's "
                 f"own {exif:.0f}: zoomed or cropped between the two? photograph the grid just as the plate, or give "
-                "focal_length"
+                "focal_length",
+                effect=abs(own / (exif * scale) - 1),
             )
     try:
         found = fit_grid(
