@@ -46,8 +46,9 @@ def test_what_is_written_is_read_and_names_every_file(place: Path) -> None:
 
 def test_nothing_is_written_without_a_path(place: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.chdir(place)
-    shot = new(place, None, foot=(3.0, 4.0))
-    assert shot.camera.ball is not None and shot.camera.ball.foot == (3, 4)
+    shot = new(place, None, foot=(3.0, 4.0), rim=(5.0, 6.0, 7.5))
+    assert shot.camera.ball is not None
+    assert (shot.camera.ball.foot, shot.camera.ball.rim) == ((3, 4), (5, 6, 7.5))
     assert not (place / "shot.toml").exists() and shot.files(shot.plate.photographs)[0].is_file()
 
 

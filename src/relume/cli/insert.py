@@ -47,19 +47,25 @@ class NewShot:
         tuple[float, float] | None,
         numbers("X,Y", like="750,812", help="Where a stand under the ball meets the table, pixels of the plate."),
     ] = None
+    rim: Annotated[
+        tuple[float, float, float] | None,
+        numbers(
+            "X,Y,RADIUS", like="750,549,70",
+            help="Where the plate would show the ball, pixels, where only crops of it exist.",
+        ),
+    ] = None  # fmt: skip
     force: Annotated[bool, Parameter(negative="", help="Replace another shot.toml.")] = False
 
     def given(self) -> list[str]:
         """The options that were."""
-        return [
-            f"--{name}" for name in ("plate", "ball", "object", "radius", "foot") if getattr(self, name) is not None
-        ]
+        names = ("plate", "ball", "object", "radius", "foot", "rim")
+        return [f"--{name}" for name in names if getattr(self, name) is not None]
 
     def shot(self, path: Path | None) -> rl.Shot:
         """The shot, written to its file unless that is None."""
         return rl.Shot.new(
             path, plate=self.plate or [], balls=self.ball or [], objects=self.object or [], radius=self.radius,
-            foot=self.foot, force=self.force,
+            foot=self.foot, rim=self.rim, force=self.force,
         )  # fmt: skip
 
 

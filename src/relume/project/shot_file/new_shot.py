@@ -35,7 +35,8 @@ def new_shot_text(
     balls: Sequence[Path],
     objects: Sequence[Path],
     radius: float | None,
-    foot: tuple[float, float] | None,
+    foot: tuple[float, float] | None = None,
+    rim: tuple[float, float, float] | None = None,
 ) -> str:
     """The shot file as text.
 
@@ -45,6 +46,7 @@ def new_shot_text(
     objects : meshes; they stand side by side where the ball stood, the middle of the row in its place
     radius : of the ball, metres; guessed unless given, with a warning
     foot : where a stand under the ball meets the table, x and y in pixels of the plate; None for a ball on the table
+    rim : where the plate shows the ball, or would: x, y and radius in pixels; found unless given
     Raises UnreadableFile, and ValueError for what is not given.
     """
     for name, paths in (("plate", plate), ("ball", balls), ("object", objects)):
@@ -58,7 +60,7 @@ def new_shot_text(
             "large or too small by as much as that is wrong, light and perspective stay; give --radius, metres",
             effect=0.05,
         )
-    return _text(folder, plate, balls, objects, radius, foot)
+    return _text(folder, plate, balls, objects, radius, foot, rim)
 
 
 def write_new_shot(path: Path, text: str, force: bool) -> None:
@@ -79,7 +81,7 @@ def write_new_shot(path: Path, text: str, force: bool) -> None:
 
 def _text(
     folder: Path, plate: Sequence[Path], balls: Sequence[Path], objects: Sequence[Path], radius: float | None,
-    foot: tuple[float, float] | None,
+    foot: tuple[float, float] | None, rim: tuple[float, float, float] | None,
 ) -> str:  # fmt: skip
     views = find_ball_photographs(balls)
     known = GUESSED_RADIUS if radius is None else radius
@@ -93,6 +95,9 @@ def _text(
         "]",
         f"light.ball.radius = {known:g}  # metres, {measured}",
     ]
+    if rim is not None:
+        shown = ", ".join(f"{value:g}" for value in rim)
+        lines.append(f"camera.ball.rim = [{shown}]  # x, y, radius: where the plate would show the ball, pixels")
     if foot is not None:
         lines.append(f"camera.ball.foot = [{foot[0]:g}, {foot[1]:g}]  # where the ball's stand meets the table, pixels")
     sizes = [_size(path, known) for path in objects]

@@ -239,6 +239,7 @@ class Shot(Table):
         objects: Sequence[str | Path],
         radius: float | None = None,
         foot: tuple[float, float] | None = None,
+        rim: tuple[float, float, float] | None = None,
         force: bool = False,
     ) -> Shot:
         """The shortest useful shot, written as its file: camera and frame come from the ball's outline.
@@ -250,12 +251,13 @@ class Shot(Table):
         objects : meshes, stood side by side in the ball's place; one that is not of a table's size gets one
         radius : of the ball, metres; 0.05 unless given, with a warning: it sets the scale alone
         foot : where a stand under the ball meets the table, x and y in pixels; the ball lies on the table unless given
+        rim : where the plate would show the ball of which only crops exist: x, y, radius in pixels
         force : whether another file of that name is replaced
         Raises OutputNotWritten, UnreadableFile, ValueError.
         """
         file = Path("shot.toml") if path is None else Path(path)
         named = [[Path(each) for each in paths] for paths in (plate, balls, objects)]
-        text = new_shot_text(file.parent, *named, radius, foot)
+        text = new_shot_text(file.parent, *named, radius, foot, rim)
         if path is not None:
             write_new_shot(file, text, force)
         table = tomllib.loads(text)
