@@ -15,7 +15,7 @@ from relume.image import files
 from relume.image.photograph import Exposure, Photograph
 from relume.image.radiance import RadianceMap
 from relume.probe.ball.blending import blend_views
-from relume.probe.ball.unwrapping import unwrap_ball
+from relume.probe.ball.unwrapping import CAMERA_FROM_PIXELS, BallView, unwrap_ball
 from relume.project.insertion.ball_camera import BallCamera, camera_of_ball
 from relume.project.insertion.insert import insert
 from relume.project.shot_file.objects import placed_meshes
@@ -30,7 +30,7 @@ from synthetic import CENTRE, LAMPS, backdrop, lobes, photograph_ball
 CUBE = Path(__file__).parents[2] / "examples/room/objects/cube_gold.glb"
 WIDTH, HEIGHT, FOCAL = 300, 220, 620.0
 CAMERA = Camera.looking_at(
-    np.array([0.0, 0.35, 0.7]), np.array([0.03, 0.07, 0.0]), width=WIDTH, height=HEIGHT, focal_length=FOCAL
+    np.array([0.0, 0.35, 0.7]), np.array([0.11, 0.03, 0.0]), width=WIDTH, height=HEIGHT, focal_length=FOCAL
 )
 PITCH = float(np.degrees(np.arcsin(-(CAMERA.rotation @ [0, 0, -1])[1])))
 SHORTEST = f"""
@@ -47,7 +47,7 @@ SECONDS = tuple(Exposure(0.01 * 4.0**step) for step in range(6))
 
 
 def seen_from(
-    position: tuple[float, float, float], target: tuple[float, float, float] = (0.03, 0.07, 0.0)
+    position: tuple[float, float, float], target: tuple[float, float, float] = (0.11, 0.03, 0.0)
 ) -> np.ndarray:
     """The ball as a camera of these photographs sees it from a place."""
     picture = photograph_ball(
@@ -91,18 +91,20 @@ def test_the_ball_shows_where_the_camera_stood(found: BallCamera) -> None:
 
 
 def test_the_light_stands_in_the_ball_s_frame(found: BallCamera) -> None:
-    """The brightest place near each lamp is within a row or two of where it is; a leaning view would be off by more."""
+    """Each lamp is looked up where a camera of the true pose has it; a level look at the ball leans by pixels."""
     view = unwrap_ball(
         BALL, camera=found.fit.camera.position, centre=np.array(found.centre), focal_length=FOCAL, outline=found.outline
     )
-    light = blend_views([found.turned(view)], size=128).light
-    directions = LatLong().directions(pixel_points(LatLong(), 128))
-    off = []
-    for lamp in LAMPS:
-        near = degrees_between(directions, np.array(lamp)) < 12
-        brightest = directions[near][light.radiance[near].mean(-1).argmax()]
-        off.append(float(degrees_between(brightest, np.array(lamp))))
-    assert max(off) < 4, off
+    true = replace(view, world_from_pixels=CAMERA.rotation @ CAMERA_FROM_PIXELS)
+
+    def off(other: BallView) -> float:
+        places = [np.stack(each.places(np.array(LAMPS), 0.0)[:2]) for each in (true, other)]
+        return float(np.linalg.norm(places[0] - places[1], axis=0).max())
+
+    assert off(found.turned(view)) < 0.3 < 0.9 < off(view)
+    brightest = blend_views([found.turned(view)], size=64).light.radiance.mean(-1).argmax()
+    directions = LatLong().directions(pixel_points(LatLong(), 64)).reshape(-1, 3)
+    assert degrees_between(directions[brightest], np.array(LAMPS)).min() < 4
 
 
 def test_an_object_stands_in_the_ball_s_place(tmp_path: Path) -> None:
@@ -151,7 +153,8 @@ def test_a_stand_is_noticed_and_objects_stand_at_its_foot(tmp_path: Path) -> Non
     with pytest.warns(UserWarning, match=r"stand on something .*give foot = \[x, y\].*or raised = 0"):
         found = stood(tmp_path, ball=RadianceMap(cup))
     foot = found.fit.camera.project(np.zeros(3))
-    assert foot == pytest.approx([x, y + 88], abs=3) and found.centre[1] > 0.1
+    # The cup is painted upright; in a picture that looks down things lean, which moves its foot sideways.
+    assert foot == pytest.approx([x, y + 88], abs=7) and found.centre[1] > 0.1
     on_table = stood(tmp_path, "camera.ball.raised = 0\n" + KNOWN + SHORTEST, ball=RadianceMap(cup))
     assert on_table.centre == (0, 0.05, 0)
     # A shadow is as wide as the ball, and darker.

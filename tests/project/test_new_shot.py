@@ -41,7 +41,8 @@ def test_what_is_written_is_read_and_names_every_file(place: Path) -> None:
     assert views[0] == ["a.jpg", "b.jpg"]
     assert [path.resolve() for path in shot.files(shot.plate.photographs)] == [place / "plate.jpg"]
     lines = (place / "out" / "shot.toml").read_text().splitlines()
-    assert sum(bool(line.strip()) and not line.startswith("#") for line in lines) <= 8
+    assert sum(bool(line.strip()) and not line.startswith("#") for line in lines) == 9
+    assert shot.render.denoise and shot.render.samples == 64
 
 
 def test_nothing_is_written_without_a_path(place: Path, monkeypatch: pytest.MonkeyPatch) -> None:

@@ -95,6 +95,7 @@ def _text(
         "]",
         f"light.ball.radius = {known:g}  # metres, {measured}",
     ]
+    lines.append("render = { samples = 64, denoise = true }")
     if rim is not None:
         shown = ", ".join(f"{value:g}" for value in rim)
         lines.append(f"camera.ball.rim = [{shown}]  # x, y, radius: where the plate would show the ball, pixels")

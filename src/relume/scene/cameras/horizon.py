@@ -191,8 +191,12 @@ def horizon_of(segments: np.ndarray, lens: Camera) -> Horizon | None:
         return -float(found.fun), found.x
 
     score, turn = refined(tried[0])
+    start = up_of(*turn[:2])
     turn, deviation = edges.fitted(turn)
     up = up_of(*turn[:2])
+    # A fit that runs away from what was voted for is one of chance: nothing holds it.
+    if float(angle_between(up, start)) > RIVAL_APART / 2 or abs(turn[1]) > 1.5 * LEAN:
+        return None
     others = [each for each in tried if angle_between(up, up_of(each[1], each[2])) > RIVAL_APART]
     share = float(edges.votes(turn[0], turn[1], turn[2:])[0])
     if share < LEAST_SHARE:
