@@ -71,8 +71,10 @@ def uw_psm(name: str) -> Set:
 
 
 def psdata(name: str) -> Set:
+    """A set of two balls; its pictures are linear, and every second pixel is taken."""
     folder = OLAT / "gray_balls_psdata" / name
-    pictures = np.stack([read_photograph(folder / "Objects" / f"Image_{i:02d}.png").pixels for i in range(1, 21)]) / 255
+    paths = [folder / "Objects" / f"Image_{i:02d}.png" for i in range(1, 21)]
+    pictures = np.stack([read_photograph(path).pixels[::2, ::2] for path in paths]) / 255
     mean = pictures.mean(axis=(0, 3))
     subject = mean > LIT * np.quantile(mean, 0.99)
     return cropped(f"psdata {name}", pictures, read_directions(folder / "light_directions.txt"), subject, np.arange(20))

@@ -162,6 +162,9 @@ def stage_of_balls(
     names = [path.name for path in paths]
     # Each ball reads its own pictures.
     shown = _pictures_of_balls(len(balls), elsewhere, paths)
+    sought = [pictures for ball, pictures in zip(balls, shown, strict=True) if ball == "find"]
+    if any(sought.count(pictures) > 1 for pictures in sought):
+        raise ValueError(f"{sought[0][0].parent}: two balls are sought in the same pictures; give each its circle")
     mirrors = [_placed(ball, pictures, field_of_view) for ball, pictures in zip(balls, shown, strict=True)]
     readings = [_read(pictures, mirror, encoding) for mirror, pictures in zip(mirrors, shown, strict=True)]
     found = BallFindings(
@@ -189,12 +192,13 @@ def stage_of_balls(
 
 def _placed(ball: Ball, pictures: list[Path], field_of_view: float | None) -> MirrorBall:
     """A ball in its pictures; raises BallNotFound, naming their folder."""
+    folder = pictures[0].parent
+    # What is of no light, as a picture under the room's, may show the ball best.
+    others = [path for path in _pictures_there(folder) if path not in pictures and not path.stem.endswith("mask")]
     try:
-        return mirror_ball(ball, lambda: map(_pixels, pictures), field_of_view)
+        return mirror_ball(ball, lambda: map(_pixels, pictures), field_of_view, str(folder), map(_pixels, others))
     except BallNotFound as error:
-        raise BallNotFound(
-            f"{pictures[0].parent}: {error}; or give the ball's circle, or a mask that is white on it"
-        ) from None
+        raise BallNotFound(f"{error}; or give the ball's circle, or a mask that is white on it") from None
 
 
 def _read(paths: Sequence[Path], ball: MirrorBall, encoding: PhotographEncoding) -> BallReadings:
@@ -270,8 +274,18 @@ def measure_film(
     return count, len(arm.grid_lights(course.columns, count)[1]), shape
 
 
-def mirror_ball(ball: Ball, pictures: Callable[[], Iterable[np.ndarray]], field_of_view: float | None) -> MirrorBall:
-    """A ball as the camera sees it, given or sought in the pictures; raises ValueError and BallNotFound."""
+def mirror_ball(
+    ball: Ball,
+    pictures: Callable[[], Iterable[np.ndarray]],
+    field_of_view: float | None,
+    name: str = "pictures",
+    others: Iterable[np.ndarray] = (),
+) -> MirrorBall:
+    """A ball as the camera sees it, given or sought in the pictures; raises ValueError and BallNotFound.
+
+    name : of the pictures, for messages
+    others : as of `find_ball`
+    """
     camera = None
     if field_of_view is not None:
         height, width = next(iter(pictures())).shape[:2]
@@ -280,25 +294,34 @@ def mirror_ball(ball: Ball, pictures: Callable[[], Iterable[np.ndarray]], field_
         return MirrorBall(outline_of_mask(files.read_photograph(ball).pixels, str(ball)), camera)
     if isinstance(ball, BallCircle):
         return MirrorBall(outline_of_circle(ball.x, ball.y, ball.radius), camera, ball.metres or 1.0)
-    outline = find_ball(pictures(), focal_length=camera and camera.focal_length)
+    outline = find_ball(pictures(), name, camera and camera.focal_length, others)
     return MirrorBall(outline, camera)
 
 
 def pictures_in(folder: Path, leave_out: Sequence[Path] = ()) -> list[Path]:
     """The pictures of a folder in the order of their names, 9 before 10, but for some; warns of masks."""
     passed = {path.resolve() for path in leave_out}
-    found = [
-        path
-        for path in folder.iterdir()
-        if path.suffix.lower() in PICTURES and not path.name.startswith(".") and path.resolve() not in passed
-    ]
-    masks = [path for path in found if path.stem.endswith("mask")]
+    found = [path for path in _pictures_there(folder) if path.resolve() not in passed]
+    masks = masks_in(folder)
     if masks:
         warn(f"{folder}: {masks[0].name} is taken for a mask and is no light's picture")
     kept = sorted((path for path in found if path not in masks), key=name_order)
     if not kept:
-        raise UnreadableFile(f"{folder}: no pictures; it holds none of {', '.join(PICTURES)}")
+        within = sorted(each.name for each in folder.iterdir() if each.is_dir() and _pictures_there(each))
+        raise UnreadableFile(
+            f"{folder}: no pictures; it holds none of {', '.join(PICTURES)}"
+            + (f", but its folders {', '.join(within[:4])} do: name the subject's" if within else "")
+        )
     return kept
+
+
+def masks_in(folder: Path) -> list[Path]:
+    """The pictures of a folder whose names end in "mask"."""
+    return [path for path in _pictures_there(folder) if path.stem.endswith("mask")]
+
+
+def _pictures_there(folder: Path) -> list[Path]:
+    return [path for path in folder.iterdir() if path.suffix.lower() in PICTURES and not path.name.startswith(".")]
 
 
 def _pictures_of_balls(count: int, elsewhere: Sequence[Path], paths: list[Path]) -> list[list[Path]]:
@@ -317,7 +340,7 @@ def _paired(folder: Path, paths: list[Path]) -> list[Path]:
     named, wanted = {path.stem: path for path in pictures}, [path.stem for path in paths]
     if len(named) == len(pictures) and set(wanted) <= set(named):
         if odd := [path.name for path in pictures if path.stem not in set(wanted)]:
-            warn(f"{folder}: {len(odd)} pictures have no namesake among the subject's, such as {odd[0]}; passed over")
+            warn(f"{folder}: {odd[0]} has no namesake among the subject's pictures ({len(odd)} such); it is no light's")
         return [named[stem] for stem in wanted]
     if len(pictures) != len(paths):
         alone = sorted(set(named) ^ set(wanted))

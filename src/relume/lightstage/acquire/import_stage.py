@@ -23,6 +23,7 @@ from relume.lightstage.acquire.import_lights import (
     camera_ahead,
     filmed_stage,
     in_metres,
+    masks_in,
     measure_film,
     stage_of_balls,
     stage_of_list,
@@ -192,6 +193,7 @@ def _described(
     corrections = settings.corrections
     beside = (corrections.ambient, corrections.mask, *settings.balls)
     left = [path for path in beside if isinstance(path, Path) and path.is_file()]
+    known = [*left, *masks_in(source)] if source.is_dir() else left
     if settings.film is not None:
         # Most frames of a film are between those of the grid.
         known = [*left, *(source.iterdir() if source.is_dir() else [])]
@@ -204,9 +206,9 @@ def _described(
         stage, found = stage_of_balls(
             source, settings.balls, settings.ball_pictures, settings.field_of_view, left, encoding
         )
-        yield (stage, source), found, left
+        yield (stage, source), found, known
     elif settings.lights is not None:
-        yield (stage_of_list(source, settings.lights, left), source), None, left
+        yield (stage_of_list(source, settings.lights, left), source), None, known
     else:
         yield None, None, left
 

@@ -34,9 +34,6 @@ _ROUNDS = 10
 """Of reweighting; the last ones change nothing that can be seen."""
 _WIDTH = 0.1
 """Departures from the fit, as parts of its brightest, beyond which a value soon stops counting: shadows, highlights."""
-_HELD = 0.005
-"""What the square of a costs, beside the squared errors' mean: among lights on one side a and b are nearly alike, and
-what b can explain is b's."""
 _LOOSE = 1e-3
 """Weight of values that do not count, so that every pixel has a fit; and, a tenth of it, what the square of b costs."""
 _PIXELS = 4096
@@ -108,39 +105,40 @@ def fit_diffuse(field: ReflectanceField, memory: int, progress: Progress | None 
 def fitted(values: np.ndarray, directions: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """b (P, 3), a (P,) and colours (P, 3), float32, of values (N, P, 3) under lights from directions (N, 3).
 
-    Least squares, reweighted: values off the fit count ever less (Geman and McClure's weights, 1/(1 + d²)²). Lights
-    that the lobe does not see speak of a alone, which is never below 0.
+    b by least squares over the lights that it sees, reweighted: values off the fit count ever less (Geman and McClure's
+    weights, 1/(1 + d²)²). a is the median under the lights that b does not see, where they are as many as in a full
+    stage, and fades to 0 where b sees all: among lights on one side a and b are alike, and what b can explain is b's.
     """
     bright = values.mean(axis=-1, dtype=np.float64)
-    terms = np.concatenate([directions, np.ones((len(directions), 1))], axis=1)
-    weights, seen = np.where(bright > 0, 1.0, _LOOSE), np.ones(bright.shape, bool)
-    found = np.zeros((bright.shape[1], 4))
+    weights, constants = np.where(bright > 0, 1.0, _LOOSE), np.zeros(bright.shape[1])
+    lobes = np.zeros((bright.shape[1], 3))
     for _ in range(_ROUNDS):
-        found = _solved(terms, bright, weights, seen)
-        lobe = directions @ found[:, :3].T
-        brightest = np.maximum(np.linalg.norm(found[:, :3], axis=1) + found[:, 3], 1e-30)
-        departure = np.abs(bright - np.maximum(lobe, 0) - found[:, 3]) / (_WIDTH * brightest)
-        weights, seen = 1 / (1 + np.minimum(departure, 1e4) ** 2) ** 2 + _LOOSE, lobe > 0
+        lobes = _solved(directions, bright - constants, weights)
+        seen = directions @ lobes.T
+        constants = _median_of_the_rest(bright, seen > 0)
+        brightest = np.maximum(np.linalg.norm(lobes, axis=1) + constants, 1e-30)
+        departure = np.abs(bright - np.maximum(seen, 0) - constants) / (_WIDTH * brightest)
+        weights = (seen > 0) / (1 + np.minimum(departure, 1e4) ** 2) ** 2 + _LOOSE
     total = np.maximum(values.sum(axis=0, dtype=np.float64), 0)
     level = total.mean(axis=-1, keepdims=True)
     colours = np.where(level > 0, total / np.where(level > 0, level, 1), 1.0)
-    return tuple(np.asarray(each, np.float32) for each in (found[:, :3], found[:, 3], colours))  # type: ignore[return-value]
+    return lobes.astype(np.float32), constants.astype(np.float32), colours.astype(np.float32)
 
 
-def _solved(terms: np.ndarray, bright: np.ndarray, weights: np.ndarray, seen: np.ndarray) -> np.ndarray:
-    """b and a, (P, 4), of the least weighted squares for values (N, P); with a = 0 where it would be below.
+def _solved(directions: np.ndarray, bright: np.ndarray, weights: np.ndarray) -> np.ndarray:
+    """Lobes (P, 3) of the least weighted squares for values (N, P)."""
+    pairs = (directions[:, :, None] * directions[:, None, :]).reshape(-1, 9)
+    matrices = (weights.T @ pairs).reshape(-1, 3, 3) + len(directions) * _LOOSE / 10 * np.eye(3)
+    return np.asarray(np.linalg.solve(matrices, ((weights * bright).T @ directions)[..., None])[..., 0])
 
-    seen : bool (N, P), the lights that the lobe sees; of the others only a is seen
+
+def _median_of_the_rest(bright: np.ndarray, seen: np.ndarray) -> np.ndarray:
+    """The lower median (P,) of values (N, P) that are not seen, not below 0, times (2 · their share)² up to 1.
+
+    Half of a full stage's lights are not seen. Of few, one light more or less would change a by all of it, and pixels
+    beside each other would differ.
     """
-    count, size = terms.shape
-    pairs = (terms[:, :, None] * terms[:, None, :]).reshape(count, -1)
-    lit, dark = weights * seen, weights * ~seen
-    matrices = (lit.T @ pairs).reshape(-1, size, size) + count * np.diag([_LOOSE / 10] * 3 + [_HELD])
-    matrices[:, -1, -1] += dark.sum(axis=0)
-    sides = (lit * bright).T @ terms
-    sides[:, -1] += (dark * bright).sum(axis=0)
-    found = np.linalg.solve(matrices, sides[..., None])[..., 0]
-    below = found[:, 3] < 0
-    found[below, :3] = np.linalg.solve(matrices[below, :3, :3], sides[below, :3, None])[..., 0]
-    found[below, 3] = 0
-    return found
+    rest = np.sort(np.where(seen, np.inf, bright), axis=0)
+    count = (~seen).sum(axis=0)
+    middle = np.take_along_axis(rest, np.maximum(count - 1, 0)[None] // 2, axis=0)[0]
+    return np.where(count > 0, np.maximum(middle, 0), 0.0) * np.minimum(2 * count / len(bright), 1) ** 2

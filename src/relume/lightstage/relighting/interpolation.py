@@ -172,6 +172,17 @@ def lights_width(lights: StageLights) -> float:
     return min(width, OPEN * next_light(lights))
 
 
+def shares_of_what_is_known(lights: StageLights) -> np.ndarray:
+    """The lights' cells (N,) as shares of all of them, none wider than `OPEN` times the way to the next light.
+
+    In a full stage these are the cells' shares of the sphere. Of a dome the cells at the rim reach round all that it
+    has no lights for, and would count for nearly everything.
+    """
+    widest = (OPEN * next_light(lights)) ** 2
+    cells = np.minimum(lights.solid_angles, max(widest, float(lights.solid_angles.min())))
+    return np.asarray(cells / cells.sum())
+
+
 def next_light(lights: StageLights) -> float:
     """The median angle from a light to the one nearest to it, radians; π for a single light."""
     if len(lights) < 2:

@@ -16,6 +16,7 @@ from relume.errors import warn
 from relume.image.radiance import RadianceMap
 from relume.lightstage.field.field import ReflectanceField
 from relume.lightstage.field.lights import StageLights
+from relume.lightstage.relighting.interpolation import shares_of_what_is_known
 from relume.lightstage.relighting.relighting import MEMORY, Progress, checked, cut, pictures_at_once, summed, within
 
 SPIKE = 8.0
@@ -31,14 +32,14 @@ def find_spikes(peak: np.ndarray, mean: np.ndarray) -> np.ndarray:
     """Which pixels' functions are spikes: bool of the shape (…) of two arrays (…, 3).
 
     peak : the greatest value over the lights, channel by channel
-    mean : over the sphere, Σ R_i Ω_i / 4π
+    mean : over the sphere, Σ R_i Ω_i / 4π, or over what part of it the lights stand for
     """
     return np.asarray(peak.sum(axis=-1) > SPIKE * np.maximum(mean.sum(axis=-1), 0))
 
 
 def spiky_and_mirror_pixels(values: np.ndarray, lights: StageLights) -> tuple[np.ndarray, np.ndarray]:
     """Which of K pixels' functions (N, K, 3) are spikes, and in which one light alone makes most: two (K,) bool."""
-    shares = (lights.solid_angles / (4 * np.pi)).astype(np.float32)
+    shares = shares_of_what_is_known(lights).astype(np.float32)
     mean = np.einsum("nkc,n->kc", values, shares)
     alone = (values.sum(axis=2) * shares[:, None]).max(axis=0)
     return find_spikes(values.max(axis=0), mean), np.asarray(alone > MIRROR * np.maximum(mean.sum(axis=1), 0))
@@ -108,7 +109,7 @@ def _passes(
     extras = None if added is None else iter(added)
     count, together = len(smooth), max(1, (pictures_at_once(field, memory) - 2) // 2)
     peak = np.full((*field.shape, 3), -np.inf, np.float32)
-    even = np.repeat(field.lights.solid_angles[:, None] / (4 * np.pi), 3, axis=1)[None]
+    even = np.repeat(shares_of_what_is_known(field.lights)[:, None], 3, axis=1)[None]
     spiky: np.ndarray | None = None
     below = 0.0
 
