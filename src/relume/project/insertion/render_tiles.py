@@ -51,11 +51,11 @@ class Tile:
     right: int
 
     def with_border(self, height: int, width: int) -> Tile:
-        """The same with its border, as far as the picture goes."""
-        return Tile(
-            max(self.top - BORDER, 0), max(self.left - BORDER, 0),
-            min(self.bottom + BORDER, height), min(self.right + BORDER, width),
-        )  # fmt: skip
+        """The same with its border, within the picture; all of one size, so that the memory of one does for all."""
+        down, across = (min(ceil(side / ceil(side / SIDE)) + 2 * BORDER, side) for side in (height, width))
+        top = min(max(self.top - BORDER, 0), height - down)
+        left = min(max(self.left - BORDER, 0), width - across)
+        return Tile(top, left, top + down, left + across)
 
     def window(self, camera: Camera) -> Camera:
         """What a camera sees in it."""
