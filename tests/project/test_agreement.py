@@ -51,13 +51,11 @@ def painted(seed: int = 3) -> EnvironmentMap:
     return EnvironmentMap((nearness @ colours / nearness.sum(-1, keepdims=True)).astype(np.float32))
 
 
-def seen_on_the_dome(light: EnvironmentMap) -> np.ndarray:
+def seen_on_the_dome(light: EnvironmentMap, camera: Camera = CAMERA) -> np.ndarray:
     """What the camera sees of it: each ray ends on the dome, which the probe sees from where it stands."""
-    rays = CAMERA.rays()
-    along = -(rays @ CAMERA.position)
-    ends = (
-        CAMERA.position + (along + np.sqrt(along**2 - CAMERA.position @ CAMERA.position + RADIUS**2))[..., None] * rays
-    )
+    rays, stood = camera.rays(), camera.position
+    along = -(rays @ stood)
+    ends = stood + (along + np.sqrt(along**2 - stood @ stood + RADIUS**2))[..., None] * rays
     towards = ends - np.array(PROBE)
     return light.lookup(towards / np.linalg.norm(towards, axis=-1, keepdims=True)).astype(np.float32)
 
@@ -197,8 +195,8 @@ def test_what_the_table_hides_from_the_ball_is_not_compared(tmp_path: Path) -> N
     light = painted()
     below = pixel_directions(LatLong(), 128)[..., 1] < 0
     light = replace(light, radiance=np.where(below[..., None], [9.0, 0.1, 0.1], light.radiance).astype(np.float32))
-    plate = seen_on_the_dome(painted())
-    table = SHOT.replace("local = []\n", "") + "\n[[local]]\nshape = 'plane'\nsize = [40, 40]\nheight = 0.05\n"
-    given = calibrated(plate, light, None)
-    seen = seen_by_both(given, CAMERA, bare_place(shot_of(tmp_path, table), given.probe))
+    camera = Camera.looking_at(CAMERA.position, np.array([0, -0.9, -2.0]), width=128, height=96, focal_length=90)
+    table = SHOT.replace("local = []\n", "") + "\n[[local]]\nshape = 'plane'\nsize = [1.5, 1.5]\nheight = 0.05\n"
+    given = calibrated(seen_on_the_dome(painted(), camera), light, None)
+    seen = seen_by_both(given, camera, bare_place(shot_of(tmp_path, table), given.probe))
     assert seen is not None and seen.distant and seen.ratio == pytest.approx([1, 1, 1], rel=0.02)
