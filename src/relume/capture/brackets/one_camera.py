@@ -16,6 +16,7 @@ from relume.capture.brackets.result import MergedBracket, MergedCamera
 from relume.capture.brackets.settings import MergeSettings
 from relume.capture.exposure.bracket import Bracket
 from relume.capture.exposure.consistency import Doubt, check
+from relume.capture.exposure.white_balance import of_one_white
 from relume.capture.ghosts.deghosting import Deghosted, deghost
 from relume.capture.merging import merge
 from relume.capture.raw.merging import RawCalibration, RawSource, calibrate_raw, merge_raw, opened
@@ -49,6 +50,8 @@ def merge_photographs(
     Raises NotABracket, ValueError; warns.
     """
     with steps.step("check"):
+        # What a camera did to its frames' white is undone before anything is measured by them.
+        brackets = [of_one_white(bracket) for bracket in brackets]
         doubts = [check(bracket, response) for bracket in brackets]
     aligned: list[Aligned | None] = [None] * len(brackets)
     if settings.align:

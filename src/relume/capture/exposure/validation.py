@@ -40,11 +40,13 @@ class ExposureCorrections:
     shared : (P − 1,) share of each picture's values that the one after it shows well exposed too, 0 to 1
     casts : (P − 1, 3) ln exposure by which each channel of a photograph departs from what the three have in common,
         beyond the photograph before it; nan where unseen
+    curve : (256,) ln exposure of pixel values from 0 to 1, rising, as it was fitted to all channels together
     """
 
     corrections: np.ndarray
     shared: np.ndarray
     casts: np.ndarray
+    curve: np.ndarray
 
     @property
     def evidence(self) -> np.ndarray:
@@ -70,7 +72,13 @@ def compare(pictures: Sequence[Reduced], stated: np.ndarray, response: Response 
             float(np.median(left[pair.channel == c])) if (pair.channel == c).any() else np.nan for c in range(3)
         ]
         casts[index] = np.array(channels) - np.nanmedian(channels) if np.isfinite(channels).any() else np.nan
-    return ExposureCorrections(corrections, np.array([pair.lit for pair in pairs]), casts)
+    values = np.linspace(0, 1, 256)
+    curve = _terms(np.maximum(values, 0.25 / 255)) @ coefficients
+    if response is not None:
+        own = response.log_exposure.mean(0)
+        curve = curve + np.interp(values, np.linspace(0, 1, len(own)), own)
+    curve = np.maximum.accumulate(curve) + 1e-6 * np.arange(256)
+    return ExposureCorrections(corrections, np.array([pair.lit for pair in pairs]), casts, curve)
 
 
 @dataclass(frozen=True, eq=False)
