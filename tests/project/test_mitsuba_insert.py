@@ -156,7 +156,8 @@ def test_a_shot_is_handed_over_whole_and_not_rendered(
     tmp_path: Path, name: str, capsys: pytest.CaptureFixture[str]
 ) -> None:
     shot, out = small_shot_in(tmp_path), tmp_path / name
-    assert main(["insert", str(shot), "-o", str(out), "--to", name, "--json"]) == 0
+    # The plate is of chance, so it does not show the light that it is given; that is accepted.
+    assert main(["insert", str(shot), "-o", str(out), "--to", name, "--json", "--accept"]) == 0
     reports = json.loads(capsys.readouterr().out)
     assert (
         Path(reports["written"]) == out / SHOT_FORMATS[name].main
@@ -167,7 +168,7 @@ def test_a_shot_is_handed_over_whole_and_not_rendered(
 
 def run_child(shot: Path, out: Path) -> subprocess.Popen[str]:
     start = "import sys; from relume.cli import main; sys.exit(main(sys.argv[1:]))"
-    command = [sys.executable, "-c", start, "insert", str(shot), "-o", str(out), "--json"]
+    command = [sys.executable, "-c", start, "insert", str(shot), "-o", str(out), "--json", "--accept"]
     # A terminal's Ctrl-C reaches a child that was not asked to ignore it.
     return subprocess.Popen(
         command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True,
