@@ -14,7 +14,7 @@ CORNERS = np.array([[-1, 1, 0], [1, 1, 0], [1, -1, 0], [-1, -1, 0]], np.float32)
 TRIANGLES = np.array([0, 3, 2, 0, 2, 1], np.uint16)
 TEXTURE_POINTS = np.array([[0, 0], [1, 0], [1, 1], [0, 1]], np.float32)
 """glTF 2.0, §3.8.3: (0, 0) is the upper left corner of the image."""
-TYPES = {"float32": 5126, "uint16": 5123, "int16": 5122}
+TYPES = {"float32": 5126, "uint16": 5123, "int16": 5122, "uint8": 5121}
 
 
 def square_glb(
@@ -25,8 +25,12 @@ def square_glb(
     corners: np.ndarray = CORNERS,
     texture_points: np.ndarray = TEXTURE_POINTS,
     top: dict[str, Any] | None = None,
+    colours: np.ndarray | None = None,
 ) -> bytes:
-    """A textured square as the bytes of a .glb file; `node` places it and `top` adds keys to the header."""
+    """A textured square as the bytes of a .glb file; `node` places it, `colours` (4, 3) are at its corners.
+
+    top : keys that are added to the header
+    """
     views: list[dict[str, int]] = []
     blob = b""
 
@@ -65,6 +69,10 @@ def square_glb(
         header["images"] = [{"bufferView": stored(png.getvalue()), "mimeType": "image/png"}]
         header["textures"] = [{"source": 0}]
         header["materials"][0]["pbrMetallicRoughness"]["baseColorTexture"] = {"index": 0}
+    if colours is not None:  # rows of whole words, as §3.6.2.4 wants: alpha is the fourth
+        opaque = np.ones(4) * (1 if colours.dtype.kind == "f" else np.iinfo(colours.dtype).max)
+        accessors.append(accessor(np.column_stack([colours, opaque]).astype(colours.dtype), "VEC4"))
+        header["meshes"][0]["primitives"][0]["attributes"]["COLOR_0"] = len(accessors) - 1
     header |= {"bufferViews": views, "buffers": [{"byteLength": len(blob)}]} | (top or {})
     return as_glb(header, blob)
 

@@ -1,26 +1,31 @@
-"""Reading meshes: glTF with its physically based materials, OBJ with its .mtl, PLY and STL as shapes of one grey."""
+"""Reading meshes: glTF with its physically based materials, OBJ with its .mtl, PLY and STL; all with vertex colours."""
 
 from __future__ import annotations
 
 import io
 import json
 import logging
-from dataclasses import replace
+from dataclasses import fields, replace
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
 from relume.errors import UnreadableFile, warn
+from relume.image.colour import decode_srgb
 from relume.scene.gltf.document import GltfDocument, read_document
 from relume.scene.gltf.materials import READ, GltfMaterial, read_materials
 from relume.scene.gltf.writing import glb_bytes
 from relume.scene.materials.materials import Material
 from relume.scene.materials.mtl import read_mtl_materials
 from relume.scene.shapes.shapes import Mesh, carried
+from relume.scene.shapes.vertex_colours import with_face_colours, with_vertex_colours
 
 GREY = Material((0.5, 0.5, 0.5), roughness=1.0, name="grey")
 """What a mesh without a material is made of."""
+WHITE = Material(roughness=1.0, name="vertex colours")
+"""What one is made of that has colours at its vertices: they are all of its looks."""
+_COLOURS = "_VERTEX_COLOURS"
 
 
 def read_meshes(path: str | Path) -> tuple[Mesh, ...]:
@@ -110,8 +115,9 @@ def _bare(document: GltfDocument, materials: tuple[GltfMaterial, ...]) -> bytes:
             attributes["TEXCOORD_0"] = attributes[f"TEXCOORD_{used}"]
         elif used:
             attributes.pop("TEXCOORD_0", None)
-        # trimesh would make colours the whole of the looks.
-        attributes.pop("COLOR_0", None)
+        # trimesh would make colours the whole of the looks; what begins with a bar it hands over as it is.
+        if "COLOR_0" in attributes:
+            attributes[_COLOURS] = attributes.pop("COLOR_0")
     for key in ("materials", "textures", "images", "samplers"):
         header.pop(key, None)
     if materials:
@@ -156,13 +162,35 @@ def _mesh(
         else:
             material = found
     uv = None if uv is None else uv.astype(np.float32)
-    return Mesh(vertices, faces, material, normals, uv, name), lost
+    return _coloured(Mesh(vertices, faces, material, normals, uv, name), geometry, lost)
+
+
+def _coloured(mesh: Mesh, geometry: Any, lost: tuple[str, ...]) -> tuple[Mesh, tuple[str, ...]]:
+    """The mesh with the colours of its vertices or faces, and what of them does not lie on it.
+
+    glTF's are linear (§3.7.2.1); those of PLY and OBJ are codes of sRGB, as scanners and their programs write them.
+    """
+    visual, stored = geometry.visual, geometry.vertex_attributes.get(_COLOURS)
+    if stored is None and visual.kind not in ("vertex", "face"):
+        return mesh, lost
+    bare = replace(mesh, material=WHITE) if mesh.material is GREY else mesh
+    if visual.kind == "face":
+        return with_face_colours(bare, decode_srgb(np.asarray(visual.face_colors)[:, :3] / 255)), lost
+    if stored is None:
+        return with_vertex_colours(bare, decode_srgb(np.asarray(visual.vertex_colors)[:, :3] / 255)), lost
+    if any(isinstance(getattr(mesh.material, field.name), np.ndarray) for field in fields(mesh.material)):
+        return mesh, (*lost, "COLOR_0 beside textures")
+    stored = np.asarray(stored)
+    top = 1.0 if stored.dtype.kind == "f" else float(np.iinfo(stored.dtype).max)
+    if stored.shape[1] == 4 and stored[:, 3].min() < top:
+        lost = (*lost, "the alpha of COLOR_0")
+    return with_vertex_colours(bare, stored[:, :3] / top), lost
 
 
 def _unread_primitives(header: dict[str, Any]) -> list[str]:
     primitives = [p for mesh in header.get("meshes", []) for p in mesh["primitives"]]
     attributes = {name for primitive in primitives for name in primitive["attributes"]}
-    lost = {name for name in attributes if name.startswith(("COLOR_", "JOINTS_"))}
+    lost = {name for name in attributes if name.startswith(("COLOR_", "JOINTS_")) and name != "COLOR_0"}
     lost |= {"morph targets" for primitive in primitives if primitive.get("targets")}
     return sorted(lost)
 
