@@ -111,7 +111,7 @@ class InsteadOptions:
 
 
 def render(
-    scene: Annotated[Path, Parameter(help="A scene file, .toml, or a mesh: .glb, .gltf, .obj, .ply or .stl.")],
+    scene: Annotated[Path, Parameter(help="A scene file, .toml, or a mesh: .glb, .gltf, .obj, .ply, .stl or .usd.")],
     /,
     *,
     out: Annotated[

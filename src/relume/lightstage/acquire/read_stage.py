@@ -20,7 +20,7 @@ from relume.lightstage.field.field import ReflectanceField
 PICTURES = (".exr", ".hdr", ".pic", ".pfm", ".float", ".jpg", ".jpeg", ".png", ".tif", ".tiff")
 """Endings of files that would be a light's picture; camera raws are developed or merged first."""
 
-MESHES = (".glb", ".gltf", ".obj", ".ply", ".stl")
+MESHES = (".glb", ".gltf", ".obj", ".ply", ".stl", ".usd", ".usda", ".usdc", ".usdz")
 
 
 def read_stage(path: str | os.PathLike[str], camera: str | None = None, *, kept: int = KEPT) -> ReflectanceField:

@@ -70,7 +70,7 @@ def whitted_of(table: WhittedSettings | None, path: Path) -> Whitted:
         return Whitted(**given)
 
 
-SUFFIXES = (".toml", ".glb", ".gltf", ".obj", ".ply", ".stl")
+SUFFIXES = (".toml", ".glb", ".gltf", ".obj", ".ply", ".stl", ".usd", ".usda", ".usdc", ".usdz")
 LARGEST = 65536
 """Pixels along a side of a picture."""
 SIZE = (640, 480)

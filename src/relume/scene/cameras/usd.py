@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import textwrap
-from importlib import import_module
 from pathlib import Path
 from typing import Any
 
@@ -12,6 +10,7 @@ import numpy as np
 from relume.errors import UnreadableFile, warn
 from relume.scene.cameras.camera import Camera
 from relume.scene.cameras.pose import UpAxis, pose, the_only, warn_of_aspect
+from relume.scene.usd.stage import stage_of
 
 
 def read_usd_camera(
@@ -26,30 +25,12 @@ def read_usd_camera(
     Raises UnreadableFile where the file is damaged, holds no such camera or several to choose from, or where OpenUSD is
     not installed.
     """
-    try:
-        path.open("rb").close()
-    except OSError as error:
-        raise UnreadableFile(f"{path}: cannot be read ({error.strerror or error}); check the path") from None
-    try:
-        # Its stubs lack most names.
-        tf, usd, geometry, utilities = (import_module(f"pxr.{name}") for name in ("Tf", "Usd", "UsdGeom", "UsdUtils"))
-    except ImportError:
-        raise UnreadableFile(f"{path}: USD files need OpenUSD; install it with: pip install 'relume[usd]'") from None
-    # While it lives, OpenUSD hands it what it would print on standard error.
-    diagnostics = utilities.CoalescingDiagnosticDelegate()
-    try:
-        stage = usd.Stage.Open(str(path))
+    with stage_of(path, "Usd", "UsdGeom") as (stage, usd, geometry):
         prim = _chosen(path, stage, name, usd, geometry)
         lens = geometry.Camera(prim).GetCamera(usd.TimeCode.EarliestTime())
-        faults = [textwrap.shorten(str(each.commentary), 160) for each in diagnostics.TakeUncoalescedDiagnostics()]
         moves = _moves(prim, geometry)
         metres = unit or float(geometry.GetStageMetersPerUnit(stage))
         axis = up or ("z" if geometry.GetStageUpAxis(stage) == "Z" else "y")
-    except tf.ErrorException as error:
-        reason = textwrap.shorten(str(error.args[0].commentary), 160)
-        raise UnreadableFile(f"{path}: not a readable USD file ({reason}); export it again") from None
-    if faults:
-        warn(f"{path}: {faults[0]}" + (f" (and {len(faults) - 1} more)" if faults[1:] else ""))
     if moves:
         warn(f"{path}: camera {prim.GetName()!r} changes with time; its first time is taken")
     return _camera(path, lens, prim.GetName(), (width, height), axis, metres)

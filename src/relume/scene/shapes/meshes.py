@@ -1,4 +1,4 @@
-"""Reading meshes: glTF with its physically based materials, OBJ with its .mtl, PLY and STL; all with vertex colours."""
+"""Reading meshes: glTF with its physically based materials, OBJ with its .mtl, PLY, STL and USD."""
 
 from __future__ import annotations
 
@@ -20,6 +20,8 @@ from relume.scene.materials.materials import Material
 from relume.scene.materials.mtl import read_mtl_materials
 from relume.scene.shapes.shapes import Mesh, carried
 from relume.scene.shapes.vertex_colours import with_face_colours, with_vertex_colours
+from relume.scene.usd.meshes import read_usd_meshes
+from relume.scene.usd.stage import SUFFIXES as USD_SUFFIXES
 
 GREY = Material((0.5, 0.5, 0.5), roughness=1.0, name="grey")
 """What a mesh without a material is made of."""
@@ -31,7 +33,8 @@ _COLOURS = "_VERTEX_COLOURS"
 def read_meshes(path: str | Path) -> tuple[Mesh, ...]:
     """Read every mesh of a file, placed by the file's own transforms, metres, +Y up.
 
-    Materials of glTF and of OBJ's .mtl come with their images. What of a file is not rendered is said in one warning.
+    Materials of glTF, of OBJ's .mtl and of USD come with their images. What of a file is not rendered is said in one
+    warning.
     Raises UnreadableFile when the file is missing, damaged, of an unknown kind or holds no triangles, or when a
     picture of its materials is missing.
     """
@@ -39,13 +42,30 @@ def read_meshes(path: str | Path) -> tuple[Mesh, ...]:
     if not path.is_file():
         raise UnreadableFile(f"{path}: no such mesh file; check the path")
     try:
-        scene, materials, lost = _loaded(path)
+        if path.suffix.lower() in USD_SUFFIXES:
+            found, lost = read_usd_meshes(path)
+        else:
+            scene, materials, lost = _loaded(path)
+            found = _placed(path, scene, materials, lost)
     except UnreadableFile:
         raise
-    except Exception as error:  # trimesh raises whatever its parsers do
+    except Exception as error:  # trimesh and OpenUSD raise whatever their parsers do
         reason = " ".join(str(error).split()) or type(error).__name__
         raise UnreadableFile(f"{path}: not a readable mesh ({reason}); export it again as .glb") from None
-    meshes: list[Mesh] = []
+    for mesh in found:
+        _check_extent(path, mesh.name, mesh.vertices, np.eye(4)[:3])
+    meshes = [part for mesh in found for part in with_mirrored_apart(mesh)]
+    if not meshes:
+        raise UnreadableFile(f"{path}: holds no triangles; export the object's mesh")
+    if lost:
+        said = "; ".join(f"{part}: {', '.join(dict.fromkeys(words))}" for part, words in lost.items())
+        warn(f"{path}: not rendered {said}")
+    return tuple(meshes)
+
+
+def _placed(path: Path, scene: Any, materials: dict[str, GltfMaterial | Material], lost: Lost) -> list[Mesh]:
+    """The meshes of a trimesh scene in the world; what is lost of their materials is added to `lost`."""
+    meshes = []
     for node in sorted(scene.graph.nodes_geometry):
         world_from_mesh, name = scene.graph[node]
         geometry = scene.geometry[name]
@@ -54,13 +74,8 @@ def read_meshes(path: str | Path) -> tuple[Mesh, ...]:
             mesh, unplaced = _mesh(geometry, np.asarray(world_from_mesh), materials, str(node))
             if unplaced and isinstance(mesh.material, Material):
                 lost.setdefault(f'of material "{mesh.material.name}"', []).extend(unplaced)
-            meshes.extend(with_mirrored_apart(mesh))
-    if not meshes:
-        raise UnreadableFile(f"{path}: holds no triangles; export the object's mesh")
-    if lost:
-        said = "; ".join(f"{part}: {', '.join(dict.fromkeys(words))}" for part, words in lost.items())
-        warn(f"{path}: not rendered {said}")
-    return tuple(meshes)
+            meshes.append(mesh)
+    return meshes
 
 
 Lost = dict[str, list[str]]
@@ -75,7 +90,7 @@ def _loaded(path: Path) -> tuple[Any, dict[str, GltfMaterial | Material], Lost]:
     logging.getLogger("trimesh").setLevel(logging.CRITICAL)
     kind = path.suffix.lower().lstrip(".")
     if kind not in ("glb", "gltf", "obj", "ply", "stl"):
-        raise ValueError(f"files of kind .{kind} are not read; use .glb, .gltf, .obj, .ply or .stl")
+        raise ValueError(f"files of kind .{kind} are not read; use .glb, .gltf, .obj, .ply, .stl or .usd")
     materials: dict[str, GltfMaterial | Material] = {}
     lost: Lost = {}
     if kind in ("glb", "gltf"):
