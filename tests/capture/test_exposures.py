@@ -7,8 +7,9 @@ import numpy as np
 import pytest
 
 from relume.capture.exposure.bracket import Bracket, FrameFacts, read_bracket
-from relume.capture.exposure.exposures import estimated, times_in_names, true_shutter
+from relume.capture.exposure.exposures import estimated, true_shutter
 from relume.capture.exposure.folder import expand
+from relume.capture.exposure.named_times import seconds_in_names, times_in_names
 from relume.errors import NotABracket, UnreadableFile
 from relume.image import files
 from relume.image.photograph import Exposure, Photograph
@@ -152,7 +153,7 @@ def test_without_any_times_the_ratios_are_estimated_and_said_to_be(tmp_path):
 
 def test_file_names_that_read_like_times_are_reported_and_not_believed(tmp_path):
     paths = shot(tmp_path, names=("1_60.png", "1_15.png", "1_4.png"), exif=False)
-    with pytest.warns(UserWarning, match="if they are, give --times 1/60,1/15,1/4"):
+    with pytest.warns(UserWarning, match=r"if they are, give --times-from-names \(1/60, 1/15, 1/4 s\)"):
         bracket = read_bracket(paths)
     assert sources(bracket) == ["estimated"] * 3
     wrong = shot(tmp_path, names=("1_2.png", "1_9.png", "1_3.png"), exif=False)
@@ -167,6 +168,19 @@ def test_file_names_that_read_like_times_are_reported_and_not_believed(tmp_path)
         (("img_0.033.jpg", "img_15.jpg", "img_2.5.jpg"), ["0.033", "15", "2.5"]),
         (("x-1-250s.jpg", "x-1-60s.jpg"), ["1/250", "1/60"]),
         (("a 2s.jpg", "a 0.5s.jpg"), ["2", "0.5"]),
+        (("cp_t160.jpg", "cp_t5.jpg", "cp_t80.jpg"), ["1/160", "1/5", "1/80"]),
+        (("t1.jpg", "t25.jpg"), ["1", "1/25"]),
+        (("0.25s.jpg", "1s.jpg"), ["0.25", "1"]),
+        # Seconds or their reciprocals, counts, two forms together, no unit: not to be known.
+        (("t0.5.jpg", "t2.5.jpg"), None),
+        (("cp_t160s.jpg", "cp_t5s.jpg"), None),
+        (("cp_t050.jpg", "cp_t100.jpg"), None),
+        (("t1.jpg", "t2.jpg", "t3.jpg"), None),
+        (("x_1_2.jpg", "x_1_3.jpg", "x_1_4.jpg"), None),
+        (("cp_t160.jpg", "1_40.jpg"), None),
+        (("cp_t160.jpg", "0.025s.jpg"), None),
+        (("0024.jpg", "0060.jpg"), None),
+        (("shot160.jpg", "shot40.jpg"), None),
         (("IMG_1.jpg", "IMG_2.jpg"), None),
         (("2016_08.jpg", "2016_09.jpg"), None),
         (("1_25.jpg", "IMG_2.jpg"), None),
@@ -176,6 +190,25 @@ def test_file_names_that_read_like_times_are_reported_and_not_believed(tmp_path)
 )
 def test_times_read_from_names(names, times):
     assert times_in_names(names) == times
+
+
+def test_names_are_believed_only_when_asked(tmp_path):
+    paths = shot(tmp_path, names=("cp_t60.png", "cp_t15.png", "cp_t4.png"))
+    assert sources(read_bracket(paths)) == ["EXIF"] * 3
+    bracket = read_bracket(paths, times_from_names=True)
+    assert sources(bracket) == ["name"] * 3
+    assert seconds(bracket) == pytest.approx([1 / 60, 1 / 15, 1 / 4], rel=1e-12)
+    with pytest.raises(ValueError, match="choose one of the two"):
+        read_bracket(paths, times=TIMES, times_from_names=True)
+    counted = shot(tmp_path, names=("IMG_1.png", "IMG_2.png", "IMG_3.png"))
+    with pytest.raises(NotABracket, match=r"^IMG_1\.png: the names of these photographs give no times; .*cp_t160"):
+        read_bracket(counted, times_from_names=True)
+    # The first name without a time is the one that is named.
+    with pytest.raises(NotABracket, match=r"^IMG_2\.png"):
+        seconds_in_names(["1_60.png", "IMG_2.png"])
+    alone = shot(tmp_path, names=("cp_t60.png", "x.png", "y.png"), exif=False)[0]
+    with pytest.raises(NotABracket, match=r"no exposure time .*give --times-from-names \(1/60 s\)"):
+        read_bracket([alone])
 
 
 def test_a_photograph_without_time_among_others_is_estimated_on_their_scale():

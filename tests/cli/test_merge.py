@@ -213,6 +213,26 @@ def test_times_come_from_the_command_line_or_from_a_file(scene, tmp_path, profil
     assert any("in the order given, frame_10.png, frame_9.png" in line for line in facts["notes"])
 
 
+def test_times_are_read_from_names_when_asked_and_suggested_otherwise(scene, tmp_path, profile, capsys):
+    names = ["cp_t256.png", "cp_t128.png", "cp_t64.png", "cp_t32.png", "cp_t16.png"]
+    bare = [replace(p, exposure=None) for p in exposed(scene, EXPOSURES)]
+    for folder in ("one", "two"):
+        for path, name in zip(written(tmp_path / folder, bare), names, strict=True):
+            Path(path).rename(Path(path).with_name(name))
+    words = ["merge", str(tmp_path / "one"), "--profile", profile, "-o", str(tmp_path / "a.exr")]
+    suggested = "if they are, give --times-from-names (1/16, 1/32, 1/64, 1/128, 1/256 s)"
+    assert suggested in printed(words, capsys, 4).err
+    named = reported([*words, "--times-from-names"], capsys)
+    assert exposures(named) == dict(zip(names, [(t, "name") for t in SECONDS], strict=True))
+    # Every folder is a bracket of its own, and one call does as much.
+    shoot = ["merge", str(tmp_path / "one"), str(tmp_path / "two"), "--profile", profile, "-o", str(tmp_path / "maps")]
+    assert len(reported([*shoot, "--times-from-names", "--dry-run"], capsys)["brackets"]) == 2
+    assert "choose one of the two" in refused([*words, "--times-from-names", "--times", "1,2,4,8,16"], capsys)
+    (tmp_path / "one" / "cp_t16.png").rename(tmp_path / "one" / "last.png")
+    line = refused([*words, "--times-from-names"], capsys)
+    assert "last.png: the names of these photographs give no times" in line
+
+
 def test_without_any_exposure_the_pixels_say_and_the_result_is_doubtful(scene, tmp_path, profile, capsys):
     paths = written(tmp_path / "bare", [replace(p, exposure=None) for p in exposed(scene, EXPOSURES)])
     words = ["merge", *paths, "--profile", profile, "-o", str(tmp_path / "a.exr")]

@@ -12,7 +12,7 @@ from cyclopts import Group, Parameter
 import relume as rl
 from relume.cli.arguments import Accept, DryRun, require_suffix
 from relume.cli.console import OutputOptions, finish, one_by_one, print_facts, progress, warnings_as_doubts
-from relume.cli.option_types import numbers
+from relume.cli.option_types import TimesFromNames, numbers
 
 Method = Literal["debevec-malik", "mitsunaga-nayar", "robertson"]
 STEPS, LENS, SCALE = Group("Steps", sort_key=1), Group("Lens", sort_key=2), Group("Absolute scale, one of", sort_key=3)
@@ -150,6 +150,7 @@ def merge(
             "10; or a text file with a line for each, like: IMG_9.jpg 1/640.",
         ),
     ] = None,
+    times_from_names: TimesFromNames = False,
     true_shutter: Annotated[
         bool, Parameter(negative="", help="Take marked shutter speeds for powers of two: 1/60 s for 1/64 s.")
     ] = False,
@@ -174,10 +175,11 @@ def merge(
 ) -> None:  # fmt: skip
     """Measure radiance from differently exposed photographs: several brackets of a camera come out on one scale.
 
-    Exposures come from --times, else from a list beside the photographs, else from EXIF, else from the pixels. --times
-    go with the photographs in the order given, those of a folder by name, IMG_9 before IMG_10; a list in a file has a
-    line like "IMG_9.jpg 1/640" for each. What is read in a picture (--spot, --lux, --luminaire, --white, --glare) is
-    read in the first bracket and holds for all. A doubtful result is written all the same, with exit code 4.
+    Exposures come from --times or --times-from-names, else from a list beside the photographs, else from EXIF, else
+    from the pixels. --times go with the photographs in the order given, those of a folder by name, IMG_9 before IMG_10; a
+    list in a file has a line like "IMG_9.jpg 1/640" for each. What is read in a picture (--spot, --lux, --luminaire,
+    --white, --glare) is read in the first bracket and holds for all. A doubtful result is written all the same, with
+    exit code 4.
     """
     with warnings_as_doubts(output) as doubts:
         # What is to be done; refused before any work where it cannot.
@@ -185,8 +187,8 @@ def merge(
             if path is not None:
                 require_suffix(path, suffix, option=option)
         plan = rl.capture.plan_merge(
-            photographs, out, times=times, ignore=ignore, true_shutter=true_shutter, profile=profile,
-            save_profile=save_profile, settings=settings_of(steps, lens, readings),
+            photographs, out, times=times, times_from_names=times_from_names, ignore=ignore, true_shutter=true_shutter,
+            profile=profile, save_profile=save_profile, settings=settings_of(steps, lens, readings),
         )  # fmt: skip
         doubts += [rl.errors.Doubt(line) for line in plan.notes]
         # The work, or what it would be.

@@ -76,6 +76,14 @@ Angles = Annotated[tuple[float, float, float], numbers("YAW,PITCH,ROLL", like="9
 """Degrees; pitch and roll are 0 unless given."""
 Seconds = Annotated[tuple[float, ...], numbers("SECONDS,…", like="1/30,1/60,0.5", above=0)]
 """Exposure times."""
+TimesFromNames = Annotated[
+    bool,
+    Parameter(
+        negative="",
+        help="Read the exposure times from the file names: 1_160.jpg or cp_t160.jpg is 1/160 s, 0.25s.jpg is 0.25 s.",
+    ),
+]
+"""Whether names are read as times."""
 
 
 def _bare(kind: Any) -> Any:

@@ -13,7 +13,7 @@ from cyclopts import Parameter
 import relume as rl
 from relume.cli.arguments import Accept, DryRun, LatLongOut, require_files, require_suffix
 from relume.cli.console import OutputOptions, finish, print_facts, warnings_as_doubts
-from relume.cli.option_types import Point, Seconds, numbers
+from relume.cli.option_types import Point, Seconds, TimesFromNames, numbers
 
 Rim = tuple[float, float, float] | tuple[float, ...]
 
@@ -156,6 +156,7 @@ def probe(
     times: Annotated[
         Seconds | None, Parameter(help="Exposure time of each photograph, like 1/30,1/60; replaces the EXIF.")
     ] = None,
+    times_from_names: TimesFromNames = False,
     size: Annotated[int, Parameter(help="Rows of the map.")] = 512,
     accept: Accept = False,
     dry_run: DryRun = False,
@@ -186,7 +187,9 @@ def probe(
             return
 
         # The work.
-        result = rl.probe.probe_ball(placed, times=times, profile=known, settings=settings)
+        result = rl.probe.probe_ball(
+            placed, times=times, times_from_names=times_from_names, profile=known, settings=settings
+        )
         rl.probe.write_probe(out, result.probe)
         if picture is not None:
             with rl.files.replacing(picture) as temporary:

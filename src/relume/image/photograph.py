@@ -15,7 +15,8 @@ class Exposure:
     seconds : exposure time Δt, s
     f_number : aperture N; None for a lens that reports none
     iso : sensitivity S; None where the camera stores none
-    source : who says so: "given", "sidecar", "EXIF" or "estimated"; exposures of different sources may be equal
+    source : who says so: "given", "sidecar", "EXIF", "name" (the file's) or "estimated"; exposures of
+        different sources may be equal
     """
 
     seconds: float

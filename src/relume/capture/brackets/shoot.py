@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import os
 from collections.abc import Callable, Iterable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from itertools import count
 from pathlib import Path
 
@@ -14,6 +14,7 @@ from relume.capture.brackets.settings import MergeSettings
 from relume.capture.exposure.bracket import Bracket, read_bracket
 from relume.capture.exposure.folder import expand, name_order
 from relume.capture.exposure.grouping import Photographed, group_files
+from relume.capture.exposure.named_times import seconds_in_names
 from relume.capture.response.camera_profile import CameraProfile, read_profile, write_profile
 from relume.errors import NotABracket, OutputNotWritten
 from relume.image import files
@@ -39,7 +40,7 @@ class MergePlan:
 
     groups, targets : the files of each bracket, and its map
     raw : whether they are camera raws
-    times, ignore, true_shutter : as in `read_bracket`, where `true_shutter` is `true_powers`
+    times, times_from_names, ignore, true_shutter : as in `read_bracket`, where `true_shutter` is `true_powers`
     profile, profile_name : of the camera where it is known, and the name of its file
     save_profile : where to write what is measured of the camera
     notes : what a photographer should know of the plan, a line each
@@ -56,6 +57,7 @@ class MergePlan:
     save_profile: Path | None = None
     settings: MergeSettings = MergeSettings()
     notes: tuple[str, ...] = ()
+    times_from_names: bool = False
 
     def brackets(self) -> list[PlannedBracket]:
         """What will be written, and of which exposures; reads photographs, and only the headers of raws."""
@@ -68,7 +70,7 @@ class MergePlan:
         for group, target in zip(self.groups, self.targets, strict=True):
             facts = [files.read_facts(path) for path in group]
             frames = _exposures(facts)
-            if (times := _raw_times(self)) is not None:
+            if (times := _raw_times(replace(self, groups=(group,)))) is not None:
                 frames = tuple((f.name, Exposure(seconds)) for f, seconds in zip(facts, times, strict=True))
             planned.append(PlannedBracket(target, facts[0].camera, frames))
         return planned
@@ -93,6 +95,7 @@ def plan_merge(
     out: Path,
     *,
     times: Sequence[float] | Path | None = None,
+    times_from_names: bool = False,
     ignore: tuple[int, int, int] | None = None,
     true_shutter: bool = False,
     profile: Path | None = None,
@@ -106,6 +109,7 @@ def plan_merge(
     out : the map of the only bracket, .exr or .hdr; without a suffix the folder for one map a bracket
     times : seconds of each photograph in the order given, a folder's by name; or a file that lists them. The
         photographs are then one bracket
+    times_from_names : read the seconds from the names, as `read_bracket` does; every folder is sorted by itself
     profile : the camera's profile, or a curve of pfstools or hdrgen
     save_profile : .json, for what is measured of the camera; of a second camera NAME_1.json, and so on
 
@@ -120,6 +124,8 @@ def plan_merge(
         words = ("photograph", "is") if left == 1 else ("photographs", "are")
         notes.append(f"{left} {words[0]} beside {len(raws)} camera raw{'s' * (len(raws) > 1)} {words[1]} left out")
         paths = raws
+    if times_from_names and times is not None:
+        raise ValueError("times are given and are to be read from the names too; choose one of the two")
     if isinstance(times, Path):
         if not times.is_file():
             raise ValueError(f'times: "{times}" is neither seconds above 0, like 1/30,1/60, nor a file that lists them')
@@ -135,6 +141,10 @@ def plan_merge(
             notes.append(f"times go with the photographs in the order given, {names}")
     # Which of them make a bracket.
     groups = (tuple(paths),) if times else group_files(paths)
+    if times_from_names:
+        # A name without a time is refused before any work.
+        for group in groups:
+            seconds_in_names(group)
 
     # What is known of the camera, and which settings have an effect.
     if save_profile is not None and profile is not None:
@@ -158,7 +168,7 @@ def plan_merge(
             refuse_cameras(settings.placed[0], cameras)
     return MergePlan(
         groups, targets(groups, out), bool(raws), times, ignore, true_shutter, known,
-        "" if profile is None else profile.name, save_profile, settings, tuple(notes),
+        "" if profile is None else profile.name, save_profile, settings, tuple(notes), times_from_names,
     )  # fmt: skip
 
 
@@ -218,7 +228,13 @@ def targets(groups: Groups, out: Path) -> tuple[Path, ...]:
 
 def _read(plan: MergePlan) -> list[Bracket]:
     return [
-        read_bracket(group, times=plan.times, ignore=plan.ignore, true_powers=plan.true_shutter)
+        read_bracket(
+            group,
+            times=plan.times,
+            times_from_names=plan.times_from_names,
+            ignore=plan.ignore,
+            true_powers=plan.true_shutter,
+        )  # fmt: skip
         for group in plan.groups
     ]
 
@@ -230,6 +246,8 @@ def _exposures(photographs: Sequence[Photographed]) -> tuple[tuple[str, Exposure
 def _raw_times(plan: MergePlan) -> tuple[float, ...] | None:
     if isinstance(plan.times, Path):
         raise NotABracket(f"{plan.times}: no list of times is read for camera raws; write them as --times 1/30,1/60")
+    if plan.times_from_names:
+        return tuple(seconds for group in plan.groups for seconds in seconds_in_names(group))
     return plan.times
 
 

@@ -8,7 +8,7 @@ from pathlib import Path
 
 import numpy as np
 
-from relume.capture.exposure.exposures import Times, exposed
+from relume.capture.exposure.exposures import Times, exposed, read_like_times
 from relume.errors import NotABracket, warn
 from relume.image import files
 from relume.image.colour_space import first_apart, name_of
@@ -31,6 +31,7 @@ class Bracket:
             if photograph.exposure is None:
                 raise NotABracket(
                     f"{photograph.name}: no exposure time in its EXIF; give one per photograph with --times"
+                    f"{read_like_times(photographs)}"
                 )
             if photograph.size != photographs[0].size or photograph.pixels.dtype != photographs[0].pixels.dtype:
                 raise NotABracket(
@@ -77,7 +78,7 @@ class FrameFacts:
     name : the file
     seconds, f_number, iso : as in `Exposure`; None where unknown
     stops : above the least exposed photograph of the bracket
-    source : where it comes from: "given", "sidecar", "EXIF" or "estimated"
+    source : where it comes from: "given", "sidecar", "EXIF", "name" or "estimated"
     """
 
     name: str
@@ -92,17 +93,21 @@ def read_bracket(
     paths: Sequence[str | Path],
     *,
     times: Times = None,
+    times_from_names: bool = False,
     ignore: tuple[int, int, int] | None = None,
     true_powers: bool = False,
     sidecars: bool = True,
 ) -> Bracket:
     """Read photographs into a bracket, each with the exposure of the strongest source that has it.
 
-    The order of sources is fixed: `times`, a list beside the photographs, EXIF, the pixels (`exposures.exposed`).
+    The order of sources is fixed: `times` or the names, a list beside the photographs, EXIF, the pixels
+    (`exposures.exposed`).
 
     paths : image files; their order does not matter but for `times` in seconds
     times : exposure time of each path in seconds, or the path of a file that lists them; replaces the whole EXIF
         exposure, because a hand-written list is the stronger word
+    times_from_names : read the times from the files' names, like 1_160.jpg or cp_t160.jpg for 1/160 s and 0.25s.jpg;
+        not the default, as numbers in names mostly count photographs. They too replace the whole EXIF exposure
     ignore : red, green and blue of pixels that are not part of the picture, as stored in the file (0 to 255, or to
         65535): the pure blue (0, 0, 255) of the memorial church's borders. Exactly this colour is meant, so give it for
         losslessly stored photographs only
@@ -123,7 +128,9 @@ def read_bracket(
     if true_powers:
         facts = [files.read_facts(path) for path in paths]
         speeds = {f.name: f.shutter_speed for f in facts}
-    photographs = exposed(photographs, times=times, sidecars=sidecars, shutter_speeds=speeds)
+    photographs = exposed(
+        photographs, times=times, times_from_names=times_from_names, sidecars=sidecars, shutter_speeds=speeds
+    )
     return Bracket(_once_each(photographs))
 
 
@@ -145,7 +152,7 @@ def require_known_exposures(brackets: Iterable[Bracket]) -> None:
             if photograph.exposure is not None and photograph.exposure.source == "estimated":
                 raise NotABracket(
                     f"{photograph.name}: no exposure time in its EXIF, so its scale is not that of the others; "
-                    "give the times of its bracket"
+                    f"give the times of its bracket{read_like_times(bracket.photographs)}"
                 )
 
 

@@ -333,7 +333,7 @@ def _log_exposure(photograph: Photograph) -> float:
 
 def _source(photograph: Photograph) -> str:
     assert photograph.exposure is not None
-    return {"given": "the time given", "sidecar": "the list beside it", "EXIF": "its EXIF"}.get(
+    return {"given": "the time given", "sidecar": "the list beside it", "EXIF": "its EXIF", "name": "its name"}.get(
         photograph.exposure.source, "its estimate"
     )
 

@@ -1,5 +1,5 @@
-"""The exposure of every photograph of a bracket: given by hand, listed beside it, in its EXIF, or estimated from its
-pixels.
+"""The exposure of every photograph of a bracket: given by hand, listed beside it, in its EXIF, in its name where asked,
+or estimated from its pixels.
 
 The order is fixed, from the strongest word to the weakest, and `Exposure.source` says which one counted.
 """
@@ -7,7 +7,6 @@ The order is fixed, from the strongest word to the weakest, and `Exposure.source
 from __future__ import annotations
 
 import os
-import re
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
@@ -16,6 +15,7 @@ import numpy as np
 
 from relume.capture.exposure.comparison import brightness_chain, reduced
 from relume.capture.exposure.folder import listed_exposures
+from relume.capture.exposure.named_times import seconds_in_names, times_in_names
 from relume.capture.exposure.sidecar import ExposureList, number_in, read_times
 from relume.errors import NotABracket, warn
 from relume.image.photograph import Exposure, Photograph
@@ -44,6 +44,7 @@ def exposed(
     photographs: Sequence[Photograph],
     *,
     times: Times = None,
+    times_from_names: bool = False,
     sidecars: bool = True,
     shutter_speeds: Mapping[str, float | None] | None = None,
 ) -> list[Photograph]:
@@ -52,13 +53,19 @@ def exposed(
     photographs : named by the paths of their files
     times : seconds, one a photograph, or the path of a list; replaces the whole EXIF exposure, because a hand-written
         list is the stronger word
+    times_from_names : read the times from the names (`named_times`); they too replace the whole EXIF exposure
     sidecars : look for such a list beside the photographs; it too replaces the whole EXIF exposure
     shutter_speeds : APEX values by name (`Facts.shutter_speed`); where given, marked shutter speeds are replaced by
         the powers of two that they stand for (`true_shutter`), in all exposures but estimated ones
     Raises NotABracket for a wrong number of times, lists that disagree or name no photograph, and photographs whose
     exposure cannot be estimated either; UnreadableFile. Warns of every exposure that is uncertain.
     """
-    if times is None:
+    if times_from_names:
+        if times is not None:
+            raise ValueError("times are given and are to be read from the names too; choose one of the two")
+        named = seconds_in_names([p.name for p in photographs])
+        listed = [Exposure(seconds, source="name") for seconds in named]
+    elif times is None:
         listed = _listed(photographs, sidecars)
     elif isinstance(times, str | os.PathLike):
         listed = _given_list(photographs, read_times(times))
@@ -90,7 +97,10 @@ def estimated(photographs: Sequence[Photograph]) -> list[Photograph]:
     unknown = [i for i, p in enumerate(photographs) if p.exposure is None]
     if not unknown:
         return list(photographs)
-    seen = brightness_chain([reduced(p) for p in photographs])
+    try:
+        seen = brightness_chain([reduced(p) for p in photographs])
+    except NotABracket as error:
+        raise NotABracket(f"{error}{read_like_times(photographs)}") from None
     known = [p.exposure for p in photographs if p.exposure is not None]
     exposures: list[Exposure] = []
     if known:
@@ -113,21 +123,6 @@ def estimated(photographs: Sequence[Photograph]) -> list[Photograph]:
         )
     by_index = dict(zip(unknown, exposures, strict=True))
     return [replace(p, exposure=by_index[i]) if i in by_index else p for i, p in enumerate(photographs)]
-
-
-def times_in_names(names: Sequence[str]) -> list[str] | None:
-    """The time in each file name, as text for --times, where every name reads like one: 1_25, 17_1, img_0.033, 1-250s.
-
-    None where any does not, or two are equal: then the numbers count something else.
-    """
-    stems = [Path(name).stem for name in names]
-    times = [_time_in(stem) for stem in stems]
-    if any(time and "." in time for time in times):
-        # Beside img_0.033 a whole number is a time too: img_15.
-        whole = [re.search(r"(?<![\d.])\d+$", stem) for stem in stems]
-        times = [time or (match and match[0]) for time, match in zip(times, whole, strict=True)]
-    found = [time for time in times if time]
-    return found if len(found) == len(names) == len(set(found)) else None
 
 
 def _listed(photographs: Sequence[Photograph], sidecars: bool) -> list[Exposure | None]:
@@ -186,6 +181,14 @@ def _read_off(seen: float, stated: Sequence[tuple[float, float]]) -> float:
     return float(np.interp(seen, places, values) + slope * beyond)
 
 
+def read_like_times(photographs: Sequence[Photograph]) -> str:
+    """The end of a refusal: that the names read like times, and which; "" where they do not."""
+    times = times_in_names([p.name for p in photographs])
+    if times is None:
+        return ""
+    return f"; the file names read like times: if they are, give --times-from-names ({', '.join(times)} s)"
+
+
 def _advice(photographs: Sequence[Photograph], seen: np.ndarray) -> str:
     times = times_in_names([p.name for p in photographs])
     if times is None:
@@ -193,19 +196,7 @@ def _advice(photographs: Sequence[Photograph], seen: np.ndarray) -> str:
     seconds = [number_in(time) for time in times]
     if list(np.argsort(seconds)) != list(np.argsort(seen)):
         return "give the exposure times with --times; the file names read like times, but not of these photographs"
-    return f"the file names read like times: if they are, give --times {','.join(times)}"
-
-
-def _time_in(stem: str) -> str | None:
-    if found := re.search(r"(?:^|[^\d._-]|(?<!\d)[_-])(\d+)[_-](\d+)(?:s|sec)?$", stem):
-        # One of a pair is 1 in every marked time: 1_25 is 1/25 s, 17_1 is 17 s, and 2016_08 is a date.
-        above, below = found.groups()
-        if "1" in (above, below) and "0" not in (above, below):
-            return above if below == "1" else f"{above}/{below}"
-        return None
-    if found := re.search(r"(?<![\d.])(\d+\.\d+|\d+(?=s|sec))(?:s|sec)?$", stem):
-        return found[1] if float(found[1]) > 0 else None
-    return None
+    return read_like_times(photographs).removeprefix("; ")
 
 
 def true_shutter(seconds: float, shutter_speed: float | None = None) -> float:

@@ -105,6 +105,7 @@ def probe_ball(
     photographs: Sequence[BallPhotographs],
     *,
     times: Sequence[float] | None = None,
+    times_from_names: bool = False,
     profile: CameraProfile | None = None,
     settings: ProbeSettings = ProbeSettings(),
 ) -> BallProbe:
@@ -113,6 +114,7 @@ def probe_ball(
     photographs : one entry a view; `find_ball_photographs` makes them of paths. Where the place of a camera is not
         given, the views are registered to the first, whose camera stands at (0, 0, 1) unless given
     times : seconds of all photographs, in their order; they replace the EXIF exposures
+    times_from_names : read them from the names instead, as `read_bracket` does, view by view
     profile : of the camera; recovered from the brackets unless given, sRGB for single photographs
 
     Raises UnreadableFile, NotABracket, BallNotFound, ValueError.
@@ -126,7 +128,9 @@ def probe_ball(
     # Radiance of each view, with every warning kept as a note.
     with warnings.catch_warnings(record=True) as caught:
         warnings.simplefilter("always", UserWarning)
-        read = read_view_pictures(photographs, times=times, profile=profile, settings=settings.merge)
+        read = read_view_pictures(
+            photographs, times=times, times_from_names=times_from_names, profile=profile, settings=settings.merge
+        )
         notes = [*read.doubts]
         views = [
             _view(picture, np.array(camera), each, settings, notes)

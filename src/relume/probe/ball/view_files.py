@@ -14,6 +14,7 @@ from relume.capture.brackets.settings import MergeSettings
 from relume.capture.exposure.bracket import Bracket, read_bracket, require_known_exposures
 from relume.capture.exposure.exposures import exposed
 from relume.capture.exposure.folder import name_order, pictures_in
+from relume.capture.exposure.named_times import seconds_in_names
 from relume.capture.response.camera_profile import CameraProfile
 from relume.errors import BallNotFound, Doubt, UnreadableFile
 from relume.image import files
@@ -131,14 +132,21 @@ def read_view_pictures(
     views: Sequence[BallPhotographs],
     *,
     times: Sequence[float] | None = None,
+    times_from_names: bool = False,
     profile: CameraProfile | None = None,
     settings: MergeSettings = MergeSettings(),
 ) -> ViewPictures:
     """The radiance of every view; brackets of one camera are merged together and share one scale.
 
     times : seconds of all photographs that are no radiance maps, in their order
+    times_from_names : read them from the names instead, view by view
     Raises UnreadableFile, NotABracket, BallNotFound.
     """
+    if times_from_names:
+        if times is not None:
+            raise ValueError("times are given and are to be read from the names too; choose one of the two")
+        pictures = [view.paths for view in views if kind_of(view.paths[0]) not in MAPS]
+        times = [seconds for paths in pictures for seconds in seconds_in_names(paths)]
     seconds = None if times is None else list(times)
     notes: list[Doubt] = []
     brackets: dict[int, Bracket | tuple[Path, ...]] = {}
