@@ -176,10 +176,10 @@ def merge(
     """Measure radiance from differently exposed photographs: several brackets of a camera come out on one scale.
 
     Exposures come from --times or --times-from-names, else from a list beside the photographs, else from EXIF, else
-    from the pixels. --times go with the photographs in the order given, those of a folder by name, IMG_9 before IMG_10; a
-    list in a file has a line like "IMG_9.jpg 1/640" for each. What is read in a picture (--spot, --lux, --luminaire,
-    --white, --glare) is read in the first bracket and holds for all. A doubtful result is written all the same, with
-    exit code 4.
+    from the pixels. --times go with the photographs in the order given, those of a folder by name, IMG_9 before
+    IMG_10; a list in a file has a line like "IMG_9.jpg 1/640" for each. What is read in a picture (--spot, --lux,
+    --luminaire, --white, --glare) is read in the first bracket and holds for all. A doubtful result is written all the
+    same, with exit code 4.
     """
     with warnings_as_doubts(output) as doubts:
         # What is to be done; refused before any work where it cannot.

@@ -234,7 +234,7 @@ def _read(plan: MergePlan) -> list[Bracket]:
             times_from_names=plan.times_from_names,
             ignore=plan.ignore,
             true_powers=plan.true_shutter,
-        )  # fmt: skip
+        )
         for group in plan.groups
     ]
 

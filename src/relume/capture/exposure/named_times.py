@@ -8,6 +8,7 @@ from __future__ import annotations
 import os
 import re
 from collections.abc import Sequence
+from itertools import pairwise
 from pathlib import Path
 
 from relume.capture.exposure.sidecar import number_in
@@ -78,4 +79,4 @@ def _seconds(stem: str) -> str | None:
 def _count(times: Sequence[str]) -> bool:
     """Whether the numbers are those of a count: 1/1, 1/2, 1/3."""
     numbers = sorted(round(1 / number_in(time)) if "/" in time else number_in(time) for time in times)
-    return len(numbers) >= _COUNTED and all(b - a == 1 for a, b in zip(numbers, numbers[1:], strict=False))
+    return len(numbers) >= _COUNTED and all(b - a == 1 for a, b in pairwise(numbers))
