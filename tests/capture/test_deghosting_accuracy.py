@@ -5,7 +5,7 @@ import pytest
 
 from moving_scenes import MovingScene, known_response, moving_scene, pu21, pu_psnr
 from relume.capture.ghosts.deghosting import Deghosted, deghost
-from relume.capture.merging import merge
+from relume.capture.merging import InverseVariance, merge
 
 RESPONSE = known_response()
 
@@ -20,9 +20,13 @@ def instant(scene: MovingScene, result: Deghosted) -> np.ndarray:
 
 def gains(scene: MovingScene) -> tuple[float, float, float]:
     """dB by which the deghosted merge is nearer to its own instant than the plain merge is, to that instant and to
-    whichever it is nearest; and by which a bracket of that instant, in which nothing moves, is."""
+    whichever it is nearest; and by which a bracket of that instant, in which nothing moves, is.
+
+    The plain merge weighs every value by itself: predicted weights leave out some of what moved by themselves.
+    """
     bracket = scene.bracket()
-    plain, result = merge(bracket, RESPONSE).radiance, deghost(bracket, RESPONSE)
+    plain = merge(bracket, RESPONSE, weighting=InverseVariance(predicted=False)).radiance
+    result = deghost(bracket, RESPONSE)
     truth = instant(scene, result)
     found = pu_psnr(merge(result.bracket, RESPONSE).radiance, truth)
     still = MovingScene("still", (truth,) * len(scene.instants), scene.seconds).bracket()

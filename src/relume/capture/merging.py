@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import NoReturn, Protocol
+from typing import ClassVar, NoReturn, Protocol
 
 import numpy as np
 
@@ -16,10 +16,21 @@ STRETCH = 16384
 """Pixels merged at a time: small enough for the caches, large enough that calling the kernel costs nothing."""
 DEVIATIONS = 2.0
 """Of noise between a clipped value and its bound: 2 % of the bounds may be crossed, as a single value can be."""
+FULL = 0.999
+"""Share of its full weight below which a value is doubtful: near white or near black."""
+NOISE = 3.0
+"""Deviations of noise by which a doubtful value may look like one that is not."""
+BELOW = 0.5
+"""ln exposure below the first doubtful value down to which a prediction decides; lower ones are of something else."""
 
 
 class Weighting(Protocol):
     """A weight for every pixel value of every channel."""
+
+    @property
+    def predicted(self) -> bool:
+        """Whether doubtful values, near white or near black, are weighed as the value that the others predict."""
+        ...
 
     def table(self, response: Response) -> np.ndarray:
         """Weights (3, levels), not negative; 0 where a value says nothing of the exposure."""
@@ -41,6 +52,8 @@ def hat(levels: int) -> np.ndarray:
 class Hat:
     """The paper's weights (Debevec & Malik 1997, eq. 4): 0 at the ends, rising linearly to the middle."""
 
+    predicted: ClassVar[bool] = False
+
     def table(self, response: Response) -> np.ndarray:
         """Weights (3, levels)."""
         return np.tile(hat(response.levels), (3, 1))
@@ -54,10 +67,15 @@ class InverseVariance:
         a value near white is the least noisy of all, so that it would decide. Of 65536 values, which are no JPEG's,
         only the top 0.5 % and what is not five deviations of noise above nothing
     fade : the values over which the weight then rises, so that nothing jumps where a photograph begins to count
+    predicted : weigh a value near white as the value that the shorter exposures predict, and one that is dark in the
+        longest exposure as the others and the pixels beside predict it. A weight that a noisy value gives to itself
+        favours half of the noise: in saturated patches JPEG leaves 240 where 255 was, which would be believed, and in
+        the dark only what noise has brightened would count
     """
 
     guard: float = 6.0
     fade: float = 16.0
+    predicted: bool = True
 
     def table(self, response: Response) -> np.ndarray:
         """Weights (3, levels)."""
@@ -83,7 +101,7 @@ def merge(bracket: Bracket, response: Response, *, weighting: Weighting = Invers
     Raises NotABracket when hardly any pixel is measured.
     """
     from relume._kernel import in_threads
-    from relume.capture.merge_kernel import merge_stretch
+    from relume.capture.merge_kernel import BESIDE, finish, merge_stretch
 
     width, height = bracket.photographs[0].size
     frames = [p.pixels.reshape(-1, 3) for p in bracket.photographs]
@@ -97,7 +115,8 @@ def merge(bracket: Bracket, response: Response, *, weighting: Weighting = Invers
     masked = any(p.outside is not None for p in bracket.photographs)
     inside = np.zeros(height * width, bool)
     masks = [inside if p.outside is None else p.outside.ravel() for p in bracket.photographs]
-    bounds, tables, log_times = clipping_bounds(response), _tables(response, weighting), np.log(bracket.exposures)
+    bounds, log_times = clipping_bounds(response), np.log(bracket.exposures)
+    table, curve, limits, bright, dark = _tables(response, weighting)
     radiance = np.empty((height * width, 3), np.float32)
     variance, clipped = np.empty_like(radiance), np.empty(height * width, np.uint8)
 
@@ -107,7 +126,19 @@ def merge(bracket: Bracket, response: Response, *, weighting: Weighting = Invers
         outside = np.stack([mask[part] for mask in masks]) if masked else np.zeros((0, 0), bool)
         logarithm = np.empty((end - begin, 3))
         relative = np.empty_like(logarithm)
-        measured = merge_stretch(values, outside, bounds, tables, log_times, logarithm, relative, clipped[part])
+        clipped[part] = 0
+        left = merge_stretch(values, outside, table, curve, limits, bright, log_times, logarithm, relative)
+        unmeasured = 0
+        if left:
+            # The pixels before and after the stretch; those beyond the picture's ends are never asked for.
+            places = np.concatenate([np.arange(begin - BESIDE, begin), end + np.arange(BESIDE)])
+            near = np.clip(places, 0, height * width - 1)
+            edges = np.stack([frame[near] for frame in frames])
+            beside = (edges, np.stack([mask[near] for mask in masks]), (begin, width))
+            unmeasured = finish(
+                values, outside, *beside, bounds, table, curve, limits, dark, log_times, logarithm, relative,
+                clipped[part],
+            )  # fmt: skip
         np.exp(logarithm, out=logarithm)
         radiance[part] = logarithm
         np.square(logarithm, out=logarithm)
@@ -115,7 +146,7 @@ def merge(bracket: Bracket, response: Response, *, weighting: Weighting = Invers
             np.multiply(logarithm, relative, out=variance[part], casting="same_kind")
         if masked:
             variance[part][clipped[part] == OUTSIDE] = np.inf
-        return measured
+        return relative.size - unmeasured
 
     # Eq. 6, stretch by stretch.
     measured = sum(in_threads(work, height * width, chunk=STRETCH))
@@ -136,10 +167,42 @@ def clipping_bounds(response: Response) -> np.ndarray:
     return np.stack([np.interp(at, values, curve) for at, curve in zip(moved, response.log_exposure, strict=True)])
 
 
-def _tables(response: Response, weighting: Weighting) -> np.ndarray:
-    """(3, levels, 3): w g, w and w² var(ln E) of every pixel value."""
+def _tables(response: Response, weighting: Weighting) -> tuple[np.ndarray, ...]:
+    """What `merge_stretch` and `finish` take as their tables, curve, limits, bright and dark."""
+    from relume.capture.merge_kernel import STEPS
+
+    levels, curve, deviation = response.levels, response.log_exposure, log_deviation(response)
     weights = weighting.table(response)
-    return np.stack([weights * response.log_exposure, weights, (weights * log_deviation(response)) ** 2], axis=-1)
+    values, spread = np.arange(levels), (weights * deviation) ** 2
+    bright, dark = np.zeros((3, 2 + 2 * STEPS)), np.zeros((3, 1 + 2 * STEPS))
+    limits = np.tile(np.array([levels, -1, -1]), (3, 1))
+    # How far a value counts beside one that is neither near white nor near black.
+    counted = weights * deviation**2
+    counted = counted / np.maximum(counted.max(axis=1, keepdims=True), 1e-300)
+    half, middle = levels // 2, np.arange(STEPS) + 0.5
+    for c in range(3) if weighting.predicted else ():
+        doubtful, believed = np.flatnonzero(counted[c] < FULL), np.flatnonzero(weights[c] > 0)
+        low, high = doubtful[doubtful < half], doubtful[doubtful >= half]
+        if len(high) and len(believed):
+            # Noise carries a value that is doubtful to three deviations below.
+            near = max(high[0] - int(NOISE * response.deviation[c, high[0]]), half)
+            least, white = curve[c, near] - BELOW, curve[c, believed[-1]]
+            limits[c, 0], bright[c, :2] = near, (least, STEPS / (white - least))
+            predicted = np.interp(least + middle * (white - least) / STEPS, curve[c], values)
+            bright[c, 2 : 2 + STEPS] = np.interp(predicted, values, weights[c])
+            bright[c, 2 + STEPS :] = np.interp(predicted, values, spread[c])
+        if len(low):
+            limit = min(low[-1] + 1 + NOISE * response.deviation[c, low[-1]], half)
+            end = np.exp(curve[c, min(int(2 * limit), levels - 1)])
+            exposure = (middle / STEPS) ** 2 * end
+            predicted = np.interp(np.log(exposure), curve[c], values)
+            # w of a mean of exposures: 1 / var(E Δt).
+            precision = (exposure * np.interp(predicted, values, deviation[c])) ** -2.0
+            share = np.interp(predicted, values, counted[c])
+            black = np.flatnonzero(weights[c, :half] == 0)
+            limits[c, 1:], dark[c, 0] = (np.ceil(limit), black[-1] if len(black) else -1), 1 / end
+            dark[c, 1 : 1 + STEPS], dark[c, 1 + STEPS :] = share * precision, share**2 * precision
+    return np.stack([weights * curve, weights, spread], axis=-1), curve, limits, bright, dark
 
 
 def refuse_unlit(name: str, saturated: bool) -> NoReturn:

@@ -196,6 +196,9 @@ def clipped_facts(found: ClippingReport, unit: str) -> list[tuple[str, str]]:
     rows, unit = [], in_words(unit)
     if found.saturated:
         rows.append(("saturated in every photograph", f"{found.saturated} of {counted(found.pixels, 'pixel')}"))
+        if found.moved:
+            frames = ", ".join(f"{count} in {Path(name).name}" for name, count in found.moved.items())
+            rows.append(("of them where something moved, white in the one that counts", frames))
         if found.solid_angle is not None and found.irradiance is not None:
             rows.append(("their solid angle", f"{found.solid_angle:.3g} sr"))
             rows.append(("irradiance they bring at least", f"{triple(found.irradiance)} {unit}·sr"))

@@ -7,10 +7,12 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import replace
+from itertools import groupby
 
 import numpy as np
 
 from relume.capture.alignment.alignment import Aligned, align
+from relume.capture.brackets.hues import hue_doubts
 from relume.capture.brackets.lens_steps import LensSteps, Steps
 from relume.capture.brackets.result import MergedBracket, MergedCamera
 from relume.capture.brackets.settings import MergeSettings
@@ -21,18 +23,17 @@ from relume.capture.ghosts.deghosting import Deghosted, deghost
 from relume.capture.merging import merge
 from relume.capture.raw.merging import RawCalibration, RawSource, calibrate_raw, merge_raw, opened
 from relume.capture.raw.sensor import Sensor
-from relume.capture.response.calibration import Calibration, corrected, recover_response
+from relume.capture.response.calibration import CHANNELS, Calibration, corrected, recover_response
 from relume.capture.response.ratios import Ratios
+from relume.capture.response.saturation import White, neutral_exposures, whitened
 from relume.errors import NotABracket, warn
 from relume.image.colour_space import in_rec709
 from relume.image.photograph import Photograph, RawPhotograph
+from relume.image.radiance import SATURATED, RadianceMap
 from relume.image.response import Response
 
 ODD = 0.02
 """Share of the picture in which one frame contradicts all the others before a warning is given."""
-OBSERVED = 0.7
-"""Share of white up to which every curve must have been observed for the channels to be tied at white; beyond its
-observations a curve is a guess: sixteen scans of film, whose blue is hardly seen above the middle, came out yellow."""
 PREVIEW = 1600
 """Pixels, about, of a preview's longer side: enough to see a shift of half a pixel of the raw."""
 LEVELS = 65536
@@ -58,12 +59,13 @@ def merge_photographs(
         with steps.step("align"):
             aligned = [align(bracket) for bracket in brackets]
     placed = [one.bracket if one else bracket for one, bracket in zip(aligned, brackets, strict=True)]
+    placed, whites = _with_true_whites(placed)
 
     # The response, and the exposures that it corrects.
     calibration = None
     if response is None:
         with steps.step("response"):
-            calibration = _recovered(placed, doubts, settings)
+            calibration = _recovered(placed, whites, doubts, settings)
             response = calibration.response
         refined = [_refined(bracket, calibration) for bracket in placed]
         with steps.step("check"):
@@ -85,15 +87,20 @@ def merge_photographs(
             _warn_of_an_odd_frame(deghosted)
         with steps.step("merge"):
             picture = merge(deghosted.bracket if deghosted else bracket, response, weighting=settings.weighting)
+            doubt = (*doubt, *hue_doubts(bracket, picture))
             # The response was that of the photographs' own channels, and so were these.
             picture = in_rec709(picture, bracket.photographs[0])
         found = lens.applied(picture, bracket, response, doubt)
+        if deghosted is not None and deghosted.ghosts.any():
+            found = replace(found, clipping=replace(found.clipping, moved=_saturated_where_moved(picture, deghosted)))
         corrections = {p.name: stops[p.name] for p in bracket.photographs if p.name in stops}
         merged.append(replace(found, aligned=moved, deghosted=deghosted, corrections=corrections))
     return merged, MergedCamera(merged[0].camera, response, calibration)
 
 
-def _recovered(brackets: Sequence[Bracket], doubts: Sequence[Sequence[Doubt]], settings: MergeSettings) -> Calibration:
+def _recovered(
+    brackets: Sequence[Bracket], whites: Sequence[White], doubts: Sequence[Sequence[Doubt]], settings: MergeSettings
+) -> Calibration:
     """The calibration, balanced; a grave doubt about the photographs explains best why there is none."""
     try:
         refine = Ratios() if settings.refine else None
@@ -104,23 +111,42 @@ def _recovered(brackets: Sequence[Bracket], doubts: Sequence[Sequence[Doubt]], s
             raise
         raise NotABracket(grave[0]) from error
     white = calibration.response.levels - 1
-    neutral = _neutral(calibration) if settings.neutral is None else settings.neutral
-    if not 0 <= neutral <= white:
-        raise ValueError(f"neutral is {neutral}; the photographs' pixel values are 0 to {white}")
-    return calibration.balanced_at(neutral)
+    if settings.neutral is None:
+        return calibration.balanced_where(neutral_exposures(calibration, whites))
+    if not 0 <= settings.neutral <= white:
+        raise ValueError(f"neutral is {settings.neutral}; the photographs' pixel values are 0 to {white}")
+    return calibration.balanced_at(settings.neutral)
 
 
-def _neutral(calibration: Calibration) -> int:
-    """White, or where some channel's curve was not observed so high, the highest value at which all were."""
-    white = calibration.response.levels - 1
-    seen = min(float(np.percentile(samples[:, 1], 99.5)) for samples in calibration.samples)
-    return white if seen > OBSERVED * white else int(seen)
+def _with_true_whites(brackets: Sequence[Bracket]) -> tuple[list[Bracket], list[White]]:
+    """The brackets with each frame's white where shorter ones show it; a note names frames that end below white."""
+    found, whites = [], []
+    for bracket in brackets:
+        corrected, ends = whitened(bracket)
+        found.append(corrected)
+        whites += ends
+        for name, each in groupby((end for end in ends if end.least is not None), key=lambda end: end.name):
+            pressed = list(each)
+            channels = ", ".join(f"{CHANNELS[end.channel]} at {end.value}" for end in pressed)
+            warn(
+                f"{name}: it ends below white ({channels}) where shorter exposures are white, as photographs do whose "
+                f"bright parts were pressed together; values from {min(end.least or 0 for end in pressed)} on count "
+                "as white"
+            )
+    return found, whites
 
 
 def _refined(bracket: Bracket, calibration: Calibration) -> Bracket:
     """The bracket with its exposures corrected; a bracket that the response was not recovered from stays as it is."""
     seen = set() if calibration.ratios is None else set(calibration.ratios.factors())
     return corrected(bracket, calibration) if seen.issuperset(p.name for p in bracket.photographs) else bracket
+
+
+def _saturated_where_moved(picture: RadianceMap, deghosted: Deghosted) -> dict[str, int]:
+    """How many saturated pixels come from each photograph where something moved."""
+    sources = deghosted.sources[(picture.clipped == SATURATED) & deghosted.ghosts]
+    counts = np.bincount(sources[sources >= 0], minlength=1)
+    return {deghosted.bracket.photographs[i].name: int(counts[i]) for i in np.flatnonzero(counts)}
 
 
 def _warn_of_an_odd_frame(deghosted: Deghosted) -> None:

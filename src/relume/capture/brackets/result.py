@@ -33,6 +33,7 @@ class ClippingReport:
         bounds; None where the focal length is unknown. What they bring beyond it no photograph shows
     share : the same lower bounds as a share of all the light in the picture (luminance); the true share is larger
     orders : orders of magnitude between the 0.1st and the 99.99th percentile of measured luminance
+    moved : how many of the saturated pixels lie where something moved, by the name of the photograph that counts there
     """
 
     saturated: int
@@ -44,6 +45,7 @@ class ClippingReport:
     irradiance: tuple[float, float, float] | None
     share: float
     orders: float
+    moved: Mapping[str, int] = field(default_factory=dict)
 
 
 def solid_angles(width: int, height: int, focal_length: float) -> np.ndarray:

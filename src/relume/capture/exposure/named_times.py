@@ -17,6 +17,7 @@ from relume.errors import NotABracket
 FORMS = "names like 1_160.jpg or cp_t160.jpg for 1/160 s, or 0.25s.jpg for 0.25 s, a different time for each"
 _COUNTED = 3
 """Names from which on numbers that rise by one count photographs: no camera has 1/2, 1/3 and 1/4 s."""
+_T_AND_A_NUMBER = r"(?:^|[^A-Za-z0-9])t[\d.]+(?:s|sec)?$"
 
 
 def times_in_names(names: Sequence[str]) -> list[str] | None:
@@ -31,8 +32,7 @@ def times_in_names(names: Sequence[str]) -> list[str] | None:
         times = [form(stem) for stem in stems]
         if form is _seconds and any(time and "." in time for time in times):
             # Beside img_0.033 a whole number is a time too: img_15.
-            whole = [re.search(r"(?<![\d.])\d+$", stem) for stem in stems]
-            times = [time or (match and match[0]) for time, match in zip(times, whole, strict=True)]
+            times = [time or _whole(stem) for time, stem in zip(times, stems, strict=True)]
         found = [time for time in times if time]
         if len(found) == len(names) == len(set(found)) and not _count(found):
             return found
@@ -71,9 +71,14 @@ def _reciprocal(stem: str) -> str | None:
 
 def _seconds(stem: str) -> str | None:
     found = re.search(r"(?<![\d.])(?<!\d[_-])(\d+\.\d+|\d+(?=s|sec))(?:s|sec)?$", stem)
-    if found is None or re.search(r"(?:^|[^A-Za-z0-9])t[\d.]+(?:s|sec)?$", stem):
+    if found is None or re.search(_T_AND_A_NUMBER, stem):
         return None
     return found[1] if float(found[1]) > 0 else None
+
+
+def _whole(stem: str) -> str | None:
+    found = re.search(r"(?<![\d.])\d+$", stem)
+    return found[0] if found and not re.search(_T_AND_A_NUMBER, stem) else None
 
 
 def _count(times: Sequence[str]) -> bool:

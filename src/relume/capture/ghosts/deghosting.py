@@ -13,7 +13,7 @@ import numpy as np
 
 from relume.capture.exposure.bracket import Bracket, without
 from relume.capture.ghosts.levels import Scale, corrections
-from relume.capture.ghosts.regions import Regions, excluded_frames, moving_regions
+from relume.capture.ghosts.regions import excluded_frames, moving_regions
 from relume.capture.merging import log_deviation
 from relume.errors import NotABracket
 from relume.image.response import Response
@@ -68,7 +68,8 @@ def deghost(bracket: Bracket, response: Response, *, method: Consistency = Consi
     response : with the noise of its pixel values
 
     Moving regions come from the reference, the frame with the fewest holes there: squares that it clips and no agreeing
-    frame measures. A region of which another frame shows clearly more comes from that one. Every pixel keeps a frame.
+    frame measures. A region of which another frame shows clearly more comes from that one, and what is white in all of
+    them and nearly as bright, but not white, in a frame of another moment from that frame. Every pixel keeps a frame.
     Raises NotABracket where the response is of another depth.
     """
     from relume.capture.ghosts.kernel import disagreement, square_bounds
@@ -114,7 +115,7 @@ def deghost(bracket: Bracket, response: Response, *, method: Consistency = Consi
             bracket, np.zeros(size, bool), np.full(size, -1, np.int16), np.zeros(len(photographs)), reference
         )
     excluded, sources, reference = excluded_frames(regions, bounds, measured, log_times)
-    return _marked(bracket, excluded, regions, sources, side, reference)
+    return _marked(bracket, excluded, sources, side, reference)
 
 
 def _ends(deviation: np.ndarray, levels: int) -> np.ndarray:
@@ -128,9 +129,7 @@ def _ends(deviation: np.ndarray, levels: int) -> np.ndarray:
     return np.stack([black, np.full(3, 249 * levels // 256)], axis=1)
 
 
-def _marked(
-    bracket: Bracket, excluded: np.ndarray, regions: Regions, sources: np.ndarray, side: int, reference: int
-) -> Deghosted:
+def _marked(bracket: Bracket, excluded: np.ndarray, sources: np.ndarray, side: int, reference: int) -> Deghosted:
     """The squares that are left out, in the pixels of the frames."""
     width, height = bracket.photographs[0].size
 
@@ -142,5 +141,5 @@ def _marked(
         photographs.append(without(photograph, in_pixels(squares)) if squares.any() else photograph)
         shares.append(float(squares.mean()))
     ghosts = np.asarray(excluded.any(0))
-    chosen = np.where(ghosts, sources[regions.labels], -1).astype(np.int16)
+    chosen = np.where(ghosts, sources, -1).astype(np.int16)
     return Deghosted(Bracket(tuple(photographs)), in_pixels(ghosts), in_pixels(chosen), np.array(shares), reference)

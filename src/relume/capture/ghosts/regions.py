@@ -9,6 +9,8 @@ from scipy import ndimage
 
 _TOUCHING = np.ones((3, 3), bool)
 _DISC = ndimage.iterate_structure(ndimage.generate_binary_structure(2, 1), 2)
+DARKER = 2 * np.log(2)
+"""ln radiance by which what another frame shows may be darker than a white place is at least, to stand for it."""
 GROWN = 2
 """Squares by which a region is grown: its edge is blurred, and mixes what moved with what did not."""
 
@@ -57,12 +59,14 @@ def _labelled(mask: np.ndarray) -> tuple[np.ndarray, int]:
 def excluded_frames(
     regions: Regions, bounds: np.ndarray, measured: np.ndarray, log_times: np.ndarray
 ) -> tuple[np.ndarray, np.ndarray, int]:
-    """Which frames to leave out where, (P, h, w) bool; the source of each region, (count + 1,); the reference.
+    """Which frames to leave out where, (P, h, w) bool; the source of each square (h, w), −1 for none; the reference.
 
     bounds : (P, 2, h, w, 3) least and greatest ln radiance
     measured : (P, h, w) whether a frame measures all of a square
 
-    The reference is the frame that shows what moved with the fewest holes; sources[0] is −1, for no region.
+    The reference is the frame that shows what moved with the fewest holes. A square that is white in every frame of
+    its region's moment, and in another frame is not, though hardly darker, comes from that frame: of two moments the
+    one that was measured.
     """
     from relume.capture.ghosts.kernel import consensus
 
@@ -99,8 +103,30 @@ def excluded_frames(
     seen = np.isfinite(within).any((1, 3))
     blank = ~(kept & seen).any(0)
     kept[:, blank] |= agree[:, blank]
+    taken = sources[labels]
+    _unclipped(within, kept, taken)
     excluded[:, where[0], where[1]] = ~kept
-    return excluded, sources, reference
+    squares = np.full(regions.labels.shape, -1, np.int16)
+    squares[where] = taken
+    return excluded, squares, reference
+
+
+def _unclipped(bounds: np.ndarray, kept: np.ndarray, taken: np.ndarray) -> None:
+    """Let squares that are white in all that is kept (P, N) come from the longest frame that shows them otherwise.
+
+    bounds : (P, 2, N, 3); `kept` and `taken` (N,), the source of each square, are changed
+    """
+    white = np.isinf(bounds[:, 1]).any(-1)
+    shown = np.isfinite(bounds).any((1, 3))
+    # Neither white in any channel nor black in all; nor plainly darker, as a wall before which a lamp was.
+    clear = ~white & np.isfinite(bounds[:, 0]).any(-1)
+    least = np.where(kept[..., None], bounds[:, 0], -np.inf).max(0)
+    clear &= (bounds[:, 1] >= least - DARKER).all(-1)
+    lost = (white | ~kept).all(0) & (kept & shown).any(0) & clear.any(0)
+    longest = len(clear) - 1 - np.argmax(clear[::-1], axis=0)
+    kept[:, lost] = False
+    kept[longest[lost], lost] = True
+    taken[lost] = longest[lost]
 
 
 def _sources(holes: np.ndarray, areas: np.ndarray, reference: int) -> np.ndarray:

@@ -58,8 +58,12 @@ class Calibration:
 
     def balanced_at(self, value: int) -> Calibration:
         """The calibration with its curves and observations shifted alike, see `Response.balanced_at`."""
-        balanced = self.response.balanced_at(value)
-        shift = self.response.log_exposure[:, 0] - balanced.log_exposure[:, 0]
+        return self.balanced_where(self.response.log_exposure[:, value])
+
+    def balanced_where(self, log_exposures: np.ndarray) -> Calibration:
+        """The calibration with its curves shifted so that these exposures, one a channel, are achromatic."""
+        shift = log_exposures - log_exposures.mean()
+        balanced = replace(self.response, log_exposure=self.response.log_exposure - shift[:, None])
         red, green, blue = (np.column_stack([s[:, 0] - d, s[:, 1]]) for s, d in zip(self.samples, shift, strict=True))
         return replace(self, response=balanced, samples=(red, green, blue))
 

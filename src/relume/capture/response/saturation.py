@@ -1,0 +1,139 @@
+"""Where photographs saturate: the value at which each frame ends, channel by channel, and what ties the channels.
+
+Exposures are monotone: what is white in a shorter frame is white in a longer one, whatever its pixel value. So a frame
+whose bright parts were pressed together afterwards, as telephones do, shows its own white where a shorter one is white.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+from scipy.ndimage import minimum_filter
+
+from relume.capture.exposure.bracket import Bracket
+from relume.capture.response.calibration import Calibration
+from relume.capture.response.sampling import levels_of
+from relume.image.photograph import Photograph
+
+WHITE = 250 / 256
+"""Share of the values from which on a pixel is white: JPEG leaves as much below 255 in saturated patches."""
+LOOKED_AT = 400_000
+"""About how many pixels of a frame are looked at for its plateau."""
+FEWEST = 60
+"""Places that must be white in a shorter frame before a longer one's plateau is believed."""
+LOWEST = 0.6
+"""Share of the values below which no plateau is believed: a camera's white is bright, and what is darker has moved."""
+SPREAD = 14 / 256
+"""Share of the values over which eight tenths of a plateau may be spread, by noise and JPEG."""
+OBSERVED = 0.9
+"""Share of the greatest value up to which a curve must have been observed for its end to be believed as it is."""
+GUESSED = 0.7
+"""The same below which a curve's end is a guess, whatever it looks like: sixteen scans of film, whose blue is hardly
+seen above the middle, came out yellow."""
+ALIKE = 0.15
+"""ln exposure by which a curve's unobserved end may depart from those of the other channels. Cameras whose curves
+differ by channel stay within 0.05 there; curves that nothing held came out up to 3 off, which tinted whole pictures."""
+
+
+@dataclass(frozen=True)
+class White:
+    """The value at which a channel of a frame ends, as places show it that are white in a shorter frame.
+
+    name : of the frame
+    channel : 0 red, 1 green, 2 blue
+    value : that nine tenths of the places do not exceed
+    least : the value from which on it counts as white; None where that is as for every photograph
+    """
+
+    name: str
+    channel: int
+    value: int
+    least: int | None
+
+
+def whitened(bracket: Bracket) -> tuple[Bracket, tuple[White, ...]]:
+    """The bracket with each frame's plateau, where it has one below white, made white; and where its channels end.
+
+    bracket : aligned, so that a place is the same in all frames
+    """
+    photographs = list(bracket.photographs)
+    levels = levels_of(bracket)
+    width, height = photographs[0].size
+    step = max(1, round(np.sqrt(width * height / LOOKED_AT)))
+    white = np.zeros((*photographs[0].pixels[::step, ::step].shape[:2], 3), bool)
+    found: list[White] = []
+    for index, photograph in enumerate(photographs):
+        small = photograph.pixels[::step, ::step]
+        inside = np.ones(small.shape[:2], bool)
+        if photograph.outside is not None:
+            inside = ~photograph.outside[::step, ::step]
+        ends = [_end(small[..., c], inside, white[..., c] & inside, levels) for c in range(3)]
+        found += [White(photograph.name, c, *end) for c, end in enumerate(ends) if end is not None]
+        if any(end is not None and end[1] is not None for end in ends):
+            photographs[index] = photograph = _made_white(photograph, found[-3:], levels)
+            small = photograph.pixels[::step, ::step]
+        # The insides of what is white: at its edges frames are out of register, and JPEG rings.
+        bright = minimum_filter(small, (5, 5, 1)) >= WHITE * levels
+        white |= bright & inside[..., None]
+    pressed = any(each.least is not None for each in found)
+    return (replace(bracket, photographs=tuple(photographs)) if pressed else bracket), tuple(found)
+
+
+def _end(values: np.ndarray, inside: np.ndarray, white: np.ndarray, levels: int) -> tuple[int, int | None] | None:
+    """Where a channel of a frame ends where shorter ones are white, and from which value on it counts as white.
+
+    None for the latter where it is white there too; None at all where nothing says so, or something moved.
+    """
+    there = values[white]
+    if len(there) < FEWEST:
+        return None
+    least, low, middle, high = np.percentile(there, (2, 10, 50, 90))
+    if middle >= WHITE * levels:
+        return int(high), None
+    if middle < LOWEST * levels or high - low > SPREAD * levels:
+        return None
+    # It ends there: hardly anything is brighter than what saturated.
+    spread = max(high - middle, middle - low, levels / 128)
+    everywhere = values[inside]
+    near = np.count_nonzero(np.abs(everywhere.astype(np.int64) - middle) <= 2 * spread)
+    if np.count_nonzero(everywhere > middle + 3 * spread) > 0.1 * near:
+        return None
+    return int(high), int(min(least, middle - spread))
+
+
+def _made_white(photograph: Photograph, ends: Sequence[White], levels: int) -> Photograph:
+    pixels = photograph.pixels.copy()
+    for end in ends:
+        if end.name == photograph.name and end.least is not None:
+            channel = pixels[..., end.channel]
+            channel[channel >= end.least] = levels - 1
+    return replace(photograph, pixels=pixels)
+
+
+def neutral_exposures(calibration: Calibration, whites: Sequence[White]) -> np.ndarray:
+    """(3,) ln exposure of each channel, on the curves' scale, that make up white: what is tied to be achromatic.
+
+    whites : of all the brackets that the calibration comes from
+
+    A camera balances its channels before it encodes them, and all saturate at once: at the values that `whites` hold,
+    else at the greatest value. A curve's end that was not observed is extrapolated; where it is a guess, or departs
+    from the other channels' by more than cameras' curves differ, the channel is tied to them at the highest value that
+    it shows, and where no channel was observed up to white all are tied at the highest value that all show.
+    """
+    curves, levels = calibration.response.log_exposure, calibration.response.levels
+    top = [max((white.value for white in whites if white.channel == c), default=levels - 1) for c in range(3)]
+    ends = np.array([curves[c, top[c]] for c in range(3)])
+    shown = np.array([min(np.percentile(s[:, 1], 99.5), levels - 1) for s in calibration.samples]).astype(int)
+    seen = shown >= OBSERVED * (levels - 1)
+    if not seen.any():
+        # From the highest value that all show to the end, all curves should go on alike.
+        common = curves[:, shown.min()]
+        sure = shown.min() >= GUESSED * (levels - 1) and np.ptp(ends - common) < ALIKE
+        return ends if sure else common
+    for c in np.flatnonzero(~seen):
+        expected = curves[c, shown[c]] + np.mean(ends[seen] - curves[seen, shown[c]])
+        if shown[c] < GUESSED * (levels - 1) or abs(expected - ends[c]) > ALIKE:
+            ends[c] = expected
+    return ends

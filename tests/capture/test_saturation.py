@@ -1,0 +1,132 @@
+"""Frames that end below white, channels that hardly saturate, and hues that a merge must not change."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from moving_scenes import known_response
+from relume.capture.brackets.hues import hue_departure, hue_doubts
+from relume.capture.brackets.merging import merge_brackets
+from relume.capture.brackets.settings import MergeSettings
+from relume.capture.exposure.bracket import Bracket
+from relume.capture.merging import merge
+from relume.capture.response.calibration import Calibration
+from relume.capture.response.saturation import White, neutral_exposures, whitened
+from relume.image.response import Response
+from synthetic import VirtualCamera, wide_scene
+
+CAMERA = VirtualCamera(toe=(0.003,) * 3, power=(2.2,) * 3, knee=(1.2,) * 3, electrons=20_000.0, read_noise=6.0)
+TIMES = (1 / 160, 1 / 40, 1 / 10)
+
+
+def lamps(scale: float = 1.0) -> np.ndarray:
+    """A room of two stops, and three lamps that the shortest of TIMES measures."""
+    scene = wide_scene(240, 160, stops=4.0, brightest=6.0) * scale
+    for left, light in ((30, 60.0), (110, 90.0), (190, 120.0)):
+        scene[50:90, left : left + 30] = light
+    return scene.astype(np.float32)
+
+
+def pressed(bracket: Bracket, value: int, *, spread: int = 2) -> Bracket:
+    """The bracket, of which the longest frame ends at about `value`."""
+    last = bracket.photographs[-1]
+    noise = np.random.default_rng(1).integers(-spread, spread + 1, last.pixels.shape)
+    pixels = np.where(last.pixels > value, value + noise, last.pixels).astype(np.uint8)
+    return Bracket((*bracket.photographs[:-1], replace(last, pixels=pixels)))
+
+
+@pytest.mark.parametrize("value", [237, 200])
+def test_lamps_are_not_lost_where_the_longest_frame_ends_below_white(value):
+    scene = lamps()
+    result = merge_brackets(pressed(CAMERA.bracket(scene, TIMES), value))
+    light = result.picture.radiance
+    room, lamp = np.s_[100:150, 20:220], np.s_[55:85, 35:55]
+    scale = np.median(light[room] / scene[room])
+    # It was 2 stops.
+    assert np.median(light[lamp] / scene[lamp]) / scale == pytest.approx(1, abs=0.05)
+    (note,) = [line for line in result.notes if "ends below white" in line]
+    assert note.startswith("frame_2.jpg: ") and f"red at {value + 2}" in note
+
+
+def test_what_is_pressed_together_counts_as_white_in_that_frame_alone():
+    bracket = pressed(CAMERA.bracket(lamps(), TIMES), 230, spread=3)
+    found, whites = whitened(bracket)
+    ends = [white for white in whites if white.least is not None]
+    assert [(white.name, white.channel) for white in ends] == [("frame_2.jpg", c) for c in range(3)]
+    assert all(white.value == 233 and 224 <= (white.least or 0) <= 227 for white in ends)
+    assert all(a is b for a, b in zip(found.photographs[:2], bracket.photographs[:2], strict=True))
+    last, before = found.photographs[-1].pixels, bracket.photographs[-1].pixels
+    assert np.all(last[55:85, 35:55] == 255)
+    kept = before < 224
+    np.testing.assert_array_equal(last[kept], before[kept])
+
+
+def test_a_bracket_that_saturates_at_white_is_left_as_it_is():
+    bracket = CAMERA.bracket(lamps(), TIMES)
+    found, whites = whitened(bracket)
+    assert found is bracket and all(white.least is None and white.value == 255 for white in whites)
+    # A thing that moved before a lamp is no plateau: brighter places are in the frame.
+    last = bracket.photographs[-1].pixels
+    last[50:90, 30:220] = 180
+    assert all(white.least is None for white in whitened(bracket)[1])
+
+
+def straight(*shown: int, top: float = 0.0) -> Calibration:
+    """Three equal straight curves, blue's bent by `top` above 150; the values that each was observed at, at most."""
+    curve = np.tile(np.arange(256) * 0.02, (3, 1))
+    curve[2] += top * np.clip(np.arange(256) - 150, 0, None) / 105
+    red, green, blue = (np.column_stack([np.zeros(1000), np.linspace(10, most, 1000)]) for most in shown)
+    return Calibration(Response(curve, np.full(3, 1.0)), (red, green, blue), np.zeros(3))
+
+
+def test_channels_are_tied_where_each_is_white():
+    np.testing.assert_allclose(neutral_exposures(straight(250, 250, 250), ()), [5.1, 5.1, 5.1])
+    # A channel that its frames show to end at 240, in two of three frames at 235.
+    whites = [White("a", 0, 235, 230), White("b", 0, 240, None), White("c", 0, 235, 230)]
+    np.testing.assert_allclose(neutral_exposures(straight(250, 250, 250), whites), [4.8, 5.1, 5.1])
+
+
+def test_a_channel_that_was_not_seen_near_white_is_tied_to_the_others_lower_down():
+    # Blue observed up to 200 of 255: a hair is believed, an end that runs away is not.
+    assert neutral_exposures(straight(250, 250, 200, top=0.1), ())[2] == pytest.approx(5.1 + 0.1)
+    assert neutral_exposures(straight(250, 250, 200, top=3.1), ())[2] == pytest.approx(
+        0.02 * 199 + 3.1 * 49 / 105 + 0.02 * (255 - 199), abs=0.01
+    )
+    # Observed up to the middle: a guess, whatever it looks like.
+    assert neutral_exposures(straight(250, 250, 120, top=0.1), ())[2] == pytest.approx(5.1)
+    # None was seen near white: all where all were seen.
+    np.testing.assert_allclose(neutral_exposures(straight(200, 190, 110, top=2.0), ()), [0.02 * 109] * 3)
+
+
+def test_a_scene_without_blue_keeps_its_colour():
+    tint = np.array([1.0, 1.0, 0.08])
+    scene = (wide_scene(240, 160, stops=8.0, brightest=8.0) * tint).astype(np.float32)
+    light = merge_brackets(CAMERA.bracket(scene, (1 / 64, 1 / 16, 1 / 4))).picture.radiance
+    ratio = np.median(light / scene, axis=(0, 1))
+    assert ratio[2] / ratio[1] == pytest.approx(1, abs=0.06) and ratio[0] / ratio[1] == pytest.approx(1, abs=0.03)
+
+
+def test_hues_that_are_not_the_photographs_are_doubted():
+    scene = wide_scene(160, 120, stops=6.0, brightest=4.0)
+    bracket = CAMERA.bracket(scene, (1 / 16, 1 / 4))
+    right = known_response(CAMERA)
+    departure = hue_departure(bracket, merge(bracket, right))
+    assert departure is not None and np.abs(departure).max() < 0.25
+    assert hue_doubts(bracket, merge(bracket, right)) == ()
+    magenta = Response(right.log_exposure + np.array([[0.0], [0.0], [3.1]]), right.noise)
+    (doubt,) = hue_doubts(bracket, merge(bracket, magenta))
+    assert doubt.degraded and "blue is 4.5 stops brighter beside green than the photographs show it" in doubt.line
+    # Nothing well exposed says nothing.
+    dark = replace(bracket.photographs[0], pixels=np.zeros_like(bracket.photographs[0].pixels))
+    assert hue_departure(Bracket((dark,)), merge(bracket, right)) is None
+
+
+def test_the_doubt_of_a_wrong_hue_reaches_the_result():
+    bracket = CAMERA.bracket(wide_scene(160, 120, stops=6.0, brightest=4.0), (1 / 16, 1 / 4))
+    right = known_response(CAMERA)
+    green = Response(right.log_exposure + np.array([[0.0], [1.5], [0.0]]), right.noise)
+    plain = MergeSettings(align=False, deghost=False)
+    found = merge_brackets(bracket, profile=green, settings=plain)
+    assert any("stops darker beside green" in line for line in found.warnings)
+    assert not any("beside green" in line for line in merge_brackets(bracket, profile=right, settings=plain).warnings)
