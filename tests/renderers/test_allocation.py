@@ -132,3 +132,17 @@ def test_spread_rays_are_the_same_on_any_threads_and_after_an_interruption(few, 
     resumed = Differential(samples=64, threads=3).change(SCENE, CAMERA, seed=3, watch=watch)
     for plane in ("objects", "difference", "matte", "objects_variance", "difference_variance"):
         assert np.array_equal(getattr(straight, plane), getattr(resumed, plane)), plane
+
+
+def test_a_pixel_has_the_same_numbers_whichever_others_are_traced_with_it(mi, monkeypatch):
+    from relume.renderers.mitsuba.transport import estimator
+
+    chosen = np.random.default_rng(2).random((CAMERA.height, CAMERA.width)) < 0.3
+    made = estimator.Estimator(SCENE, CAMERA, 4)
+    all_of_them, some = made.traced(4, 9), made.traced(4, 9, chosen)
+    monkeypatch.setattr(estimator, "BAND", 400)
+    in_batches = made.traced(4, 9)
+    for name, plane in all_of_them.items():
+        where = chosen if plane.ndim == 2 else chosen[..., None]
+        assert np.array_equal(some[name], plane * where), name
+        assert np.array_equal(in_batches[name], plane), name

@@ -19,7 +19,6 @@ from relume.renderers.mitsuba.transport.light import SceneLight
 from relume.renderers.mitsuba.transport.media import Media
 from relume.renderers.mitsuba.transport.paths import World, changed, followed
 from relume.renderers.mitsuba.transport.sampling import Guide, Numbers, two
-from relume.renderers.progressive.accumulation import pass_seed
 from relume.renderers.raytrace.alpha_coverage import is_pierced
 from relume.scene.cameras.camera import Camera
 from relume.scene.materials.materials import Material
@@ -154,9 +153,7 @@ class Estimator:
         planes: Planes = {}
         for first in range(0, len(pixels), most):
             these = pixels[first : first + most].astype(np.uint32)
-            # Each batch has numbers of its own; a picture of one those of its seed.
-            own = seed if first == 0 else pass_seed(seed, first)
-            for name, means in self._summed(trace(Numbers(these, samples, own)), samples).items():
+            for name, means in self._summed(trace(Numbers(these, samples, seed)), samples).items():
                 plane = planes.setdefault(name, np.zeros((height * width, *means.shape[1:]), np.float32))
                 plane[these] = means
         return {name: plane.reshape(height, width, *plane.shape[1:]) for name, plane in planes.items()}

@@ -28,7 +28,8 @@ Spheres = list[tuple[Any, float]]
 class Numbers:
     """Numbers from 0 to 1 for `samples` rays of each pixel; the same for a seed, whatever the number of threads.
 
-    Seeds of passes should lie far apart (`pass_seed`); `pixels` are the numbers of the pixels, in uint32.
+    Seeds of passes should lie far apart (`pass_seed`); `pixels` are the numbers of the pixels, in uint32. A pixel has
+    the same numbers whichever others are traced with it, so that the noise of a sequence stands still.
 
     Within a pixel the first numbers of its rays are a lattice, shifted by chance: farther apart than drawn ones.
     """
@@ -39,7 +40,9 @@ class Numbers:
         self.pixel: Any = dr.gather(mi.UInt32, mi.UInt32(pixels), index // samples)
         self.sample = index % samples
         self.seed: Any = dr.opaque(mi.UInt32, seed & 0xFFFFFFFF)
-        state, sequence = dr.opaque(mi.UInt64, seed), dr.opaque(mi.UInt64, 1 + seed)
+        # A ray's stream goes by its pixel and not by its place in the list, which PCG32 adds to both.
+        place = mi.UInt64(self.pixel) * samples + mi.UInt64(self.sample) - mi.UInt64(index)
+        state, sequence = dr.opaque(mi.UInt64, seed) + place, dr.opaque(mi.UInt64, 1 + seed) + place
         self.stream = mi.PCG32(size=count, initstate=state, initseq=sequence)  # pyright: ignore[reportCallIssue]
 
     def within_pixel(self) -> tuple[Any, Any]:
