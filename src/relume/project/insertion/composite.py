@@ -135,9 +135,10 @@ def composited(
         if photograph is None:
             picture, before = (_developed(each, film, development) for each in (grainy, plate.radiance))
         else:
-            own = (to_own_primaries(each, photograph) for each in (composite, plate.radiance))
-            values = (film.pixel_values(each) for each in own)
-            picture, before = composite_into_photograph(photograph, *values, change.matte, match), photograph
+            after, bare = (
+                film.pixel_values(to_own_primaries(each, photograph)) for each in (composite, plate.radiance)
+            )
+            picture, before = composite_into_photograph(photograph, after, bare, change.matte, match), photograph
     return Composite(grainy, picture, before, change, without, match)
 
 
