@@ -166,6 +166,31 @@ def test_windows_that_do_not_meet_are_no_picture(tmp_path, numbered):
             read_radiance(path)
 
 
+def windowed(name, data, value):
+    """A part of that data window in the display window (0, 0) to (7, 3)."""
+    left, top, right, bottom = data
+    header = {"compression": OpenEXR.ZIP_COMPRESSION, "type": OpenEXR.scanlineimage}
+    header |= {"dataWindow": window(*data), "displayWindow": window(0, 0, 7, 3)}
+    plane = np.full((bottom - top + 1, right - left + 1), value, np.float32)
+    return OpenEXR.Part(header, dict.fromkeys("RGB", plane), name)
+
+
+@pytest.mark.filterwarnings("ignore:.*(outside its data window|left out)")
+def test_parts_whose_windows_do_not_meet_are_each_placed(tmp_path):
+    OpenEXR.File([windowed("away", (90, 90, 93, 91), 9), windowed("seen", (2, 1, 3, 2), 5)]).write(
+        str(tmp_path / "a.exr")
+    )
+    image = read_radiance(tmp_path / "a.exr")
+    assert image.radiance.sum() == 3 * 4 * 5 and image.radiance[1, 2, 0] == 5
+    parts = [windowed("radiance", (0, 0, 3, 3), 1), windowed("variance", (6, 0, 7, 3), 2)]
+    OpenEXR.File(parts).write(str(tmp_path / "b.exr"))
+    image = read_radiance(tmp_path / "b.exr")
+    # Of the light's own pixels no variance is known: 0 would say that they are certain.
+    assert image.variance is not None and np.all(np.isinf(image.variance[:, :6])) and np.all(image.variance[:, 6:] == 2)
+    layers = read_layers(tmp_path / "b.exr")
+    assert [float(layers[name].sum()) for name in ("radiance", "variance")] == [48, 48]
+
+
 def test_a_data_window_as_large_as_the_display_window_but_beside_it_is_moved(tmp_path, numbered):
     path = foreign(
         tmp_path / "a.exr", {"RGB": numbered}, dataWindow=window(2, 1, 8, 5), displayWindow=window(0, 0, 6, 4)

@@ -140,6 +140,9 @@ def _radiance_map(path: str | os.PathLike[str], parts: list[Part]) -> RadianceMa
     variance = clipped = None
     if "variance" in others and _whole(path, others["variance"]):
         variance = exr_picture.pixels(path, others["variance"], exr_picture.colours(others["variance"], ""), primaries)
+        # Where its own window has none nothing is known of the light's, which is not the same as certain.
+        if (unknown := outside(others["variance"].header)) is not None:
+            variance[unknown] = np.inf
     if "clipped" in others and _whole(path, others["clipped"]):
         marks = exr_picture.plane(path, others["clipped"], "Y")
         clipped = np.clip(np.nan_to_num(marks), 0, OUTSIDE).astype(np.uint8)

@@ -126,6 +126,11 @@ def outside(header: Mapping[str, Any]) -> np.ndarray | None:
     return padding
 
 
+def meets(header: Mapping[str, Any]) -> bool:
+    """Whether any pixel of the data window lies in the display window."""
+    return _common(header)[2] > 0
+
+
 def warn_of_overscan(path: str | os.PathLike[str], header: Mapping[str, Any]) -> None:
     """Say how many pixels of the data window lie outside the display window."""
     width, height = extent(header["dataWindow"])

@@ -14,7 +14,7 @@ from collections.abc import Collection
 import numpy as np
 
 from relume.errors import UnreadableFile, warn
-from relume.image.files.exr.parts import Part, extent, placed
+from relume.image.files.exr.parts import Part, extent, meets, placed
 from relume.image.primaries import Primaries
 
 # Of the samples 1, 3, 5, … 13 pixels to either side; they sum to ½.
@@ -22,8 +22,12 @@ _WEIGHTS = (0.627123, -0.186077, 0.087929, -0.043159, 0.019597, -0.007540, 0.002
 
 
 def picture(path: str | os.PathLike[str], parts: list[Part]) -> tuple[Part, str]:
-    """The part that holds the picture and what its channels' names begin with: "", or a view and a dot."""
+    """The part that holds the picture and what its channels' names begin with: "", or a view and a dot.
+
+    Parts that lie beside the display window wholly, whose picture nobody sees, are passed over for one that does not.
+    """
     views = _all_views(parts)
+    parts = [part for part in parts if meets(part.header)] or parts
     for prefix in ("", *(f"{view}." for view in views)):
         for wanted in (("R", "G", "B"), ("Y", "RY", "BY"), ("Y",)):
             for part in parts:
