@@ -16,11 +16,12 @@ from relume.errors import NotABracket
 from relume.image import files
 from relume.image.colour_space import colour_space_of, decoded, in_rec709, name_of, response_of, to_own_primaries
 from relume.image.files.metadata.icc_profile import adobe_rgb, screen_profile
-from relume.image.photograph import Photograph
+from relume.image.photograph import Exposure, Photograph
 from relume.image.primaries import BT2020, P3, REC709, Primaries, between, inside_gamut
 from relume.image.radiance import OUTSIDE, SATURATED, RadianceMap
 from relume.probe.clipped_light import linear
 from relume.probe.painting import environment_from_painting
+from relume.project.insertion.composite import Development, _developed
 from relume.virtual_camera.film.film import Film
 from relume.virtual_camera.film.undeveloping import undevelop
 from synthetic import STOPS, VirtualCamera, wide_scene
@@ -167,6 +168,16 @@ def test_what_is_developed_in_the_plate_s_primaries_comes_back():
     assert np.abs(there - pixels).max() > 0.1
     np.testing.assert_allclose(in_rec709(RadianceMap(there), photograph).radiance, pixels, atol=1e-5)
     assert to_own_primaries(pixels, one_pixel((0, 0, 0), screen_profile(REC709, "a"))) is pixels
+
+
+def test_a_composite_is_developed_in_the_plate_s_colour_space():
+    """The plate's own light, through the plate's own curve: its codes come back, under its profile."""
+    codes = np.random.default_rng(6).integers(5, 250, (8, 9, 3)).astype(np.uint8)
+    plate = Photograph(codes, exposure=Exposure(1.0), profile=DISPLAY_P3)
+    film = Film(1.0, response_of(plate))
+    picture = _developed(decoded(plate), film, Development(film, Bracket((plate,))))
+    assert picture.profile == DISPLAY_P3 and np.abs(picture.pixels.astype(int) - codes).max() <= 1
+    assert np.abs(_developed(decoded(plate), film, Development(film)).pixels.astype(int) - codes).max() > 5
 
 
 # Single photographs
