@@ -16,7 +16,7 @@ import numpy as np
 from relume.capture.brackets.merging import BracketSource
 from relume.capture.exposure.bracket import Bracket
 from relume.capture.exposure.consistency import check
-from relume.errors import Doubt, doubt_of, ranked
+from relume.errors import BallNotFound, Doubt, doubt_of, ranked
 from relume.image import files
 from relume.image.photograph import Photograph
 from relume.image.radiance import RadianceMap
@@ -70,8 +70,9 @@ def check_shot(shot: Shot, *, progress: Callable[[str, float], None] = lambda st
 
         # The balls, each in one of its photographs.
         progress("balls", 0.0)
-        seen = [_middle(source) for source in photographs.balls]
-        outlines = [None if each is None else _ball(each) for each in seen]
+        like = None if isinstance(plate, RadianceMap) else next(iter(_by_exposure(plate)), None)
+        seen = [_by_exposure(source, like) for source in photographs.balls]
+        outlines = [_any_ball(each) for each in seen]
         facts["balls"] = [
             {
                 "photographs": _times(source),
@@ -106,12 +107,28 @@ def _times(source: BracketSource) -> dict[str, str]:
     return {Path(name).name: "unknown" if e is None else seconds_in_words(e.seconds) for name, e in known}
 
 
-def _middle(source: BracketSource) -> Photograph | None:
-    """The photograph whose middle value is nearest to half of white; None for raws."""
+def _by_exposure(source: BracketSource, like: Photograph | None = None) -> list[Photograph]:
+    """The photographs, those exposed most like another first, or those of a middle grey; none for raws."""
     if not isinstance(source, Bracket):
-        return None
-    middles = [float(np.median(p.pixels[::8, ::8])) / np.iinfo(p.pixels.dtype).max for p in source.photographs]
-    return source.photographs[int(np.argmin(np.abs(np.array(middles) - 0.5)))]
+        return []
+    if like is not None and like.exposure is not None:
+        wanted = np.log(like.exposure.factor)
+        away = [np.inf if p.exposure is None else abs(np.log(p.exposure.factor) - wanted) for p in source.photographs]
+    else:
+        middles = [float(np.median(p.pixels[::8, ::8])) / np.iinfo(p.pixels.dtype).max for p in source.photographs]
+        away = [abs(middle - 0.5) for middle in middles]
+    return [source.photographs[index] for index in np.argsort(away, kind="stable")]
+
+
+def _any_ball(photographs: Sequence[Photograph]) -> Outline | None:
+    """The ball's outline in the first photograph that shows one; None without photographs, else raises BallNotFound."""
+    for number, photograph in enumerate(photographs, 1):
+        try:
+            return _ball(photograph)
+        except BallNotFound:
+            if number == len(photographs):
+                raise
+    return None
 
 
 def _ball(photograph: Photograph) -> Outline:
@@ -140,23 +157,24 @@ def _plate(plate: BracketSource | RadianceMap) -> tuple[tuple[int, int], float |
     if isinstance(plate, RadianceMap):
         return plate.size, None, plate
     if isinstance(plate, Bracket):
-        photograph = _middle(plate) or plate.photographs[0]
+        photograph = _by_exposure(plate)[0]
         return photograph.size, photograph.focal_length, linear(photograph)
-    facts = files.read_facts(Path(str(plate[0])))
-    return facts.size, facts.focal_length, None
+    return files.read_facts(Path(str(plate[0]))).size, None, None
 
 
 def _camera(
     shot: Shot, size: tuple[int, int], focal_length: float | None, plate: RadianceMap | None,
-    seen: Sequence[Photograph | None], outlines: Sequence[Outline | None],
+    seen: Sequence[Sequence[Photograph]], outlines: Sequence[Outline | None],
 ) -> CameraFit | None:  # fmt: skip
     """The plate's camera, from whatever the shot has it from; None where raws would have to be merged for it."""
     asked = shot.camera.of_ball
+    if plate is None and shot.camera.focal_length is None:
+        return None
     if asked is None:
         return camera_fit(shot.camera, size, shot.folder, focal_length)
-    if plate is None or (seen and seen[0] is None):
+    if plate is None or (seen and not seen[0]):
         return None
-    balls = [(each.name, linear(each)) for each in seen[:1] if each is not None]
+    balls = [(each[0].name, linear(each[0])) for each in seen[:1]]
     return camera_of_ball(shot, asked, plate, focal_length, balls, outlines[0] if outlines else None).fit
 
 

@@ -256,8 +256,8 @@ class Shot(Table):
         Raises OutputNotWritten, UnreadableFile, ValueError.
         """
         file = Path("shot.toml") if path is None else Path(path)
-        named = [[Path(each) for each in paths] for paths in (plate, balls, objects)]
-        text = new_shot_text(file.parent, *named, radius, foot, rim)
+        photographs, seen, meshes = ([Path(each) for each in paths] for paths in (plate, balls, objects))
+        text = new_shot_text(file.parent, photographs, seen, meshes, radius, foot, rim)
         if path is not None:
             write_new_shot(file, text, force)
         table = tomllib.loads(text)
