@@ -252,6 +252,27 @@ def test_a_picture_in_which_a_ball_shows_no_lamp_is_named_with_its_folder(tmp_pa
     assert f"{dark / 'shot_3.exr'}: the ball shows no lamp" in line
 
 
+def test_a_ball_that_the_lights_hardly_show_is_found_in_the_room_s_light(ball_shots, tmp_path, capsys):
+    # The lamp's glow alone, and one picture more with the room's lights on.
+    dark = pictures(tmp_path / "ball", [np.where(far_ball(light) > 0.5, far_ball(light), 0.01) for light in FAR])
+    subject = pictures(tmp_path / "subject", [np.full((20, 30, 3), 0.1, np.float32)] * len(FAR))
+    command = ["stage", "import", str(subject), "-o", str(tmp_path / "a.zarr"), "--dtype", "float", "--json"]
+    command += ["--ball", "find", "--ball-pictures", str(dark)]
+    line = refused(command, capsys)
+    assert line.count(str(dark)) == 1 and "no mirrored ball found" in line
+    write(dark / "room.exr", RadianceMap(np.mean([far_ball(light) for light in FAR], axis=0)))
+    assert main(command) == 0
+    assert degrees_between(read_store(tmp_path / "a.zarr").lights.directions, FAR).max() < 2
+
+
+def test_a_folder_of_folders_and_a_ball_sought_twice_are_refused(ball_shots, tmp_path, capsys):
+    command = ["stage", "import", str(ball_shots.parent), "-o", str(tmp_path / "a.zarr"), "--ball", "find"]
+    assert "but its folders shots do: name the subject's" in refused(command, capsys)
+    command = ["stage", "import", str(ball_shots), "-o", str(tmp_path / "a.zarr"), "--ball", "find", "--ball", "find"]
+    line = refused(command, capsys)
+    assert f"{ball_shots}: two balls are sought in the same pictures; give each its circle" in line
+
+
 def test_two_balls_in_metres_show_where_lamps_and_camera_stand(near_shots, tmp_path):
     options = [word for centre in BALLS for word in ("--ball", near_word(centre))]
     field = imported(near_shots, tmp_path / "a.zarr", *options, "--field-of-view", str(FIELD_OF_VIEW))
