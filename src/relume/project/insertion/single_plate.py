@@ -10,7 +10,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import TypeGuard
+from typing import ClassVar, TypeGuard
 
 import numpy as np
 
@@ -40,6 +40,8 @@ ASSUMED = 0.1
 @dataclass(frozen=True)
 class EveryValue:
     """The weights that read every value of a photograph alone as what its curve says, white and black too."""
+
+    predicted: ClassVar[bool] = False
 
     def table(self, response: Response) -> np.ndarray:
         """Weights (3, levels), all 1."""

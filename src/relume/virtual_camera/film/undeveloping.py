@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from typing import ClassVar
 
 import numpy as np
 
@@ -28,6 +29,7 @@ class AllButEnds:
     """
 
     guard: int = 0
+    predicted: ClassVar[bool] = False
 
     def table(self, response: Response) -> np.ndarray:
         """Weights (3, levels)."""
