@@ -32,8 +32,8 @@ RAYS_OF_LIGHT = 8
 
 MOST_RAYS = 1_000_000
 """Rays of light a pass, at most: in a large picture they lie close enough."""
-BAND = 4_000_000
-"""Samples traced at once, whose values take about half a gigabyte."""
+BAND = 2_000_000
+"""Samples traced at once, whose values take about a quarter of a gigabyte."""
 HOLES = 16
 """Surfaces with holes that a ray from the camera is looked through one behind the other: leaves of a tree."""
 STEP = 1e-4
