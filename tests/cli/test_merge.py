@@ -233,6 +233,13 @@ def test_times_are_read_from_names_when_asked_and_suggested_otherwise(scene, tmp
     assert "last.png: the names of these photographs give no times" in line
 
 
+def test_unequal_crops_of_one_bracket_are_pointed_to_probe(scene, tmp_path, capsys):
+    bare = [replace(p, exposure=None) for p in exposed(scene, EXPOSURES)]
+    crops = [replace(p, pixels=np.ascontiguousarray(p.pixels[i:, 2 * i :])) for i, p in enumerate(bare)]
+    line = refused(["merge", *written(tmp_path / "crops", crops), "-o", str(tmp_path / "a.exr")], capsys)
+    assert "frame_0.png and 4 others: of 5 sizes, all but alike" in line and "relume probe" in line
+
+
 def test_without_any_exposure_the_pixels_say_and_the_result_is_doubtful(scene, tmp_path, profile, capsys):
     paths = written(tmp_path / "bare", [replace(p, exposure=None) for p in exposed(scene, EXPOSURES)])
     words = ["merge", *paths, "--profile", profile, "-o", str(tmp_path / "a.exr")]

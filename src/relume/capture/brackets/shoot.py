@@ -8,6 +8,8 @@ from dataclasses import dataclass, replace
 from itertools import count
 from pathlib import Path
 
+import numpy as np
+
 from relume.capture.brackets.merging import measured_profile, merge_brackets, refuse_cameras
 from relume.capture.brackets.result import MergeResult
 from relume.capture.brackets.settings import MergeSettings
@@ -22,6 +24,8 @@ from relume.image.files.signatures import kind_of
 from relume.image.photograph import Exposure
 
 MAPS = (".exr", ".hdr")
+CROPPED = 0.1
+"""Difference in size, of the smallest, up to which single photographs look like crops of one bracket."""
 Groups = Sequence[Sequence[Path]]
 
 
@@ -210,6 +214,14 @@ def targets(groups: Groups, out: Path) -> tuple[Path, ...]:
             raise OutputNotWritten(f"{out}: no folder {out.parent}; make it first or choose another")
         if len(groups) == 1:
             return (out,)
+        if len(groups) > 1 and all(len(group) == 1 for group in groups):
+            sides = np.array([files.read_facts(group[0]).size for group in groups])
+            if np.all(np.ptp(sides, axis=0) < CROPPED * sides.min(0)):
+                raise NotABracket(
+                    f"{groups[0][0]} and {len(groups) - 1} others: of {len(np.unique(sides, axis=0))} sizes, all but "
+                    "alike; crop them alike, or give crops of a mirrored ball to relume probe, which lays them on "
+                    "one another"
+                )
         found = "; ".join(map(_described, groups))
         raise NotABracket(
             f"{len(groups)} brackets are here, not one: {found}. Give a folder as -o, or the photographs of one bracket"
