@@ -79,7 +79,20 @@ class NotABracket(RelumeError):
 
 
 class BallNotFound(RelumeError):
-    """No mirrored ball is seen in the photograph."""
+    """No mirrored ball is seen in the photograph.
+
+    candidates : (x, y, radius) of what is round in it, pixels, the likeliest first; each can be picked
+    radiance : (H, W, 3) in which they were sought, or None
+    """
+
+    def __init__(
+        self, message: str, candidates: tuple[tuple[float, float, float], ...] = (), radiance: object | None = None
+    ) -> None:
+        super().__init__(message)
+        self.candidates, self.radiance = candidates, radiance
+
+    def __reduce__(self) -> tuple[type, tuple[object, ...]]:
+        return BallNotFound, (str(self), self.candidates, self.radiance)
 
 
 class NotAPanorama(RelumeError):

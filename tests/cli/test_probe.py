@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 from pathlib import Path
 from typing import Any
 
@@ -12,7 +13,7 @@ from command_line import printed, refused, reported
 from relume.cli import main
 from relume.image.colour import encode_srgb
 from relume.image.files import read_layers, read_photograph, read_radiance, write
-from relume.image.photograph import Photograph
+from relume.image.photograph import Exposure, Photograph
 from relume.image.radiance import OUTSIDE, SATURATED, RadianceMap
 from relume.probe.ball.blending import Probe
 from relume.probe.ball.probing import BallProbe
@@ -198,6 +199,52 @@ def test_a_camera_to_the_left_is_reported_as_it_is_written(folder, tmp_path, cap
     reported([*words, "--camera", "0,0.12,1", "--pick", "-1,70,140,70,70,132.6", "--pick-exactly"], capsys)
 
 
+def test_a_pick_that_meets_no_rim_is_taken_with_a_note(folder, tmp_path, capsys):
+    words = ["probe", str(folder / "front.exr"), "-o", str(tmp_path / "out.exr"), *PLACE, "--pick", "30,32,12"]
+    said = printed([*words, "--json"], capsys)
+    assert "no rim is seen near what was picked, x,y,radius 30,32,12, so it was taken as it is" in said.err
+    assert json.loads(said.out)["balls"][0] | {"radii away": 0} == {"x": 30, "y": 32, "radius": 12, "radii away": 0}
+
+
+@pytest.mark.parametrize("name, circles", [("two.exr", 2), ("cut.exr", 1), ("empty.exr", 0)])
+def test_a_refusal_draws_what_may_be_picked(name, circles, folder, tmp_path, capsys):
+    drawn, out = tmp_path / "seen.png", tmp_path / "out.exr"
+    line = refused(["probe", str(folder / name), "-o", str(out), *PLACE, "--picture", str(drawn)], capsys)
+    assert line.count("--pick ") == circles and not out.exists()
+    pixels = read_photograph(drawn).pixels.astype(int)
+    assert ((pixels[..., 2] - pixels[..., 0] > 200) & (pixels[..., 1] > 200)).any() == (circles > 0)
+
+
+def crops(folder: Path, second=lobes) -> list[str]:
+    """Two exposures of the ball as crops of different sizes, the second of another place if asked."""
+    names = []
+    for index, (light, seconds, edge) in enumerate(((lobes, 1 / 10, 0), (second, 1 / 40, 6))):
+        picture = ball(FRONT, light).radiance[edge // 2 :, edge:]
+        light_there = np.clip(picture * seconds * 10, 0, 1)
+        name = folder / f"crop_{index}.png"
+        write(name, Photograph(np.rint(255 * encode_srgb(light_there)).astype(np.uint8), exposure=Exposure(seconds)))
+        names.append(str(name))
+    return names
+
+
+def test_crops_of_different_sizes_are_laid_on_one_another_where_they_are_picked_too(tmp_path, capsys):
+    words = ["probe", *crops(tmp_path), "--times", "1/10,1/40", "-o", str(tmp_path / "out.exr"), *PLACE, "--accept"]
+    picked = reported([*words, "--pick", "71.5,69,61.5"], capsys)
+    assert picked["balls"][0]["radius"] == pytest.approx(62.6, abs=0.5)
+    found = reported(words, capsys)
+    assert found["balls"][0]["x"] == pytest.approx(picked["balls"][0]["x"], abs=0.3)
+
+
+def test_crops_of_different_balls_are_refused(tmp_path, capsys):
+    def elsewhere(directions: np.ndarray) -> np.ndarray:
+        x, y, z = np.moveaxis(directions, -1, 0)
+        light = 0.5 + 0.45 * np.sin(9 * x + 2) * np.cos(8 * y) + 4 * ((np.abs(x) < 0.1) & (z > 0)) + 0.3 * (y < -0.2)
+        return light[..., None] * np.ones(3)
+
+    words = ["probe", *crops(tmp_path, elsewhere), "--times", "1/10,1/40", "-o", str(tmp_path / "out.exr"), *PLACE]
+    assert "does not show the same ball and place as" in refused(words, capsys)
+
+
 @pytest.mark.parametrize(
     "words, line",
     [
@@ -213,7 +260,7 @@ def test_a_camera_to_the_left_is_reported_as_it_is_written(folder, tmp_path, cap
         ),
         pytest.param(["front.exr", "--pick", "1,2"], "is not a rim", id="half a pick"),
         pytest.param(["front.exr", "--pick", "auto", "--pick", "auto"], "--pick: 2 are given for 1 view", id="picks"),
-        pytest.param(["front.exr", "--pick", "20,20,15"], "front.exr: no rim near what was picked", id="a bare pick"),
+        pytest.param(["front.exr", "--pick", "520,20,15"], "lies outside the picture of 140×140", id="a pick outside"),
         pytest.param(["front.exr", "--picture", "rim.jpg"], "--picture rim.jpg: the file must end in", id="no .png"),
         pytest.param(["front.exr", "--distance", "0"], "distance is 0", id="no distance"),
         pytest.param(["front.exr", "--camera", "0,0,0"], "is the ball's centre", id="a camera in the ball"),

@@ -14,7 +14,9 @@ from relume.capture.brackets.merging import merge_brackets
 from relume.capture.lens.vignetting import Vignetting
 from relume.capture.response.camera_profile import CameraProfile, write_profile
 from relume.errors import InvalidShot, NotABracket
-from relume.project.insertion.photographs import Calibrated, calibrate, read_photographs
+from relume.probe.ball.blending import Probe
+from relume.project.insertion.photographs import Calibrated, _merged, calibrate, read_photographs
+from relume.project.insertion.ball_light import blended
 from relume.project.shot_file.shot import Shot, read_shot
 from relume.project.stages import Stages, Steps
 from shoots import textured
@@ -94,3 +96,23 @@ def test_two_whites_of_one_camera_are_refused(profiled: Shot, tmp_path: Path) ->
 def test_two_ways_to_one_response_are_refused(shot: Shot, tmp_path: Path, own: dict[str, object]) -> None:
     with pytest.raises(InvalidShot, match=f"^{next(iter(own))}: differs between .*recovered once"):
         calibrated(changed(shot, {}, own), tmp_path)
+
+
+def test_the_rim_of_a_ball_may_be_picked_or_given_in_the_shot_file(shot: Shot) -> None:
+    merged = _merged(shot, read_photographs(shot))[0][1:]
+    width, height = merged[0].picture.size
+    radius = 296.255 * width / 640  # 5960.26 pixels of focal length, √(20.144² − 1) radii away
+    right, off = (width / 2, height / 2, radius), (width / 2 + 1, height / 2, 0.985 * radius)
+
+    def lit(**ball: object) -> Probe:
+        return blended(changed(shot, {}, ball), merged, None)
+
+    given, picked, exact = lit(rim=right), lit(pick=off), lit(rim=off)
+    differences = [float(np.abs(np.log(each.light.radiance / given.light.radiance)).mean()) for each in (picked, exact)]
+    assert differences[0] < 0.5 * differences[1]
+    # A chrome ball gives back 0.55 of what falls in steeply: seen straight on, towards its camera.
+    assert shot.light.ball is not None
+    chrome = shot.light.ball.model_copy(update={"reflectance": "chrome"})
+    light = changed(shot, {}, {"rim": right}).light.model_copy(update={"ball": chrome})
+    brighter = blended(shot.model_copy(update={"light": light}), merged, None).light.radiance / given.light.radiance
+    assert brighter.max() == pytest.approx(1 / 0.550, rel=0.02) and brighter.min() >= 0.999

@@ -51,6 +51,14 @@ def test_a_short_shot_file_has_a_plane_and_defaults(tmp_path: Path) -> None:
             GOOD.replace('map = "light.exr"', 'balls = [{ photographs = ["b.jpg"], camera = [0, 0, 1] }]'),
             "balls need ball",
         ),
+        (
+            GOOD.replace(
+                'map = "light.exr"',
+                'balls = [{ photographs = ["b.jpg"], camera = [0, 0, 1], pick = [1, 2] }]\n'
+                "ball = { centre = [0, 0, 0], radius = 1 }",
+            ),
+            "light.balls.0: a rim is [x, y, radius], or three points or more",
+        ),
         (GOOD.replace("grid =", "gird ="), "camera.gird: unknown key; did you mean grid"),
         (GOOD.replace("[plate]", "[plate"), "not valid TOML"),
         (GOOD.replace('["plate/*.jpg"]', "[]"), "plate.photographs"),

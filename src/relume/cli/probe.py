@@ -98,7 +98,7 @@ class BallOptions:
             like="726,487,283, three points X,Y,X,Y,X,Y or auto",
             words=("auto",),
             help="The ball's rim in pixels, once for each view: X,Y,RADIUS, or three points or more as X,Y,X,Y,X,Y; "
-            '"auto" to have it found.',
+            'followed where it is seen near there, else taken as it is; "auto" to have it found.',
         ),
     ] = None
     pick_exactly: Annotated[
@@ -145,7 +145,8 @@ def probe(
     views: ViewOptions = ViewOptions(),
     ball: BallOptions = BallOptions(),
     picture: Annotated[
-        Path | None, Parameter(help="Draw every view's ball with the rim that was taken, as this .png.")
+        Path | None,
+        Parameter(help="Draw every view's ball with its rim, or where no ball is found what is round, as this .png."),
     ] = None,
     balance: Annotated[
         bool, Parameter(negative="", help="Bring all views to the brightness of the first before they are blended.")
@@ -187,9 +188,15 @@ def probe(
             return
 
         # The work.
-        result = rl.probe.probe_ball(
-            placed, times=times, times_from_names=times_from_names, profile=known, settings=settings
-        )
+        try:
+            result = rl.probe.probe_ball(
+                placed, times=times, times_from_names=times_from_names, profile=known, settings=settings
+            )
+        except rl.errors.BallNotFound as refused:
+            if picture is not None and refused.radiance is not None:
+                with rl.files.replacing(picture) as temporary:
+                    temporary.write_bytes(rl.report.candidates_plot(refused))
+            raise
         rl.probe.write_probe(out, result.probe)
         if picture is not None:
             with rl.files.replacing(picture) as temporary:

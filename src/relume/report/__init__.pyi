@@ -1,3 +1,4 @@
+from .ball_plot import candidates_plot as candidates_plot
 from .ball_plot import rim_plot as rim_plot
 from .capture_report import write_capture_report as write_capture_report
 from .develop_report import write_develop_report as write_develop_report

@@ -1,4 +1,4 @@
-"""The rim at which a mirrored ball was taken, drawn on its photographs: what `relume probe --picture` shows."""
+"""A mirrored ball's rim as it was taken, or what it might be, drawn on its photographs: `relume probe --picture`."""
 
 from __future__ import annotations
 
@@ -6,10 +6,11 @@ from collections.abc import Sequence
 
 import numpy as np
 
+from relume.errors import BallNotFound
 from relume.image.colour import luminance
 from relume.probe.ball.silhouette import Cone
 from relume.probe.ball.unwrapping import BallView
-from relume.report.plots import encoded_figure, exposed_at
+from relume.report.plots import encoded_figure, exposed_at, smaller
 from relume.virtual_camera.developing import develop
 
 MARGIN = 0.25
@@ -32,6 +33,35 @@ def rim_plot(views: Sequence[BallView], names: Sequence[str]) -> bytes:
         axis.set_axis_off()
     for axis, view, name in zip(panels, views, names, strict=False):
         _draw(axis, view, name)
+    return encoded_figure(figure)
+
+
+def candidates_plot(refused: BallNotFound) -> bytes:
+    """The picture in which no ball was found with the round things that it offers as picks, numbered, as bytes of PNG.
+
+    Raises ValueError for a refusal that holds no picture.
+    """
+    from matplotlib.figure import Figure
+
+    if not isinstance(refused.radiance, np.ndarray):
+        raise ValueError("the refusal holds no picture to draw on; find the ball with `probe_ball`")
+    light = refused.radiance[..., :3]
+    height, width = light.shape[:2]
+    small = smaller(light)
+    figure = Figure(figsize=(10.0, 10.0 * height / width + 0.8), dpi=100, layout="constrained")
+    axis = figure.subplots()
+    axis.set_axis_off()
+    pixels = develop(small, exposed_at(float(np.median(luminance(small))))).pixels
+    axis.imshow(pixels, extent=(0, width, height, 0), interpolation="nearest")
+    turns = np.linspace(0, 2 * np.pi, 361)
+    for number, (x, y, radius) in enumerate(refused.candidates, 1):
+        axis.plot(x + radius * np.cos(turns), y + radius * np.sin(turns), color=_RIM if number == 1 else _RIVAL, lw=1.2)
+        axis.text(x, y - radius, f" {number}: {x:.0f},{y:.0f},{radius:.0f} ", color="black", fontsize=9,
+                  backgroundcolor=_RIM if number == 1 else _RIVAL, ha="center", clip_on=True)  # fmt: skip
+    axis.set_xlim(0, width)
+    axis.set_ylim(height, 0)
+    words = "round things that may be picked (x,y,radius)" if refused.candidates else "nothing round is seen"
+    axis.set_title(f"no mirrored ball found: {words}", fontsize=10)
     return encoded_figure(figure)
 
 

@@ -36,7 +36,8 @@ class Bracket:
             if photograph.size != photographs[0].size or photograph.pixels.dtype != photographs[0].pixels.dtype:
                 raise NotABracket(
                     f"{photograph.name} is {_form(photograph)}, {photographs[0].name} is {_form(photographs[0])}; "
-                    "a bracket needs photographs of one size and depth"
+                    "a bracket needs photographs of one size and depth; `relume probe` lays crops of a mirrored ball "
+                    "on one another"
                 )
         if other := first_apart(photographs):
             raise NotABracket(

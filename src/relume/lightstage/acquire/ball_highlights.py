@@ -16,7 +16,8 @@ from scipy.ndimage import gaussian_filter, label
 
 from relume.errors import BallNotFound, warn
 from relume.image.colour import luminance
-from relume.probe.ball.outline import SEARCH_SIDE, find_outline
+from relume.probe.ball.circle_search import SEARCH_SIDE
+from relume.probe.ball.outline import find_outline
 from relume.probe.ball.silhouette import Outline, cone_through, outline_through
 from relume.probe.ball.unwrapping import CAMERA_FROM_PIXELS
 from relume.scene.cameras.camera import Camera
@@ -215,12 +216,13 @@ def find_ball(
 def _found_small(picture: np.ndarray, shrink: int, name: str, focal_length: float | None) -> Outline:
     """The ball's outline in a picture, found in one whose pixels are means of shrink² of its own."""
     if shrink == 1:
-        return find_outline(picture, name, focal_length)
+        return find_outline(picture, name, focal_length, mirrored=False)
     rows, columns = picture.shape[0] // shrink, picture.shape[1] // shrink
     if min(rows, columns) < SEARCH_SIDE:
         raise BallNotFound(f"{name}: too small to be shrunk")
     blocks = picture[: rows * shrink, : columns * shrink].reshape(rows, shrink, columns, shrink, 3)
-    found = find_outline(blocks.mean(axis=(1, 3)), name, focal_length and focal_length / shrink)
+    small = blocks.mean(axis=(1, 3))
+    found = find_outline(small, name, focal_length and focal_length / shrink, mirrored=False)
     x, y = found.centre
     axes = found.semi_axes and (found.semi_axes[0] * shrink, found.semi_axes[1] * shrink)
     return replace(

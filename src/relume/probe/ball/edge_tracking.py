@@ -39,13 +39,20 @@ def evened(image: np.ndarray) -> np.ndarray:
     return np.clip((logarithm - low) / max(high - low, 1e-6), 0, 1.2)
 
 
-def follow(picture: np.ndarray, cone: Cone, focal_length: float, reaches: tuple[float, ...] = REACH) -> Outline | None:
+def follow(
+    picture: np.ndarray,
+    cone: Cone,
+    focal_length: float,
+    reaches: tuple[float, ...] = REACH,
+    size: tuple[float, float] | None = None,
+) -> Outline | None:
     """The rim near a cone's silhouette; None where too little of it is seen.
 
     picture : (H, W) luminance, `evened`
     reaches : how far to look on either side, in radii, for each pass
+    size : twice the principal point; that of the picture, (width, height), unless given
     """
-    size = (picture.shape[1], picture.shape[0])
+    size = size or (picture.shape[1], picture.shape[0])
     found: Outline | None = None
     for reach in reaches:
         rim, normals = cone.silhouette(size, focal_length)
@@ -99,16 +106,20 @@ def refined(
 
 
 def robust_cone(
-    points: np.ndarray, size: tuple[int, int], focal_length: float, tolerance: float
+    points: np.ndarray, size: tuple[float, float], focal_length: float, tolerance: float
 ) -> tuple[Cone, np.ndarray]:
     """The cone that most points (N, 2) lie on within `tolerance` pixels, and which they are, (N,) bool."""
     generator = np.random.default_rng(1998)
-    best = np.zeros(len(points), bool)
-    for _ in range(100):
-        chosen = points[generator.choice(len(points), 3, replace=False)]
-        near = np.abs(_off(points, cone_through(chosen, size, focal_length), size, focal_length)) < tolerance
-        if near.sum() > best.sum():
-            best = near
+    rays = _rays(points, size, focal_length)
+    # Cones through three points each, all at once: d·m = 1 on their rays, as in `cone_through`.
+    chosen = np.stack([generator.choice(len(points), 3, replace=False) for _ in range(100)])
+    normal = np.linalg.pinv(rays[chosen]).sum(2)
+    cosine = 1 / np.linalg.norm(normal, axis=1)
+    axes, halves = normal * cosine[:, None], np.arcsin(np.sqrt(np.clip(1 - cosine**2, 1e-12, 1)))
+    near = np.abs(_outside(rays, axes[:, None], halves[:, None], focal_length)) < tolerance
+    best = near[int(np.argmax(near.sum(1)))]
+    if best.sum() < 3:
+        best = np.ones(len(points), bool)
     cone = cone_through(points[best], size, focal_length)
     for _ in range(5):
         near = np.abs(_off(points, cone, size, focal_length)) < tolerance
@@ -119,13 +130,23 @@ def robust_cone(
     return cone, best
 
 
-def _off(points: np.ndarray, cone: Cone, size: tuple[int, int], focal_length: float) -> np.ndarray:
-    """How far outside a cone's silhouette points lie, pixels, to first order."""
-    offset = np.concatenate([points - np.array(size) / 2, np.full((len(points), 1), focal_length)], axis=1)
-    cosine = focal_length / np.linalg.norm(offset, axis=1)
+def _off(points: np.ndarray, cone: Cone, size: tuple[float, float], focal_length: float) -> np.ndarray:
+    """How far outside a cone's silhouette points (N, 2) lie, pixels, to first order."""
+    rays = _rays(points, size, focal_length)
+    return _outside(rays, cone.axis, np.array(cone.half_angle), focal_length)
+
+
+def _rays(points: np.ndarray, size: tuple[float, float], focal_length: float) -> np.ndarray:
+    """The directions (N, 3) of points, pixel frame."""
+    offset = points - np.array(size) / 2
+    return normalised(np.concatenate([offset, np.full((len(points), 1), focal_length)], axis=1))
+
+
+def _outside(rays: np.ndarray, axis: np.ndarray, half: np.ndarray, focal: float) -> np.ndarray:
+    """How far outside cones' silhouettes the points of rays (N, 3) lie, pixels, to first order: (…, N) of axes."""
     # The chord between directions keeps its digits where their cosine is 1 to all of them.
-    angle = 2 * np.arcsin(np.minimum(np.linalg.norm(normalised(offset) - cone.axis, axis=1) / 2, 1))
-    return (angle - cone.half_angle) * focal_length / cosine**2
+    angle = 2 * np.arcsin(np.minimum(np.linalg.norm(rays - axis, axis=-1) / 2, 1))
+    return (angle - half) * focal / rays[:, 2] ** 2
 
 
 def _edges(picture: np.ndarray, rim: np.ndarray, normals: np.ndarray, half: float, blur: float) -> np.ndarray:

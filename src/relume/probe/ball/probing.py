@@ -137,7 +137,7 @@ def probe_ball(
             for picture, camera, each in zip(read.pictures, cameras, photographs, strict=True)
         ]
         names = tuple(each.name for each in photographs)
-        notes += [_rival(view, name) for view, name in zip(views, names, strict=True) if view.outline.rivals]
+        notes += [rim_doubt(view, name) for view, name in zip(views, names, strict=True) if view.outline.rivals]
 
         # One light of all views.
         unscaled = len(views) > 1 and not all(each.exposed for each in read.pictures)
@@ -221,13 +221,13 @@ def _view(
     return found(None, length / FAR if settings.radius is None else settings.radius)
 
 
-def _rival(view: BallView, name: str) -> Doubt:
+def rim_doubt(view: BallView, name: str, remedy: str = "look at it with --picture and choose it with --pick") -> Doubt:
     """The doubt about a rim beside which others are seen as well."""
     outline = view.outline
     (x, y), (other_x, other_y, other) = outline.centre, outline.rivals[0]
     line = (
         f"{name}: the rim was taken at x,y,radius {x:.1f},{y:.1f},{outline.radius:.1f}, and {other_x:.1f},"
-        f"{other_y:.1f},{other:.1f} is seen about as well; look at it with --picture and choose it with --pick"
+        f"{other_y:.1f},{other:.1f} is seen about as well; {remedy}"
     )
     # Light is taken from a wrong area, and what lies outside the rim is no light: never less than wrong.
     return Doubt(line, max(WRONG, abs((other / outline.radius) ** 2 - 1)))

@@ -13,17 +13,23 @@ from dataclasses import dataclass, replace
 import numpy as np
 from scipy.ndimage import gaussian_filter, maximum_filter1d
 
-from relume.errors import BallNotFound
-from relume.image.colour import luminance
-from relume.probe.ball.edge_tracking import evened, profiles, refined, robust_cone
+from relume.errors import warn
+from relume.probe.ball.edge_tracking import REACH, evened, follow, profiles, refined, robust_cone
 from relume.probe.ball.silhouette import RAYS, TELEPHOTO, Outline, cone_through, outline_of
+from relume.probe.ball.windows import Pyramid, outline_within, outline_without
 
 SOUGHT = 0.1
 """How far inside and outside a first outline ellipses are tried, in radii: bands of reflections lie in there."""
 LEAST_SOUGHT = 4.0
 """Pixels: the same at least."""
-PICKED = 0.03
-"""How far the rim is from what was picked by hand, in radii; at least `LEAST_SOUGHT` pixels."""
+PICKED = (0.03, 0.08)
+"""How far the rim is from what was picked by hand, in radii, at first and if none is seen there; at least
+`LEAST_SOUGHT` pixels."""
+SOUGHT_AT, SELECTED_AT, FOLLOWED_AT = 96.0, 160.0, 480.0
+"""Radius of the ball, in pixels, of the pictures in which the rim is sought among nested curves, chosen, and followed:
+nested curves are a pixel or two apart in the first, and noise and soft lenses blur no rim in the second."""
+AS_WELL = 0.7
+"""Share of the coverage that a rim keeps in the finer picture, or it is not followed there."""
 LEAST_SEEN = 0.25
 """Share of the rim with an edge on it below which nothing is there: 0.23 at most in 50 places without a ball, 0.36 at
 least on balls."""
@@ -68,16 +74,20 @@ class _Curves:
     apart: float
 
 
-def outermost(picture: np.ndarray, outline: Outline, focal_length: float) -> Outline:
+def outermost(
+    picture: np.ndarray, outline: Outline, focal_length: float, size: tuple[float, float] | None = None
+) -> Outline:
     """The outermost ellipse round a first outline that edges support nearly as well as any.
 
     picture : (H, W) luminance, `evened`
     outline : one of the nested curves; given back in its place where it is the rim itself
     focal_length : pixels
+    size : twice the principal point; that of the picture, (width, height), unless given
 
     The `rivals` of what is given back are ellipses seen about as well, between which the picture does not decide.
     """
-    curves = _curves(picture, outline, focal_length, SOUGHT)
+    size = size or (picture.shape[1], picture.shape[0])
+    curves = _curves(picture, outline, focal_length, size, SOUGHT)
     chosen = _outer(curves)
     rivals = tuple(
         (outline.centre[0] + float(x), outline.centre[1] + float(y), outline.radius + float(out))
@@ -86,37 +96,82 @@ def outermost(picture: np.ndarray, outline: Outline, focal_length: float) -> Out
         and _distance(np.array([x, y, out]), curves.offsets[chosen]) > curves.apart
     )
     same = _distance(curves.offsets[chosen], np.zeros(3)) < curves.apart
-    found = outline if same else _along(picture, curves, chosen, focal_length)
+    found = outline if same else _along(curves, chosen, focal_length, size)
     return replace(found, rivals=rivals)
+
+
+def settled(pyramid: Pyramid, outline: Outline) -> Outline:
+    """The ball's rim near an outline that was found roughly: chosen among nested curves, then followed finely.
+
+    pyramid : of the whole picture
+    outline : within about 2 % of one of the curves, pixels of the whole picture
+    """
+    # Where the rim is faint it stands out of what is mirrored in a small picture, and is placed in a finer one.
+    for radius in (SOUGHT_AT, SELECTED_AT):
+        if radius > SOUGHT_AT and outline.radius <= SOUGHT_AT:
+            break
+        window = pyramid.about((*outline.centre, outline.radius), radius)
+        picture, rough = evened(window.light), outline_within(window, outline)
+        cone = cone_through(rough.points, window.size, window.focal_length)
+        first = follow(picture, cone, window.focal_length, REACH[:2], window.size) or rough
+        outline = outline_without(window, outermost(picture, first, window.focal_length, window.size), pyramid)
+    return _finely(pyramid, outline)
 
 
 def picked_rim(
     radiance: np.ndarray, outline: Outline, name: str = "picture", focal_length: float | None = None
 ) -> Outline:
-    """The rim near one that was picked by hand, placed in linear light.
+    """The rim near one that was picked by hand, placed in linear light; the pick as it is, with a warning, without one.
 
     radiance : (H, W, 3)
-    outline : as picked, within 3 % of its radius of the rim
+    outline : as picked, within 8 % of its radius of the rim
     focal_length : pixels; a circle is followed where it is unknown
-    Raises BallNotFound where hardly any edge lies near what was picked.
+    Raises ValueError for a pick that lies outside the picture.
     """
-    picture = evened(luminance(radiance))
-    size = (picture.shape[1], picture.shape[0])
-    focal = float(TELEPHOTO * size[0]) if focal_length is None else focal_length
-    curves = _curves(picture, outline, focal, PICKED)
-    chosen = _outer(curves)
-    if curves.support[chosen] < LEAST_SEEN:
-        x, y, radius = *outline.centre, outline.radius
-        raise BallNotFound(
-            f"{name}: no rim near what was picked, x,y,radius {x:.0f},{y:.0f},{radius:.0f}; pick it closer, or take it "
-            "as it is with --pick-exactly"
+    size = (radiance.shape[1], radiance.shape[0])
+    x, y, radius = *outline.centre, outline.radius
+    if outline.cut(size) > 0.9:
+        raise ValueError(
+            f"{name}: the pick x,y,radius {x:.0f},{y:.0f},{radius:.0f} lies outside the picture of {size[0]}×{size[1]} "
+            "pixels; count x from its left and y from its top"
         )
-    return refined(radiance, _along(picture, curves, chosen, focal), focal, ())
+    focal = float(TELEPHOTO * size[0]) if focal_length is None else focal_length
+    pyramid = Pyramid.of(radiance, focal)
+    window = pyramid.about((x, y, radius), SELECTED_AT)
+    picture, rough = evened(window.light), outline_within(window, outline)
+    for reach in PICKED:
+        curves = _curves(picture, rough, window.focal_length, window.size, reach)
+        chosen = _outer(curves)
+        if curves.support[chosen] >= LEAST_SEEN:
+            found = outline_without(window, _along(curves, chosen, window.focal_length, window.size), pyramid)
+            return refined(radiance, _finely(pyramid, found), focal, ())
+    warn(
+        f"{name}: no rim is seen near what was picked, x,y,radius {x:.0f},{y:.0f},{radius:.0f}, so it was taken as it "
+        "is; look at it with --picture"
+    )
+    return outline
 
 
-def _curves(picture: np.ndarray, outline: Outline, focal_length: float, reach: float) -> _Curves:
+def _finely(pyramid: Pyramid, outline: Outline) -> Outline:
+    """A rim that was found in a reduced picture, followed in a finer one where that shows it as well."""
+    if outline.radius <= SELECTED_AT:
+        return outline
+    window = pyramid.about((*outline.centre, outline.radius), FOLLOWED_AT, 1.1)
+    cone = cone_through(window.part(outline.points), window.size, window.focal_length)
+    finer = follow(evened(window.light), cone, window.focal_length, REACH[1:], window.size)
+    if finer is None or finer.coverage < AS_WELL * outline.coverage:
+        return outline
+    found = replace(outline_without(window, finer, pyramid), rivals=outline.rivals)
+    moved = np.hypot(found.centre[0] - outline.centre[0], found.centre[1] - outline.centre[1])
+    near = moved + abs(found.radius - outline.radius) < REACH[1] * outline.radius
+    return found if near else outline
+
+
+def _curves(
+    picture: np.ndarray, outline: Outline, focal_length: float, size: tuple[float, float], reach: float
+) -> _Curves:
     """The best supported ellipses that lie apart from better ones, moved by up to `reach` radii."""
-    size, radius = (picture.shape[1], picture.shape[0]), outline.radius
+    radius = outline.radius
     rim, normals = cone_through(outline.points, size, focal_length).silhouette(size, focal_length)
     most = max(SOUGHT * radius, LEAST_SOUGHT)
     steps = np.arange(-1.6 * most, 1.6 * most + STEP / 2, STEP)
@@ -168,9 +223,8 @@ def _outer(curves: _Curves) -> int:
     return int(max(farther, key=lambda c: curves.offsets[c][2], default=first))
 
 
-def _along(picture: np.ndarray, curves: _Curves, chosen: int, focal_length: float) -> Outline:
+def _along(curves: _Curves, chosen: int, focal_length: float, size: tuple[float, float]) -> Outline:
     """The outline through the edges that support a curve."""
-    size = (picture.shape[1], picture.shape[0])
     offset = curves.offsets[chosen]
     wanted = offset[2] + curves.normals @ offset[:2]
     off = np.where(curves.edges, np.abs(curves.steps - wanted[:, None]), np.inf)

@@ -41,7 +41,7 @@ class Outline:
     tilt: float = 0.0
     rivals: tuple[tuple[float, float, float], ...] = ()
 
-    def cut(self, size: tuple[int, int]) -> float:
+    def cut(self, size: tuple[float, float]) -> float:
         """The share of the disc that lies outside a picture of `size` (width, height)."""
         steps = (np.arange(200) + 0.5) / 100 - 1
         x, y = np.meshgrid(steps, steps)
@@ -68,7 +68,7 @@ class Cone:
         return float(np.arcsin(1 / self.distance))
 
     def silhouette(
-        self, size: tuple[int, int], focal_length: float, count: int = RAYS
+        self, size: tuple[float, float], focal_length: float, count: int = RAYS
     ) -> tuple[np.ndarray, np.ndarray]:
         """Points (count, 2) on the silhouette, pixels, and the unit normals (count, 2) that point away from the ball.
 
@@ -95,7 +95,7 @@ class Cone:
         return sideways, np.array([y * c - z * b, z * a - x * c, x * b - y * a])
 
 
-def cone_through(points: np.ndarray, size: tuple[int, int], focal_length: float) -> Cone:
+def cone_through(points: np.ndarray, size: tuple[float, float], focal_length: float) -> Cone:
     """The cone through points (N ≥ 3, 2) of a silhouette, by least squares.
 
     size : (width, height) of the picture
@@ -110,7 +110,7 @@ def cone_through(points: np.ndarray, size: tuple[int, int], focal_length: float)
 
 
 def outline_of(
-    cone: Cone, size: tuple[int, int], focal_length: float, points: np.ndarray | None = None, coverage: float = 1.0
+    cone: Cone, size: tuple[float, float], focal_length: float, points: np.ndarray | None = None, coverage: float = 1.0
 ) -> Outline:
     """The outline that a cone draws.
 

@@ -17,7 +17,7 @@ from relume.errors import BallNotFound
 from relume.image.bilinear import bilinear
 from relume.image.radiance import OUTSIDE, SATURATED, RadianceMap
 from relume.probe.ball.edge_tracking import refined
-from relume.probe.ball.outline import find_outline
+from relume.probe.ball.outline import find_outline, shown
 from relume.probe.ball.reflectance import BallReflectance
 from relume.probe.ball.silhouette import Outline, cone_through
 from relume.sphere.directions import angle_between, look_at, normalised, rotation_between
@@ -187,8 +187,8 @@ def unwrap_ball(
     Raises BallNotFound; ValueError when neither focal length nor radius is given.
     """
     camera, centre = np.asarray(camera, np.float64), np.asarray(centre, np.float64)
-    shown = _continued(picture)
-    found = find_outline(shown, name, focal_length) if outline is None else outline
+    shown_light = _continued(picture)
+    found = find_outline(shown_light, name, focal_length) if outline is None else outline
     if focal_length is None:
         if radius is None:
             raise ValueError(f"{name}: no focal length in its EXIF; give the ball's radius, so that it can be found")
@@ -197,12 +197,15 @@ def unwrap_ball(
             raise ValueError(f"{name}: the given camera position is inside the ball; radius and places are in metres")
         focal_length = found.radius * float(np.sqrt(1 - sine**2)) / sine
     if outline is None:
-        found = refined(shown, found, focal_length, ())
+        found = refined(shown_light, found, focal_length, ())
         cut = found.cut(picture.size)
         if cut > MOST_CUT:
+            circle = (*found.centre, found.radius)
             raise BallNotFound(
-                f"{name}: the picture's edge cuts off {100 * cut:.0f} % of the ball; take it whole, or pick its rim"
-            )
+                f"{name}: the picture's edge cuts off {100 * cut:.0f} % of the ball; take it whole, or pick its rim "
+                f"with --pick {shown(circle)}, and what is cut off is filled in",
+                (circle,), shown_light,
+            )  # fmt: skip
     cone = cone_through(found.points, picture.size, focal_length)
     # The camera that looks straight at the ball, then turned in itself so that the ball lies where it is seen.
     straight = look_at(camera, centre) @ CAMERA_FROM_PIXELS

@@ -16,21 +16,18 @@ from relume.capture.exposure.exposures import exposed
 from relume.capture.exposure.folder import name_order, pictures_in
 from relume.capture.exposure.named_times import seconds_in_names
 from relume.capture.response.camera_profile import CameraProfile
-from relume.errors import BallNotFound, Doubt, UnreadableFile
+from relume.errors import Doubt, UnreadableFile
 from relume.image import files
 from relume.image.files.formats import read_photographs
 from relume.image.files.signatures import MAPS, kind_of
 from relume.image.photograph import Photograph
 from relume.image.radiance import RadianceMap
-from relume.probe.ball.edge_tracking import refined
-from relume.probe.ball.outline import find_outline
-from relume.probe.ball.silhouette import Outline, outline_of_circle
+from relume.probe.ball.crops import on_one_frame
+from relume.probe.ball.silhouette import Outline
 from relume.probe.clipped_light import in_the_colour_beside, linear
 from relume.sphere.directions import rotation_about
 
 Point = tuple[float, float, float]
-ALIKE = 0.05
-"""Difference in radius between crops of one ball, drawn by one hand."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -39,7 +36,7 @@ class BallPhotographs:
 
     paths : photographs or camera raws of one bracket, one photograph, or one radiance map
     camera : where it stood, metres from the ball's centre, Y up; None where that is unknown
-    outline : of the ball, picked by hand; None to have it found
+    outline : of the ball, picked by hand, in the first where their sizes differ; None to have it found
     """
 
     paths: tuple[Path, ...]
@@ -172,7 +169,7 @@ def read_view_pictures(
                 # Cameras' tone curves lift the middle by half a stop or more, of which a reflectance takes a part.
                 notes.append(Doubt(line, 0.2))
         else:
-            brackets[index] = _bracket(view.paths, given, notes)
+            brackets[index] = _bracket(view, given, notes)
     # Their exposures must lie on one scale.
     read = [bracket for bracket in brackets.values() if isinstance(bracket, Bracket)]
     if len(views) > 1:
@@ -205,63 +202,11 @@ def _single(
     return ViewPicture(picture, photograph.focal_length, name, photograph.exposure is not None)
 
 
-def _bracket(paths: Sequence[Path], times: list[float] | None, notes: list[Doubt]) -> Bracket:
-    sizes = {files.read_facts(path).size for path in paths}
+def _bracket(view: BallPhotographs, times: list[float] | None, notes: list[Doubt]) -> Bracket:
+    sizes = {files.read_facts(path).size for path in view.paths}
     if len(sizes) == 1:
-        return read_bracket(paths, times=times)
-    line = (
-        f"{paths[0].name} … {paths[-1].name}: {len(sizes)} sizes, so they are taken for crops and laid on one another "
-        "by the ball"
-    )
+        return read_bracket(view.paths, times=times)
+    line = f"{view.name}: {len(sizes)} sizes, so they are taken for crops and laid on one another by the ball"
     notes.append(Doubt(line))
-    photographs = exposed(read_photographs(paths), times=times)
-    return Bracket(on_one_frame(photographs))
-
-
-def on_one_frame(photographs: Sequence[Photograph]) -> tuple[Photograph, ...]:
-    """Photographs of different sizes, each moved and scaled so that its ball covers that of the first.
-
-    What lay beyond a crop is marked `outside`. Focal lengths are left out: EXIF holds that of the whole picture.
-    Raises BallNotFound, naming the first, where none shows a ball.
-    """
-    import cv2
-
-    outlines = _outlines(photographs)
-    width, height = photographs[0].size
-    first, moved = outlines[0], []
-    for photograph, outline in zip(photographs, outlines, strict=True):
-        scale = first.radius / outline.radius
-        # cv2 counts from pixel centres, outlines from the corner of the first pixel.
-        shift = np.array(first.centre) - 0.5 - scale * (np.array(outline.centre) - 0.5)
-        matrix = np.array([[scale, 0, shift[0]], [0, scale, shift[1]]])
-        pixels = cv2.warpAffine(photograph.pixels, matrix, (width, height), flags=cv2.INTER_LINEAR)
-        covered = np.ones(photograph.pixels.shape[:2], np.float32)
-        if photograph.outside is not None:
-            covered[photograph.outside] = 0
-        outside = cv2.warpAffine(covered, matrix, (width, height), flags=cv2.INTER_LINEAR) < 0.999
-        moved.append(replace(photograph, pixels=pixels, outside=outside, focal_length=None))
-    return tuple(moved)
-
-
-def _outlines(photographs: Sequence[Photograph]) -> list[Outline]:
-    """The ball in each: crops of one ball are alike in size, and one that comes out otherwise is sought again there."""
-    lights = [linear(replace(photograph, exposure=None)).radiance for photograph in photographs]
-    found: list[Outline | None] = []
-    for photograph, light in zip(photographs, lights, strict=True):
-        try:
-            found.append(refined(light, find_outline(light, photograph.name), None, ()))
-        except BallNotFound:
-            found.append(None)
-    seen = [outline for outline in found if outline is not None]
-    if not seen:
-        raise BallNotFound(f"{photographs[0].name}: no mirrored ball found in it, nor in the others; crop them alike")
-    usual = float(np.median([outline.radius for outline in seen]))
-    usual_place = np.median([outline.centre for outline in seen if abs(outline.radius / usual - 1) < ALIKE], axis=0)
-    result = []
-    for outline, light in zip(found, lights, strict=True):
-        if outline is None or abs(outline.radius / usual - 1) > ALIKE:
-            # In a dark frame lamps outshine the rim; what little of it is seen is looked for where the others have it.
-            x, y = usual_place.tolist()
-            outline = refined(light, outline_of_circle(x, y, usual))
-        result.append(outline)
-    return result
+    photographs = exposed(read_photographs(view.paths), times=times)
+    return Bracket(on_one_frame(photographs, view.outline))

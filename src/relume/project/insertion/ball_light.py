@@ -7,17 +7,31 @@ from collections.abc import Sequence
 import numpy as np
 
 from relume.capture.brackets.result import MergedBracket
-from relume.errors import InvalidShot, NotABracket
+from relume.errors import InvalidShot, NotABracket, warn
 from relume.image.radiance import RadianceMap
 from relume.probe.ball.blending import Probe, blend_views
+from relume.probe.ball.probing import rim_doubt
+from relume.probe.ball.reflectance import CHROME_STEEL, BallReflectance
 from relume.probe.ball.registration import KnownPlaces, UnknownPlaces
+from relume.probe.ball.rim_selection import picked_rim
+from relume.probe.ball.silhouette import Outline
 from relume.probe.ball.unwrapping import BallView, unwrap_ball
 from relume.project.insertion.ball_camera import BallCamera
 from relume.project.insertion.slips import held_to_tape
-from relume.project.shot_file.shot import Shot
+from relume.project.shot_file.shot import BallPhotographs, Shot
 
 FEWEST = 0.01
 """Share of a ball's picture that has to be measured."""
+
+
+def picked_outline(
+    table: BallPhotographs, picture: RadianceMap, name: str, focal_length: float | None
+) -> Outline | None:
+    """The ball's outline that the shot file gives, followed where it is a pick; None where it gives none."""
+    outline = table.outline()
+    if outline is None or table.pick is None:
+        return outline
+    return picked_rim(picture.radiance, outline, name, focal_length)
 
 
 def blended(shot: Shot, merged: Sequence[MergedBracket], stood: BallCamera | None) -> Probe:
@@ -33,21 +47,27 @@ def blended(shot: Shot, merged: Sequence[MergedBracket], stood: BallCamera | Non
         picture = bracket.picture
         if picture.clipped is not None and (picture.clipped == 0).mean() < FEWEST:
             raise NotABracket(f"{bracket.name}: almost nothing is measured; add longer and shorter exposures")
-        reflectance = np.array(ball.reflectance, np.float32)
+        chrome = ball.reflectance == "chrome"
+        reflectance = np.array(1.0 if chrome else ball.reflectance, np.float32)
         picture = RadianceMap(picture.radiance / reflectance, None, picture.clipped, picture.unit)
         centre = ball.centre if stood is None else stood.centre
-        place, focal_length, outline = table.camera, table.focal_length or bracket.focal_length, None
+        place, focal_length = table.camera, table.focal_length or bracket.focal_length
+        outline = picked_outline(table, picture, bracket.name, focal_length)
         if place is None and stood is not None:
             place = stood.fit.camera.position
             # The plate's own lens where the plate's camera took it; of a crop the EXIF's is that of the whole.
-            outline = stood.outline if not views else None
+            outline = stood.outline if not views and stood.outline is not None else outline
             if not views:
-                focal_length = table.focal_length if outline is None else stood.fit.camera.focal_length
+                focal_length = table.focal_length if stood.outline is None else stood.fit.camera.focal_length
         view = unwrap_ball(
             picture, camera=np.array(place), centre=np.array(centre), focal_length=focal_length,
             radius=ball.radius, outline=outline, name=bracket.name,
+            reflectance=CHROME_STEEL if chrome else BallReflectance(),
         )  # fmt: skip
-        if outline is not None and stood is not None:
+        if view.outline.rivals:
+            doubt = rim_doubt(view, bracket.name, "`relume probe --picture` draws it; choose it with light.balls.pick")
+            warn(doubt.line, doubt.effect)
+        if stood is not None and stood.outline is not None and outline is stood.outline:
             view = stood.turned(view)
         elif focal_length is not None and table.camera is not None and ball.centre is not None:
             view = held_to_tape(view, index, table, ball)

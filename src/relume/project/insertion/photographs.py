@@ -23,7 +23,8 @@ from relume.image.photograph import Exposure
 from relume.image.radiance import RadianceMap
 from relume.image.response import Response
 from relume.probe.ball.blending import Probe
-from relume.probe.ball.view_files import on_one_frame
+from relume.probe.ball.crops import on_one_frame
+from relume.probe.ball.silhouette import Outline
 from relume.project.insertion.ball_camera import BallCamera, camera_of_ball
 from relume.project.insertion.ball_light import blended
 from relume.project.insertion.single_plate import assumed_response, is_single, merge_single, read_single, why_untied
@@ -115,7 +116,9 @@ def read_photographs(shot: Shot) -> Photographs:
         plate = read_single(paths[0], shot.plate.times)
     else:
         plate = _source(paths, shot.plate.times)
-    balls = tuple(_ball_source(shot.files(ball.photographs), ball.times) for ball in shot.light.balls or ())
+    balls = tuple(
+        _ball_source(shot.files(ball.photographs), ball.times, ball.outline()) for ball in shot.light.balls or ()
+    )
     # A single photograph may be off the scale of the others: it is found from what both show.
     taken = [*balls] if isinstance(plate, RadianceMap) or is_single(plate) else [plate, *balls]
     require_known_exposures(each for each in taken if isinstance(each, Bracket))
@@ -229,12 +232,12 @@ def _source(paths: Sequence[Path], times: Sequence[float] | None) -> BracketSour
     return tuple(paths)
 
 
-def _ball_source(paths: Sequence[Path], times: Sequence[float] | None) -> BracketSource:
+def _ball_source(paths: Sequence[Path], times: Sequence[float] | None, picked: Outline | None = None) -> BracketSource:
     """The same of a ball, whose photographs may be crops of different sizes: these are laid on one another by it."""
     if kind_of(paths[0]) == "RAW" or len({files.read_facts(path).size for path in paths}) == 1:
         return _source(paths, times)
     warn(f"{paths[0]} … {paths[-1].name}: of different sizes, so taken for crops and laid on one another by the ball")
-    return Bracket(on_one_frame(exposed([files.read_photograph(path) for path in paths], times=times)))
+    return Bracket(on_one_frame(exposed([files.read_photograph(path) for path in paths], times=times), picked))
 
 
 @dataclass(frozen=True)

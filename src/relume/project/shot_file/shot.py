@@ -12,10 +12,12 @@ from glob import glob
 from pathlib import Path
 from typing import Annotated, Literal
 
+import numpy as np
 from pydantic import Field, model_validator
 
 from relume.capture.brackets.settings import RESPONSE_METHODS, MergeSettings
 from relume.errors import InvalidShot, UnreadableFile
+from relume.probe.ball.silhouette import Outline, outline_of_circle, outline_through
 from relume.project.mesh_tables import MaterialTable, Placement
 from relume.project.schema import Names, Positive, Table, Vector, checked, read_toml
 from relume.project.shot_file.camera_table import CameraTable
@@ -69,23 +71,45 @@ class BallPhotographs(MergeTable):
     """A bracket of the mirrored ball and where its camera stood.
 
     camera : unless given the plate's camera, from the plate's place; of a further view it is found by registration
+    pick : the ball's rim in pixels, [x, y, radius] or three points or more [x, y, x, y, x, y]; followed near there
+    rim : the same, taken exactly as it is
     """
 
     photographs: Names = Field(min_length=1)
     camera: Vector | None = None
     times: list[Positive] | None = None
     focal_length: Positive | None = None
+    pick: tuple[float, ...] | None = None
+    rim: tuple[float, ...] | None = None
+
+    @model_validator(mode="after")
+    def _is_a_rim(self) -> BallPhotographs:
+        if self.pick is not None and self.rim is not None:
+            raise ValueError("pick is followed to the rim near it, rim is taken as it is; give one of them")
+        self.outline()
+        return self
+
+    def outline(self) -> Outline | None:
+        """The outline that was picked, or None; raises ValueError for what makes no circle."""
+        numbers = self.rim or self.pick
+        if numbers is None:
+            return None
+        if len(numbers) == 3:
+            return outline_of_circle(*numbers)
+        if len(numbers) < 6 or len(numbers) % 2:
+            raise ValueError("a rim is [x, y, radius], or three points or more [x, y, x, y, x, y], in pixels")
+        return outline_through(np.reshape(numbers, (-1, 2)))
 
 
 class Ball(Table):
-    """The mirrored ball; `reflectance` of its surface, 1 unless measured.
+    """The mirrored ball; `reflectance` of its surface, 1 unless measured, "chrome" a chrome steel ball's.
 
     centre : metres; above the origin, on the table, where the camera is found from the ball
     """
 
     centre: Vector | None = None
     radius: Positive
-    reflectance: Mirrored | tuple[Mirrored, Mirrored, Mirrored] = 1.0
+    reflectance: Mirrored | tuple[Mirrored, Mirrored, Mirrored] | Literal["chrome"] = 1.0
 
 
 class Light(Table):
