@@ -15,8 +15,8 @@ from relume.capture.lens.vignetting import Vignetting
 from relume.capture.response.camera_profile import CameraProfile, write_profile
 from relume.errors import InvalidShot, NotABracket
 from relume.probe.ball.blending import Probe
-from relume.project.insertion.photographs import Calibrated, _merged, calibrate, read_photographs
 from relume.project.insertion.ball_light import blended
+from relume.project.insertion.photographs import Calibrated, _merged, calibrate, read_photographs
 from relume.project.shot_file.shot import Shot, read_shot
 from relume.project.stages import Stages, Steps
 from shoots import textured

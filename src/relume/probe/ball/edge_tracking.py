@@ -36,7 +36,7 @@ def evened(image: np.ndarray) -> np.ndarray:
     positive = np.maximum(image, np.percentile(image[image > 0], 1) if np.any(image > 0) else 1.0)
     logarithm = np.log(positive)
     low, high = np.percentile(logarithm, [1, 99.5])
-    return np.clip((logarithm - low) / max(high - low, 1e-6), 0, 1.2)
+    return np.clip((logarithm - low) / max(high - low, 1e-3), 0, 1.2)
 
 
 def follow(

@@ -44,6 +44,8 @@ UNSURE = 1.5
 """Pixels of the picture in which circles are sought, by which they are off."""
 OFFERED = 4
 """The most round things that a refusal offers as picks."""
+LEAST_OFFERED = 0.25
+"""The share of their rim that must be seen."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -121,7 +123,7 @@ def find_outline(
 
 def refusal(words: str, found: Sequence[Candidate], radiance: np.ndarray, offered: bool = True) -> BallNotFound:
     """The refusal, with what is round; `offered` as picks to copy."""
-    circles = tuple(each.circle for each in found[:OFFERED])
+    circles = tuple([each.circle for each in found if each.outline.coverage > LEAST_OFFERED][:OFFERED])
     if circles and offered:
         picks = ", ".join(f"{number}: --pick {shown(circle)}" for number, circle in enumerate(circles, 1))
         first = ", ".join(shown(circles[0]).split(","))

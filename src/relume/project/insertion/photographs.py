@@ -26,7 +26,7 @@ from relume.probe.ball.blending import Probe
 from relume.probe.ball.crops import on_one_frame
 from relume.probe.ball.silhouette import Outline
 from relume.project.insertion.ball_camera import BallCamera, camera_of_ball
-from relume.project.insertion.ball_light import blended
+from relume.project.insertion.ball_light import blended, picked_outline
 from relume.project.insertion.single_plate import assumed_response, is_single, merge_single, read_single, why_untied
 from relume.project.insertion.slips import CHANGED, other_time_or_place, require_measures
 from relume.project.shot_file.shot import MergeTable, Shot
@@ -171,9 +171,16 @@ def calibrate(shot: Shot, photographs: Photographs, steps: Steps) -> Calibrated:
             shot.light.ball and shot.light.ball.radius,
             photograph,
             radiance,
+            [(table.pick, table.rim) for table in shot.light.balls or ()],
         ]
         seen = lambda: [(each.name, each.picture) for each in merged()[0][views]] if shot.light.balls else []  # noqa: E731
-        stood = steps.keep("ball", made_from, lambda: camera_of_ball(shot, asked, radiance, focal_length, seen()))
+
+        def by_ball() -> BallCamera:
+            balls, tables = seen(), shot.light.balls
+            picked = picked_outline(tables[0], balls[0][1], balls[0][0], focal_length) if tables else None
+            return camera_of_ball(shot, asked, radiance, focal_length, balls, picked)
+
+        stood = steps.keep("ball", made_from, by_ball)
 
     # The light.
     if shot.light.map is not None:
