@@ -1,4 +1,4 @@
-"""Whether what lies inside a round outline looks mirrored: what tells a mirrored ball from fruit, lamps and plates.
+"""Whether what lies inside a round outline looks mirrored: how a mirrored ball differs from fruit, lamps and plates.
 
 A mirrored ball shows all that is around it, squeezed into a disc: it is full of detail, while fruit, lamps and matte
 balls are smooth but for their shading and a gleam. Towards the rim it squeezes all across the rim and stretches it
