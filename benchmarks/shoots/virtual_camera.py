@@ -125,7 +125,7 @@ class Camera:
 
 CAMERAS = {
     "indoor_windows": Camera("curve_b", knee, 30_000, 5, 8.0, 100, 0.01, 95, 0, 1.0, 1.0),
-    "outdoor_noon": Camera("curve_c", contrasty, 50_000, 4, 11.0, 100, 0.015, 93, 1, 1.5, 2.0, ball_filter=1000.0),
+    "outdoor_noon": Camera("curve_c", contrasty, 50_000, 4, 11.0, 100, 0.015, 93, 0, 1.5, 2.0, ball_filter=1000.0),
     "night_street": Camera("curve_d", film, 20_000, 6, 4.0, 400, 0.02, 95, 2, 1.5, 1.5),
     "product_table": Camera("curve_e", logarithmic, 60_000, 3, 11.0, 100, 0.005, 97, 0, 1.0, 1.25),
 }
