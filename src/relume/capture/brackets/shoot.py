@@ -216,7 +216,7 @@ def targets(groups: Groups, out: Path) -> tuple[Path, ...]:
             return (out,)
         if len(groups) > 1 and all(len(group) == 1 for group in groups):
             sides = np.array([files.read_facts(group[0]).size for group in groups])
-            if np.all(np.ptp(sides, axis=0) < CROPPED * sides.min(0)):
+            if 0 < np.ptp(sides, axis=0).max() and np.all(np.ptp(sides, axis=0) < CROPPED * sides.min(0)):
                 raise NotABracket(
                     f"{groups[0][0]} and {len(groups) - 1} others: of {len(np.unique(sides, axis=0))} sizes, all but "
                     "alike; crop them alike, or give crops of a mirrored ball to relume probe, which lays them on "
