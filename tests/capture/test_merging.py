@@ -144,8 +144,11 @@ def predicted_mean(values: np.ndarray, beside: tuple[np.ndarray, np.ndarray], ti
             weight = np.interp(at, steps, ends) / sigma**2
             above, below = above + weight * time * np.exp(curve[z]), below + weight * time**2
             spread += (weight * time * sigma) ** 2
-        return None if below == 0 else (above / below, spread / below**2)
-    return None if below == 0 else (np.exp(above / below), np.exp(above / below) ** 2 * spread / below**2)
+        return None if below == 0 else (float(above / below), float(spread / below**2))
+    if below == 0:
+        return None
+    radiance = float(np.exp(above / below))
+    return radiance, float(radiance**2 * spread / below**2)
 
 
 def test_predicted_weights_are_those_of_the_slow_twin():

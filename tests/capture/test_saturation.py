@@ -16,7 +16,9 @@ from relume.capture.response.saturation import White, neutral_exposures, whitene
 from relume.image.response import Response
 from synthetic import VirtualCamera, wide_scene
 
-CAMERA = VirtualCamera(toe=(0.003,) * 3, power=(2.2,) * 3, knee=(1.2,) * 3, electrons=20_000.0, read_noise=6.0)
+CAMERA = VirtualCamera(
+    toe=(0.003, 0.003, 0.003), power=(2.2, 2.2, 2.2), knee=(1.2, 1.2, 1.2), electrons=20_000.0, read_noise=6.0
+)
 TIMES = (1 / 160, 1 / 40, 1 / 10)
 
 

@@ -158,7 +158,8 @@ def test_what_one_channel_lacks_stays_with_that_channel():
     unseen = RadianceMap(
         np.zeros((1, 1, 3), np.float32), np.full((1, 1, 3), np.inf, np.float32), np.full((1, 1), OUTSIDE, np.uint8)
     )
-    assert np.all(np.isinf(in_rec709(unseen, one_pixel((0, 0, 0), DISPLAY_P3)).variance))
+    found = in_rec709(unseen, one_pixel((0, 0, 0), DISPLAY_P3))
+    assert found.variance is not None and np.all(np.isinf(found.variance))
 
 
 def test_what_is_developed_in_the_plate_s_primaries_comes_back():

@@ -173,7 +173,7 @@ def test_views_exposed_otherwise_are_reported_and_balanced_on_request(views):
     other = replace(views[1], picture=RadianceMap(views[1].picture.radiance * np.float32(2.5)))
     plain, balanced = (blend_views([views[0], other], size=64, balanced=b) for b in (False, True))
     assert plain.gains == balanced.gains and plain.gains[1] == pytest.approx(2.5, rel=0.02)
-    assert plain.notes[0].startswith("view 2 of the ball is 2.5") and "times as bright" in plain.notes[0]
+    assert plain.notes[0].line.startswith("view 2 of the ball is 2.5") and "times as bright" in plain.notes[0].line
     np.testing.assert_allclose(balanced.light.total(), blend_views(views, size=64).light.total(), rtol=0.02)
     assert np.all(plain.light.total() > 1.2 * balanced.light.total())
 

@@ -50,6 +50,7 @@ def test_sums_of_passes_over_some_pixels_are_those_of_each_pixels_own_passes():
     assert sums.mean("difference") == pytest.approx(mean, rel=1e-12, abs=1e-15)
     assert sums.variance("difference") == pytest.approx(variance, rel=1e-9, abs=1e-15)
     again = Sums.from_planes(sums.planes(), sums.passes)
+    assert again.counts is not None
     assert np.array_equal(again.counts, [[len(each) for each in row] for row in values])
     assert np.array_equal(again.mean("matte"), sums.mean("matte"))
 

@@ -117,9 +117,10 @@ def test_values_at_corners_part_what_points_share(tmp_path):
     np.testing.assert_allclose(material.base_color, decode_srgb(pixels / 255) * [0.5, 1, 1], atol=1e-5)
     assert (material.metallic, material.roughness, material.name) == (0.0, 0.5, "Paint")
     # A package holds the same.
-    from pxr import UsdUtils  # pyright: ignore[reportAttributeAccessIssue]
+    from pxr import UsdUtils
 
-    assert UsdUtils.CreateNewUsdzPackage(str(tmp_path / "a.usda"), str(tmp_path / "a.usdz"))
+    package = UsdUtils.CreateNewUsdzPackage  # pyright: ignore[reportAttributeAccessIssue]
+    assert package(str(tmp_path / "a.usda"), str(tmp_path / "a.usdz"))
     (tmp_path / "paint.png").unlink()
     _, packed = lone(tmp_path / "a.usdz")
     np.testing.assert_array_equal(np.asarray(packed.base_color), np.asarray(material.base_color))
@@ -224,10 +225,11 @@ def test_a_chess_pawn_stands_in_metres():
     assert "Pawn_mat.mtlx" in str(caught[0].message) and "the subdivision of" in str(caught[1].message)
     points = np.concatenate([mesh.vertices for mesh in meshes])
     # The box that OpenUSD itself finds from the extents that the file holds.
-    from pxr import Usd, UsdGeom  # pyright: ignore[reportAttributeAccessIssue]
+    from pxr import Usd, UsdGeom
 
-    stage = Usd.Stage.Open(str(SHARED / "Pawn" / "Pawn.usd"))
-    cache = UsdGeom.BBoxCache(Usd.TimeCode.EarliestTime(), ["default", "render"])
+    stage = Usd.Stage.Open(str(SHARED / "Pawn" / "Pawn.usd"))  # pyright: ignore[reportAttributeAccessIssue]
+    now = Usd.TimeCode.EarliestTime()  # pyright: ignore[reportAttributeAccessIssue]
+    cache = UsdGeom.BBoxCache(now, ["default", "render"])  # pyright: ignore[reportAttributeAccessIssue]
     box = cache.ComputeWorldBound(stage.GetPseudoRoot()).ComputeAlignedRange()
     np.testing.assert_allclose(points.min(0), box.GetMin(), atol=1e-4)
     np.testing.assert_allclose(points.max(0), box.GetMax(), atol=1e-4)

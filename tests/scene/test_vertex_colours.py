@@ -8,6 +8,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 import trimesh
+from trimesh.visual import ColorVisuals
 
 import gltf_files
 from relume.image.colour import decode_srgb
@@ -102,7 +103,7 @@ def corners_of(mesh: Mesh) -> dict[tuple[float, ...], tuple[float, ...]]:
 def test_scans_are_codes_of_srgb(tmp_path: Path, kind: str):
     box = trimesh.creation.box((2, 2, 2))
     codes = np.rint(127.5 * (box.vertices + 1)).astype(np.uint8) // 2 + 40
-    box.visual = trimesh.visual.ColorVisuals(box, vertex_colors=codes)
+    box.visual = ColorVisuals(box, vertex_colors=codes)
     box.export(tmp_path / f"box.{kind}")
     (mesh,) = read_meshes(tmp_path / f"box.{kind}")
     assert isinstance(mesh.material, Material) and mesh.material.metallic == 0

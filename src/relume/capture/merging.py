@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import ClassVar, NoReturn, Protocol
+from typing import NoReturn, Protocol
 
 import numpy as np
 
@@ -52,7 +52,10 @@ def hat(levels: int) -> np.ndarray:
 class Hat:
     """The paper's weights (Debevec & Malik 1997, eq. 4): 0 at the ends, rising linearly to the middle."""
 
-    predicted: ClassVar[bool] = False
+    @property
+    def predicted(self) -> bool:
+        """Never: the paper weighs every value as it is."""
+        return False
 
     def table(self, response: Response) -> np.ndarray:
         """Weights (3, levels)."""

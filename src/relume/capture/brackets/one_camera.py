@@ -81,7 +81,8 @@ def merge_photographs(
     lens, merged = LensSteps(settings, steps), []
     for bracket, moved, doubt in zip(placed, aligned, doubts, strict=True):
         deghosted = None
-        if settings.deghost and len(bracket.photographs) > 1:
+        first, *others = bracket.photographs
+        if settings.deghost and others:
             with steps.step("deghost"):
                 deghosted = deghost(bracket, response)
             _warn_of_an_odd_frame(deghosted)
@@ -89,7 +90,7 @@ def merge_photographs(
             picture = merge(deghosted.bracket if deghosted else bracket, response, weighting=settings.weighting)
             doubt = (*doubt, *hue_doubts(bracket, picture))
             # The response was that of the photographs' own channels, and so were these.
-            picture = in_rec709(picture, bracket.photographs[0])
+            picture = in_rec709(picture, first)
         found = lens.applied(picture, bracket, response, doubt)
         if deghosted is not None and deghosted.ghosts.any():
             found = replace(found, clipping=replace(found.clipping, moved=_saturated_where_moved(picture, deghosted)))

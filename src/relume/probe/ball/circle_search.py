@@ -53,7 +53,7 @@ def _at_scale(picture: np.ndarray, least: float, largest: float) -> list[tuple[f
     strength = gx**2 + gy**2
     # Each direction of change counts alike once it stands out of the noise.
     level = strength + np.percentile(strength, 50) + 1e-8
-    height, width = (fft.next_fast_len(side + 2 * margin, True) for side in picture.shape)
+    height, width = (int(fft.next_fast_len(side + 2 * margin, True) or 0) for side in picture.shape)
     inner = slice(margin, margin + picture.shape[0]), slice(margin, margin + picture.shape[1])
 
     def spectrum(image: np.ndarray) -> np.ndarray:
@@ -74,9 +74,10 @@ def _at_scale(picture: np.ndarray, least: float, largest: float) -> list[tuple[f
         ring = np.exp(-0.5 * ((distance - np.float32(radius)) / np.float32(thick)) ** 2)
         ring /= ring.sum()
         # Change across the circle minus change along it: (g·n)² − (g·t)², with n at angle ψ.
-        total = across * np.conj(fft.rfft2(ring * double)) + along * np.conj(fft.rfft2(ring * other))
+        total = across * np.conj(np.asarray(fft.rfft2(ring * double)))
+        total += along * np.conj(np.asarray(fft.rfft2(ring * other)))
         share = np.asarray(fft.irfft2(total, s=(height, width)))[inner]
-        part = np.asarray(fft.irfft2(shown * np.conj(fft.rfft2(ring)), s=(height, width)))[inner]
+        part = np.asarray(fft.irfft2(shown * np.conj(np.asarray(fft.rfft2(ring))), s=(height, width)))[inner]
         # A short arc is matched by chance more easily than a long one, and so is a small circle.
         share = np.where(part > LEAST_SHOWN, share / np.maximum(part, LEAST_SHOWN) ** 0.7, 0) * radius**0.25
         peak = np.where(share == maximum_filter(share, 7), share, 0)

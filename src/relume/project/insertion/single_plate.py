@@ -10,7 +10,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import ClassVar, TypeGuard
+from typing import TypeGuard
 
 import numpy as np
 
@@ -41,7 +41,10 @@ ASSUMED = 0.1
 class EveryValue:
     """The weights that read every value of a photograph alone as what its curve says, white and black too."""
 
-    predicted: ClassVar[bool] = False
+    @property
+    def predicted(self) -> bool:
+        """Never: no other photograph predicts a value."""
+        return False
 
     def table(self, response: Response) -> np.ndarray:
         """Weights (3, levels), all 1."""

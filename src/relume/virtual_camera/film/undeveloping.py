@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from typing import ClassVar
 
 import numpy as np
 
@@ -29,7 +28,11 @@ class AllButEnds:
     """
 
     guard: int = 0
-    predicted: ClassVar[bool] = False
+
+    @property
+    def predicted(self) -> bool:
+        """Never: no other photograph predicts a value."""
+        return False
 
     def table(self, response: Response) -> np.ndarray:
         """Weights (3, levels)."""

@@ -114,7 +114,7 @@ def _photograph(
         outside=None if outside is None else upright(outside, orientation),
         settings=exif.settings_of(tags),
         profile=profile if profile is not None and _is_of_rgb(profile) else None,
-        uncropped=uncropped if uncropped is None or orientation < 5 else uncropped[::-1],
+        uncropped=uncropped if uncropped is None or orientation < 5 else (uncropped[1], uncropped[0]),
         gain_map=gain_map,
     )
 
