@@ -9,6 +9,7 @@ import pytest
 from command_line import printed, refused, reported
 from relume.cli.console import OutputOptions, finish, progress
 from relume.errors import Doubt, DoubtfulResult, ranked
+from relume.project.shot_file.shot import read_shot
 
 ROOM = Path(__file__).parents[2] / "examples" / "room"
 OBJECT = ROOM / "objects" / "cube_gold.glb"
@@ -102,3 +103,33 @@ def test_stages_are_printed_with_their_seconds(capsys):
     with progress(OutputOptions(verbose=True, quiet=True)) as report:
         report("plate", 0.0)
     assert capsys.readouterr().err == ""
+
+
+def test_a_rim_that_is_given_is_not_sought(monkeypatch):
+    import relume.report.shot_check as shot_check
+
+    def sought(photographs):
+        raise AssertionError("the ball was sought")
+
+    monkeypatch.setattr(shot_check, "_any_ball", sought)
+    shot = read_shot(ROOM / "shot.toml")
+    balls = [each.model_copy(update={"pick": (400.0, 300.0, 296.0)}) for each in shot.light.balls or []]
+    picked = shot.model_copy(update={"light": shot.light.model_copy(update={"balls": balls})})
+    found = shot_check.check_shot(picked).facts["balls"]
+    assert [each["ball"] for each in found] == [{"x": 400.0, "y": 300.0, "radius": 296.0}] * 2  # pyright: ignore
+
+
+def test_an_export_names_no_report(monkeypatch, tmp_path, capsys):
+    import relume as rl
+
+    def prepared(shot, out, *, progress):
+        for number in range(4):
+            rl.errors.warn(f"doubt {number}", 0.01)
+
+    class Made:
+        main, not_held = "a.py", ()
+
+    monkeypatch.setattr(rl, "prepare_shot", prepared, raising=False)
+    monkeypatch.setattr(rl, "export_shot", lambda *_: Made, raising=False)
+    said = printed(["insert", ROOM / "shot.toml", "-o", tmp_path, "--to", "blender"], capsys)
+    assert "2 lesser doubts: -v shows them" in said.err and "report.html" not in said.err

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import sys
 from pathlib import Path
 from typing import Any
 
@@ -11,6 +12,7 @@ import pytest
 
 from command_line import printed, refused, reported
 from relume.cli import main
+from relume.errors import warn
 from relume.image.colour import encode_srgb
 from relume.image.files import read_layers, read_photograph, read_radiance, write
 from relume.image.photograph import Exposure, Photograph
@@ -282,3 +284,9 @@ def test_a_dry_run_names_the_views(folder, tmp_path, capsys):
     facts = reported(words, capsys)
     assert facts["views"] == ["map.exr", "map.exr"] and "registration" in str(facts["their cameras"])
     assert list(tmp_path.iterdir()) == []
+
+
+def test_a_dry_run_says_what_it_was_warned_of(folder, tmp_path, capsys, monkeypatch):
+    monkeypatch.setattr(sys.modules["relume.cli.probe"], "require_files", lambda _: warn("the profile is old"))
+    words = ["probe", str(folder / "front"), "-o", str(tmp_path / "out.exr"), "--dry-run"]
+    assert "note: the profile is old" in printed(words, capsys).err

@@ -200,3 +200,12 @@ def test_what_the_table_hides_from_the_ball_is_not_compared(tmp_path: Path) -> N
     given = calibrated(seen_on_the_dome(painted(), camera), light, None)
     seen = seen_by_both(given, camera, bare_place(shot_of(tmp_path, table), given.probe))
     assert seen is not None and seen.distant and seen.ratio == pytest.approx([1, 1, 1], rel=0.02)
+
+
+def test_a_surface_that_reflects_nothing_gives_no_scale(tmp_path: Path) -> None:
+    black = "\n[[local]]\nshape = 'plane'\nsize = [20, 20]\nreflectance = [0, 0, 0]"
+    down = Camera.looking_at(np.array([0.0, 2.0, 0.5]), np.zeros(3), width=128, height=96, focal_length=90)
+    plate = np.full((96, 128, 3), 0.02)
+    given = calibrated(plate, painted(), "P.jpg holds no exposure")
+    _, lines = heard(shot_of(tmp_path, SHOT.replace("local = []\n", "") + black), given, down)
+    assert lines and not any("by the reflectance given" in line for line in lines)

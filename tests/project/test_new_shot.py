@@ -7,7 +7,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from relume.errors import OutputNotWritten, UnreadableFile
+from relume.errors import InvalidShot, OutputNotWritten, UnreadableFile
 from relume.image import files
 from relume.image.photograph import Photograph
 from relume.project.shot_file.objects import placed_meshes
@@ -99,3 +99,16 @@ def test_what_is_not_there_is_refused(place: Path) -> None:
     with pytest.raises(ValueError, match="radius is -1"):
         Shot.new(None, plate=[place / "plate.jpg"], balls=[place / "side"], objects=[CUBE], radius=-1.0)
     assert not (place / "shot.toml").exists()
+
+
+def test_an_object_whose_name_looks_like_a_pattern_is_found(place: Path) -> None:
+    named = place / "cube [2].glb"
+    named.write_bytes(CUBE.read_bytes())
+    shot = new(place, place / "shot.toml", named)
+    assert shot.objects[0].mesh == "cube [2].glb" and len(placed_meshes(shot)) == 1
+
+
+def test_what_is_no_shot_is_not_written(place: Path) -> None:
+    with pytest.raises(InvalidShot, match="rim"):
+        new(place, place / "out" / "shot.toml", rim=(5.0, 6.0, -7.5))
+    assert not (place / "out").exists()

@@ -8,8 +8,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from gltf_files import Channels, animated, as_glb, square_glb
-from relume.errors import Interrupted, InvalidShot
+from gltf_files import CORNERS, Channels, animated, as_glb, square_glb
+from relume.errors import Doubt, Interrupted, InvalidShot
 from relume.image import files
 from relume.image.photograph import Photograph
 from relume.project.insertion.frame_shots import at_frame, frames_of
@@ -193,7 +193,7 @@ class Maker:
         self.others: list[tuple[Path, ...]] = []
         self.stop_at = stop_at
 
-    def __call__(self, shot: Shot, folder: Path, others: tuple[Path, ...]) -> Sequence[str]:
+    def __call__(self, shot: Shot, folder: Path, others: tuple[Path, ...]) -> Sequence[Doubt]:
         x = shot.objects[0].translate[0]
         if x == self.stop_at:
             raise Interrupted(3, 16, 2, folder)
@@ -201,7 +201,7 @@ class Maker:
         self.others.append(others)
         folder.mkdir(parents=True, exist_ok=True)
         files.write(folder / "composite.png", Photograph(np.full((16, 24, 3), int(20 * x), np.uint8)))
-        return ["the same everywhere", *(["dark"] if x == 0 else [])]
+        return [Doubt("the same everywhere"), *([Doubt("dark")] if x == 0 else [])]
 
 
 def test_every_frame_is_made_once_and_a_second_run_makes_none(folder, tmp_path):
@@ -286,3 +286,52 @@ def test_a_sparkle_stands_out_of_its_neighbours_and_a_passing_edge_does_not():
     frame[2, 3] = 80
     after[:, :5] = frame[:, :3] = 200
     assert sparkles(before, after, frame) == 0.2 and sparkles(before, frame, after) == 0.0
+
+
+def test_what_is_wrong_in_a_frame_is_wrong_in_the_sequence(folder, tmp_path):
+    def make(shot: Shot, place: Path, others: tuple[Path, ...]) -> Sequence[Doubt]:
+        place.mkdir(parents=True)
+        (place / "made").write_bytes(b"1")
+        number = int(place.name[-1])
+        return [Doubt("everywhere", 0.1 * number), *([Doubt("unseen", 1.0)] if number == 3 else [])]
+
+    shot = shot_of(folder, SHOT + KEYS)
+    made = make_frames(shot, tmp_path / "out", make)
+    assert made.doubts == (Doubt("frame 3: unseen", 1.0), Doubt("everywhere", 0.4))
+    assert [each.wrong for each in made.doubts] == [True, True]
+    # Also where the frames were made by an earlier run.
+    assert make_frames(shot, tmp_path / "out", make).doubts == made.doubts
+
+
+def test_a_frame_depends_on_whether_its_surface_is_described(folder):
+    short = SHOT.replace(
+        "pose = { position = [0, 1, 3], look_at = [0, 0, 0] }\n", "ball.rim = [5, 6, 2]\nball.radius = 0.05\n"
+    )
+    whole = short + '[[local]]\nshape = "plane"\n'
+    assert shot_of(folder, short).surfaces() != shot_of(folder, whole).surfaces()
+    assert frame_key(shot_of(folder, short)) != frame_key(shot_of(folder, whole))
+
+
+def test_an_object_stands_still_in_size_while_it_moves(folder):
+    shot = shot_of(folder, SHOT)
+    times = [0.0, 0.125]
+    moves: Channels = [(0, "translation", times, [[0, 0, 0], [2, 1, 0]], "LINEAR"),
+                       (0, "scale", times, [[1, 1, 1], [3, 3, 3]], "LINEAR")]  # fmt: skip
+    (folder / "cube.glb").write_bytes(as_glb(*animated(moves, [{"name": "square", "mesh": 0}])))
+    shot = shot_of(folder, SHOT.replace('"1-4"', '"3-6"') + "size = 0.5\nstand = [0.0, 0.0]\n")
+    (rest,), (moved,) = (placed_meshes(at_frame(shot, frame)) for frame in (3, 6))
+    assert np.ptp(rest.vertices, axis=0).max() == pytest.approx(0.5)
+    assert np.ptp(moved.vertices, axis=0).max() == pytest.approx(1.5)
+    # It leaves its place by what the file moves it, at its size.
+    scale = 0.5 / np.ptp(CORNERS, axis=0).max()
+    expected = scale * (3 * CORNERS + [2, 1, 0]) - scale * CORNERS
+    assert moved.vertices - rest.vertices == pytest.approx(expected, abs=1e-6)
+
+
+def test_a_key_at_the_origin_stands_an_object_nowhere_else(folder):
+    ball = SHOT.replace(
+        "pose = { position = [0, 1, 3], look_at = [0, 0, 0] }\n", "ball.rim = [5, 6, 2]\nball.radius = 0.05\n"
+    )
+    shot = shot_of(folder, ball + KEYS)
+    (first,), (second,) = (placed_meshes(at_frame(shot, frame)) for frame in (1, 1 + 1e-6))
+    assert first.vertices == pytest.approx(second.vertices, abs=1e-4)

@@ -93,3 +93,13 @@ def test_a_camera_under_the_table_and_a_rim_of_no_ball_are_refused() -> None:
         camera_from_ball(rim, bare, radius=RADIUS, up=up_of(np.radians(-25)))
     with pytest.raises(BallNotFound, match="fits no ball in front of the camera"):
         ball_in_view(np.array([[450.0, 300.0]] * 3), bare)
+
+
+def test_a_camera_that_leans_is_as_high_as_it_was_measured() -> None:
+    true, rim = placed(np.radians(22), np.radians(8))
+    lens = Camera(900, 600, 1000.0, np.zeros(3), np.eye(3))
+    ball = ball_in_view(rim, lens)
+    pitch = pitch_of_height(ball, true.position[1] / RADIUS - 1, np.radians(8))
+    assert pitch == pytest.approx(np.radians(22), abs=1e-9)
+    fit = camera_from_ball(rim, lens, radius=RADIUS, up=up_of(pitch, np.radians(8)))
+    assert fit.camera.position[1] == pytest.approx(true.position[1], abs=1e-9)

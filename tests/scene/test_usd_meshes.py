@@ -250,3 +250,19 @@ def test_damaged_files_are_one_line(tmp_path, capfd):
     with pytest.raises(UnreadableFile, match=r"c\.usdc"):
         read_meshes(tmp_path / "c.usdc")
     assert capfd.readouterr().err == ""
+
+
+def test_a_picture_without_coordinates_becomes_its_mean(tmp_path):
+    Image.fromarray(np.array([[[255, 0, 0], [0, 0, 255]]], np.uint8)).save(tmp_path / "paint.png")
+    picture = """
+    def Shader "Picture"
+    {
+        uniform token info:id = "UsdUVTexture"
+        asset inputs:file = @paint.png@
+        float3 outputs:rgb
+    }"""
+    inputs = "color3f inputs:diffuseColor.connect = </Paint/Picture.outputs:rgb>"
+    path = written(tmp_path, bound("Paint") + PREVIEW.format(name="Paint", inputs=inputs, more=picture))
+    with pytest.warns(UserWarning, match="textures without coordinates"):
+        _, material = lone(path)
+    assert material.base_color == pytest.approx((0.5, 0, 0.5))

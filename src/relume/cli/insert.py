@@ -127,7 +127,8 @@ def insert(
         else:
             found = inserted(table, out, output, threads, restart)
         # What of it to doubt.
-        finish(output, [*doubts, *found], accept=accept or dry_run, rest=None if dry_run else out / "report.html")
+        page = None if dry_run or to is not None else out / "report.html"
+        finish(output, [*doubts, *found], accept=accept or dry_run, rest=page)
 
 
 def _dry_run(shot: rl.Shot, out: Path, output: OutputOptions) -> Sequence[rl.errors.Doubt]:
@@ -158,7 +159,7 @@ def _sequence(
             "seconds": round(sum(frame.seconds for frame in made.frames), 1),
         },
     )
-    return [rl.errors.Doubt(line) for line in made.notes]
+    return made.doubts
 
 
 def inserted(

@@ -185,6 +185,7 @@ def probe(
             where = "given" if all(each.camera for each in placed) else "to be found by registration"
             names = [each.name for each in placed]
             print_facts(output, {"would write": str(out), "views": names, "their cameras": where})
+            finish(output, doubts, accept=True)
             return
 
         # The work.

@@ -142,7 +142,7 @@ def write_sequence_report(result: SequenceMade, path: Path) -> None:
         if len(window) == 3 and len({each.shape for each in window}) == 1:
             unlike[there[index - 1].number] = sparkles(*window)
     parts = [
-        *(note(each) for each in result.notes),
+        *(note(each.words) for each in result.doubts),
         paragraph(f"{len(result.frames)} frames, {sum(frame.kept for frame in result.frames)} of them made before."),
         *(side_by_side(shown[i : i + 3]) for i in range(0, len(shown), 3)),
         heading("Frames"),

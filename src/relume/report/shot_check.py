@@ -72,7 +72,9 @@ def check_shot(shot: Shot, *, progress: Callable[[str, float], None] = lambda st
         progress("balls", 0.0)
         like = None if isinstance(plate, RadianceMap) else next(iter(_by_exposure(plate)), None)
         seen = [_by_exposure(source, like) for source in photographs.balls]
-        outlines = [_any_ball(each) for each in seen]
+        # A rim that is given is not sought: where it is, the ball may be one that is not found.
+        given = [table.outline() for table in shot.light.balls or ()]
+        outlines = [_any_ball(each) if known is None else known for each, known in zip(seen, given, strict=True)]
         facts["balls"] = [
             {
                 "photographs": _times(source),

@@ -225,9 +225,10 @@ def _scale(
     for index, table in enumerate(shot.surfaces()):
         if isinstance(table.reflectance, str) or table.mirror or len(shot.surfaces()) != len(place.local):
             continue
-        there = measured & (hits == index)
-        if isinstance(place.local[index], Plane) and there.sum() >= FEWEST:
-            wanted = float(np.median(brightness[there])) * np.pi / float(luminance(np.array(table.reflectance)))
+        there, share = measured & (hits == index), float(luminance(np.array(table.reflectance)))
+        # What reflects nothing says nothing of the light.
+        if isinstance(place.local[index], Plane) and share > 0 and there.sum() >= FEWEST:
+            wanted = float(np.median(brightness[there])) * np.pi / share
             return wanted / arriving, "by the reflectance given for what the plate shows", 0.1
     if seen is not None and seen.spread < SPREAD:
         if abs(np.log(seen.scale)) < SAME:

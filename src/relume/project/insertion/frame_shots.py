@@ -60,6 +60,9 @@ def at_frame(shot: Shot, frame: float) -> Shot:
             times = np.array([key.frame for key in turns])
             angles = Turning(times, np.array([key.rotate for key in turns]), between).at(frame)
             changes["rotate"] = tuple(angles.tolist())
+        if each.stand is None and "translate" in changes:
+            # What keys move has a place of its own, also at the frame in which they put it at the origin.
+            changes["stand"] = False
         if motion_of(shot.folder / each.mesh) is not None:
             changes["time"] = seconds
         objects.append(_changed(each, changes, f"objects.{index}", frame))

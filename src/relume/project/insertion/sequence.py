@@ -16,6 +16,7 @@ from typing import Any
 
 import numpy as np
 
+from relume.errors import Doubt, doubt_of, ranked
 from relume.image import files
 from relume.project.insertion.frame_shots import at_frame, frames_of
 from relume.project.insertion.insert import insert
@@ -27,8 +28,8 @@ from relume.renderers.progressive.fingerprint import fingerprint, program
 from relume.renderers.renderer import Renderer
 from relume.scene.motion.keyframes import Shutter
 
-MakeFrame = Callable[[Shot, Path, tuple[Path, ...]], Sequence[str]]
-"""Inserts one frame's shot into its folder and returns notes. The last are folders of stages of earlier frames, which
+MakeFrame = Callable[[Shot, Path, tuple[Path, ...]], Sequence[Doubt]]
+"""Inserts one frame's shot into its folder and returns doubts. The last are folders of stages of earlier frames, which
 serve where they were made from the same."""
 _DONE = "frame.json"
 _SPARKLE = 24
@@ -43,14 +44,14 @@ class FrameMade:
     number, folder : which one, and where it lies
     seconds : it took; of the run that made it
     kept : whether an earlier run had made it
-    notes : what the user should know of it
+    doubts : what the user should know of it
     """
 
     number: int
     folder: Path
     seconds: float
     kept: bool
-    notes: tuple[str, ...]
+    doubts: tuple[Doubt, ...]
 
 
 @dataclass(frozen=True)
@@ -59,12 +60,17 @@ class SequenceMade:
 
     frames : in order
     movie : the file that shows them, or None where none could be written
-    notes : what the user should know, each once, with the frames it belongs to
+    doubts : what the user should know, each once, with the frames it belongs to; what matters most first
     """
 
     frames: tuple[FrameMade, ...]
     movie: Path | None
-    notes: tuple[str, ...]
+    doubts: tuple[Doubt, ...]
+
+    @property
+    def notes(self) -> tuple[str, ...]:
+        """The doubts, a line each."""
+        return tuple(doubt.line for doubt in self.doubts)
 
 
 def insert_frames(
@@ -83,7 +89,7 @@ def insert_frames(
     table = shot.sequence
     shutter = None if table is None or table.shutter is None else Shutter(*table.shutter)
 
-    def make(frame: Shot, folder: Path, others: tuple[Path, ...]) -> Sequence[str]:
+    def make(frame: Shot, folder: Path, others: tuple[Path, ...]) -> Sequence[Doubt]:
         number = int(folder.name.rpartition("_")[2])
         motion = None if shutter is None else Motion(lambda time: at_frame(shot, number + time), shutter)
         result = insert(
@@ -91,7 +97,7 @@ def insert_frames(
             restart=restart, force=force,
         )  # fmt: skip
         finished(result, folder)
-        return result.notes
+        return result.doubts
 
     return make_frames(shot, out, make, progress=progress)
 
@@ -118,14 +124,16 @@ def make_frames(
         before = tuple(dict.fromkeys(each.folder / "stages" for each in (*made[:1], *made[-1:])))
         made.append(_one(shots[number], number, folder, before, make, _motion_key(shot)))
     progress("frames", 1.0)
-    notes = list(_gathered(made))
-    movie = _movie(out, made, float(shot.sequence.rate if shot.sequence is not None else 24), notes)
-    return SequenceMade(tuple(made), movie, tuple(notes))
+    doubts = list(_gathered(made))
+    movie = _movie(out, made, float(shot.sequence.rate if shot.sequence is not None else 24), doubts)
+    return SequenceMade(tuple(made), movie, ranked(doubts))
 
 
 def frame_key(shot: Shot) -> str:
     """A hash of what a frame at its moment depends on: the program, the tables, the bytes of every file they name."""
-    return fingerprint([program(), shot.model_dump(mode="json"), _named_files(shot)])
+    # Without [[local]] the surface depends on the camera, which the tables alone do not say.
+    surfaces = [table.model_dump(mode="json") for table in shot.surfaces()]
+    return fingerprint([program(), shot.model_dump(mode="json"), surfaces, _named_files(shot)])
 
 
 def sparkles(before: np.ndarray, frame: np.ndarray, after: np.ndarray) -> float:
@@ -150,20 +158,19 @@ def _one(shot: Shot, number: int, folder: Path, before: tuple[Path, ...], make: 
     key = fingerprint([frame_key(shot), motion])
     kept = _complete(folder, key)
     if kept is not None:
-        return FrameMade(number, folder, float(kept["seconds"]), True, tuple(kept["notes"]))
+        return FrameMade(number, folder, float(kept["seconds"]), True, tuple(Doubt(*each) for each in kept["doubts"]))
     # From here until all is written the frame counts as not made.
     (folder / _DONE).unlink(missing_ok=True)
     begun = time.perf_counter()
     with warnings.catch_warnings(record=True) as caught:
         warnings.simplefilter("always", UserWarning)
-        notes = make(shot, folder, before)
+        found = make(shot, folder, before)
     seconds = time.perf_counter() - begun
-    notes = tuple(dict.fromkeys([*(str(each.message) for each in caught), *notes]))
+    doubts = ranked([*(doubt_of(each.message) for each in caught), *found])
     sizes = {p.name: p.stat().st_size for p in sorted(folder.iterdir()) if p.is_file() and not p.name.startswith(".")}
-    files.write_text(
-        folder / _DONE, json.dumps({"key": key, "files": sizes, "seconds": seconds, "notes": notes}, indent=1)
-    )
-    return FrameMade(number, folder, seconds, False, notes)
+    record = {"key": key, "files": sizes, "seconds": seconds, "doubts": [[each.line, each.effect] for each in doubts]}
+    files.write_text(folder / _DONE, json.dumps(record, indent=1))
+    return FrameMade(number, folder, seconds, False, doubts)
 
 
 def _complete(folder: Path, key: str) -> dict[str, Any] | None:
@@ -206,17 +213,18 @@ def _strings(value: Any) -> Iterator[str]:
             yield from _strings(part)
 
 
-def _gathered(made: Sequence[FrameMade]) -> Iterator[str]:
-    """Each note once; with its frame where not all frames have it."""
-    for note in dict.fromkeys(note for frame in made for note in frame.notes):
-        numbers = [frame.number for frame in made if note in frame.notes]
+def _gathered(made: Sequence[FrameMade]) -> Iterator[Doubt]:
+    """Each doubt once, with its frame where not all frames have it; of several effects the greatest."""
+    for doubt in ranked(doubt for frame in made for doubt in frame.doubts):
+        numbers = [frame.number for frame in made if doubt.line in {each.line for each in frame.doubts}]
         if len(numbers) == len(made):
-            yield note
+            yield doubt
         else:
-            yield f"frame {numbers[0]}{f' and {len(numbers) - 1} more' if len(numbers) > 1 else ''}: {note}"
+            more = f" and {len(numbers) - 1} more" if len(numbers) > 1 else ""
+            yield Doubt(f"frame {numbers[0]}{more}: {doubt.line}", doubt.effect)
 
 
-def _movie(out: Path, made: Sequence[FrameMade], rate: float, notes: list[str]) -> Path | None:
+def _movie(out: Path, made: Sequence[FrameMade], rate: float, doubts: list[Doubt]) -> Path | None:
     pictures = [frame.folder / "composite.png" for frame in made]
     path = out / "sequence.mp4"
     if len(made) < 2 or not all(picture.is_file() for picture in pictures):
@@ -230,6 +238,6 @@ def _movie(out: Path, made: Sequence[FrameMade], rate: float, notes: list[str]) 
             for picture in pictures:
                 movie.add(files.read_photograph(picture).pixels)
     except ValueError as error:  # no PyAV, or frames of several sizes
-        notes.append(f"no movie was written: {error}")
+        doubts.append(Doubt(f"no movie was written: {error}"))
         return None
     return path

@@ -104,8 +104,8 @@ def merge_single(
     bracket = Bracket((replace(photograph, exposure=replace(photograph.exposure, source="given")),))
     plain = replace(settings, weighting=EveryValue(), align=False, deghost=False, refine=False)
     result = merge_brackets(bracket, profile=known, settings=plain)
-    for line in (*result.warnings, *result.notes):
-        warn(line)
+    for doubt in result.doubts:
+        warn(doubt.line, doubt.effect)
     merged = result.bracket
     return replace(merged, picture=_ends_marked(merged.picture, photograph)), result.camera
 

@@ -91,7 +91,7 @@ class BallOnTable(Table):
             return up_of(np.radians(self.pitch), roll)
         ball = ball_in_view(rim, lens)
         if self.camera_height is not None:
-            return up_of(pitch_of_height(ball, (self.camera_height - (self.raised or 0.0)) / radius - 1), roll)
+            return up_of(pitch_of_height(ball, (self.camera_height - (self.raised or 0.0)) / radius - 1, roll), roll)
         # The camera must stand above the table, which edges alone do not say.
         horizon = find_horizon(plate.radiance, lens)
         if horizon is None or horizon.up @ ball.centre > 0.9 + (self.raised or 0.0) / radius:

@@ -104,7 +104,7 @@ def _text(
     sizes = [_size(path, known) for path in objects]
     middles = _side_by_side([width for width, *_ in sizes])
     for path, (_, extent, own), x in zip(objects, sizes, middles, strict=True):
-        lines += ["", "[[objects]]", f"mesh = {_names(folder, [path])[1:-1]}"]
+        lines += ["", "[[objects]]", f"mesh = {_names(folder, [path], patterns=False)[1:-1]}"]
         if own != extent:
             lines.append(f"size = {extent:.3g}  # metres of its longest side; the file has {own:.3g}")
         if len(objects) > 1:
@@ -112,8 +112,8 @@ def _text(
     return "\n".join(lines) + "\n"
 
 
-def _names(folder: Path, paths: Sequence[Path]) -> str:
-    """Paths as TOML, relative to the folder; what would be a pattern is escaped."""
+def _names(folder: Path, paths: Sequence[Path], *, patterns: bool = True) -> str:
+    """Paths as TOML, relative to the folder; what would be a pattern is escaped where patterns are read."""
     names = []
     for path in paths:
         if not path.is_file():
@@ -123,7 +123,7 @@ def _names(folder: Path, paths: Sequence[Path]) -> str:
         except ValueError:  # another drive
             name = str(path.resolve())
         name = Path(name).as_posix()
-        names.append(escape(name) if any(c in name for c in "*?[") else name)
+        names.append(escape(name) if patterns and any(c in name for c in "*?[") else name)
     # TOML's basic strings escape as JSON's do.
     return json.dumps(names, ensure_ascii=False).replace("\x7f", "\\u007f")
 

@@ -30,17 +30,17 @@ SMALL, LARGE = 0.003, 4.0
 
 def placed_meshes(shot: Shot) -> tuple[Mesh, ...]:
     """Every mesh of every object of the shot, in world coordinates."""
-    return tuple(
-        _overridden(mesh, table)
-        for table in shot.objects
-        for mesh in _in_place(shot, table, _at_rest_or_moved(shot.folder / table.mesh, table.time))
-    )
+    return tuple(_overridden(mesh, table) for table in shot.objects for mesh in _in_place(shot, table))
 
 
-def _in_place(shot: Shot, table: Object, meshes: Sequence[Mesh]) -> Sequence[Mesh]:
+def _in_place(shot: Shot, table: Object) -> Sequence[Mesh]:
     """An object's meshes scaled, turned, stood on the table and moved, as the shot asks."""
+    path = shot.folder / table.mesh
+    rest = read_meshes(path)
+    meshes = _moved(path, rest, table.time)
+    # What moves keeps the size and the place that it has at rest: else it would swell, and walk without leaving.
     if table.size is not None:
-        extent = np.ptp(np.concatenate([mesh.vertices for mesh in meshes]), axis=0).max()
+        extent = np.ptp(np.concatenate([mesh.vertices for mesh in rest]), axis=0).max()
         if not extent > 0:
             raise InvalidShot(f"objects.size: {table.mesh} has no extent; give scale instead")
         table = table.model_copy(update={"scale": table.scale * table.size / float(extent)})
@@ -50,17 +50,17 @@ def _in_place(shot: Shot, table: Object, meshes: Sequence[Mesh]) -> Sequence[Mes
     if stand is None or stand is False:
         return [placed(mesh, table) for mesh in meshes]
     # The middle of its foot, once it is scaled and turned.
-    there = [placed(mesh, table.model_copy(update={"translate": (0.0, 0.0, 0.0)})) for mesh in meshes]
-    points = np.concatenate([mesh.vertices for mesh in there])
+    unmoved = table.model_copy(update={"translate": (0.0, 0.0, 0.0)})
+    there = [placed(mesh, unmoved) for mesh in meshes]
+    points = np.concatenate([placed(mesh, unmoved).vertices for mesh in rest])
     low, high = points.min(0), points.max(0)
     moved = np.array([stand[0] - (low[0] + high[0]) / 2, -low[1], stand[1] - (low[2] + high[2]) / 2])
     moved += np.array(table.translate)
     return [replace(mesh, vertices=(mesh.vertices + moved).astype(np.float32)) for mesh in there]
 
 
-def _at_rest_or_moved(path: Path, time: float | None) -> tuple[Mesh, ...]:
-    """The file's meshes, where its own motion has them at a time in seconds."""
-    meshes = read_meshes(path)
+def _moved(path: Path, meshes: tuple[Mesh, ...], time: float | None) -> tuple[Mesh, ...]:
+    """A file's meshes, where its own motion has them at a time in seconds; as they are without one."""
     motion = read_animation(path) if time is not None else None
     if motion is None or time is None:
         return meshes

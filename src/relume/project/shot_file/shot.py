@@ -277,15 +277,15 @@ class Shot(Table):
         foot : where a stand under the ball meets the table, x and y in pixels; the ball lies on the table unless given
         rim : where the plate would show the ball of which only crops exist: x, y, radius in pixels
         force : whether another file of that name is replaced
-        Raises OutputNotWritten, UnreadableFile, ValueError.
+        Raises OutputNotWritten, UnreadableFile, InvalidShot, ValueError; what is no shot is not written.
         """
         file = Path("shot.toml") if path is None else Path(path)
         photographs, seen, meshes = ([Path(each) for each in paths] for paths in (plate, balls, objects))
         text = new_shot_text(file.parent, photographs, seen, meshes, radius, foot, rim)
+        shot = checked(Shot, tomllib.loads(text), file, "shot file", InvalidShot)
         if path is not None:
             write_new_shot(file, text, force)
-        table = tomllib.loads(text)
-        return checked(Shot, table, file, "shot file", InvalidShot).model_copy(update={"folder": file.parent})
+        return shot.model_copy(update={"folder": file.parent})
 
     def surfaces(self) -> list[LocalTable]:
         """[[local]]; unless given one plane at 0, endless, or about the ball where the camera is found from it.

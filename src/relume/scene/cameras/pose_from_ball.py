@@ -65,13 +65,15 @@ def up_of(pitch: float, roll: float = 0.0) -> np.ndarray:
     return np.array([np.sin(roll) * cosine, np.cos(roll) * cosine, np.sin(pitch)])
 
 
-def pitch_of_height(ball: BallInView, height: float) -> float:
-    """How far a level camera looks down, radians, whose lens is `height` ball radii above the ball's centre.
+def pitch_of_height(ball: BallInView, height: float, roll: float = 0.0) -> float:
+    """How far a camera looks down, radians, whose lens is `height` ball radii above the ball's centre.
 
+    roll : by which it leans, radians; see `up_of`
     Raises ValueError for a height that its distance does not allow.
     """
-    # up · (−centre) = height with up = (0, cos p, sin p): one sine of p, shifted.
-    _, y, z = (-ball.centre).tolist()
+    # up · (−centre) = height with up = (sin r cos p, cos r cos p, sin p): one sine of p, shifted.
+    x, y, z = (-ball.centre).tolist()
+    y = float(np.sin(roll) * x + np.cos(roll) * y)
     reach = float(np.hypot(y, z))
     if abs(height) > reach:
         raise ValueError(

@@ -6,12 +6,13 @@ their cages, smoothly shaded; polygons are cut into triangles from their first c
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, fields, replace
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
+from relume.scene.materials.checks import triple
 from relume.scene.materials.materials import Material
 from relume.scene.shapes.shapes import Mesh, carried
 from relume.scene.shapes.vertex_colours import with_corner_colours
@@ -142,9 +143,10 @@ class _Meshes:
         found = UsdMaterial(None) if bound is None else self._material(bound)
         colours = self._primvar(prim, "displayColor") if found.surface is None else None
         coordinates = self._primvar(prim, found.coordinates) if found.coordinates else None
+        surface = found.surface or (_BARE if colours is None else _PAINTED)
         if found.coordinates and coordinates is None:
             self.lose(f"of mesh {part.name}", "textures without coordinates")
-        surface = found.surface or (_BARE if colours is None else _PAINTED)
+            surface = _without_pictures(surface)
         mesh = part.mesh(surface, coordinates)
         if colours is None:
             return mesh
@@ -200,6 +202,17 @@ class _Part:
         uv = None if coordinates is None else coordinates.values[next(columns)][:, :2].astype(np.float32)
         placed = carried(vertices, inverse.reshape(-1, 3), normals, self.world)
         return Mesh(placed[0], placed[1], material, placed[2], uv, self.name)
+
+
+def _without_pictures(material: Material) -> Material:
+    """The material with each picture's mean in its place, where nothing says how it lies."""
+    changes: dict[str, Any] = {}
+    for field in fields(material):
+        value = getattr(material, field.name)
+        if isinstance(value, np.ndarray):
+            mean = value.mean((0, 1), dtype=np.float64)
+            changes[field.name] = None if field.name == "normal" else triple(mean) if mean.ndim else float(mean)
+    return replace(material, **changes)
 
 
 def _triangles(counts: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
