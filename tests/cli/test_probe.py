@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import json
-import sys
+from importlib import import_module
 from pathlib import Path
 from typing import Any
 
@@ -287,6 +287,6 @@ def test_a_dry_run_names_the_views(folder, tmp_path, capsys):
 
 
 def test_a_dry_run_says_what_it_was_warned_of(folder, tmp_path, capsys, monkeypatch):
-    monkeypatch.setattr(sys.modules["relume.cli.probe"], "require_files", lambda _: warn("the profile is old"))
+    monkeypatch.setattr(import_module("relume.cli.probe"), "require_files", lambda _: warn("the profile is old"))
     words = ["probe", str(folder / "front"), "-o", str(tmp_path / "out.exr"), "--dry-run"]
     assert "note: the profile is old" in printed(words, capsys).err
