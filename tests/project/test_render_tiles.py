@@ -7,6 +7,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from relume.errors import DoubtWarning, warn
 from relume.project.insertion import render_tiles
 from relume.project.insertion.render_tiles import change_in_tiles, forget_tiles, is_large
 from relume.project.stages import Stages
@@ -105,6 +106,17 @@ def test_a_noise_that_tiles_do_not_reach_is_said_once(tmp_path):
     with pytest.warns(UserWarning, match="not reached in [1-6] of 6 parts") as said:
         in_tiles(tmp_path, Differential(samples=16, noise=1e-4))
     assert len(said) == 1
+
+
+def test_what_tiles_warned_of_is_said_again_by_a_render_that_goes_on(tmp_path):
+    def finish(change: Change) -> Change:
+        warn("the light is doubtful", 0.3)
+        return change
+
+    for _ in range(2):
+        with pytest.warns(DoubtWarning, match="the light is doubtful") as said:
+            in_tiles(tmp_path, Differential(samples=16), finish=finish)
+        assert [each.message.effect for each in said] == [0.3]
 
 
 def test_a_window_sees_what_the_picture_shows_there():

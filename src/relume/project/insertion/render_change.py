@@ -92,8 +92,8 @@ def render_change(
     if motion is not None:
         made_from.append(motion.key())
         moments = lambda time: (_scene_at(place, motion.shot(time)), place.camera)  # noqa: E731
-    if table.noise is not None:
-        made_from.append(calibrated.plate)
+    # The plate says which pixels are the neediest, and when their noise is low enough.
+    made_from.append(calibrated.plate)
 
     def make() -> Change:
         # The saved state of an interrupted render, and previews beside it.

@@ -16,7 +16,7 @@ from typing import Any
 
 import numpy as np
 
-from relume.errors import warn
+from relume.errors import Doubt, doubt_of, warn
 from relume.project.stages import Stages
 from relume.renderers.mitsuba.differential import Differential
 from relume.renderers.progressive.accumulation import RenderSession, forget, pass_seed
@@ -129,7 +129,7 @@ def change_in_tiles(
     noise = None if renderer.noise is None else renderer.noise * sqrt(height * width / VIEWED)
     # Each tile with its border, put away as soon as it is finished.
     whole, traced = _empty(height, width), 0
-    doubts: list[str] = []
+    doubts: list[Doubt] = []
     begun = np.concatenate([[0], np.cumsum(shares)]) / sum(shares)
     for index, (tile, samples) in enumerate(zip(tiles, shares, strict=True)):
         larger = tile.with_border(height, width)
@@ -138,17 +138,19 @@ def change_in_tiles(
         own = replace(renderer, samples=samples, noise=noise)
 
         def make(index: int = index, larger: Tile = larger, session: RenderSession = session,
-                 own: Differential = own) -> Change:  # fmt: skip
+                 own: Differential = own) -> tuple[Change, tuple[Doubt, ...]]:  # fmt: skip
             low, high = begun[index : index + 2]
-            return finish(own.change(
-                scene, **part(larger.window), seed=pass_seed(seed, index), watch=session, plate=plate[larger.place],
-                progress=lambda share: progress(float(low + share * (high - low))),
-            ))  # fmt: skip
+            # Its warnings are put away with it, for a render that goes on.
+            with warnings.catch_warnings(record=True) as caught:
+                warnings.simplefilter("always")
+                change = finish(own.change(
+                    scene, **part(larger.window), seed=pass_seed(seed, index), watch=session,
+                    plate=plate[larger.place], progress=lambda share: progress(float(low + share * (high - low))),
+                ))  # fmt: skip
+            return change, tuple(doubt_of(each.message) for each in caught)
 
-        with warnings.catch_warnings(record=True) as caught:
-            warnings.simplefilter("always", UserWarning)
-            change, _ = stages.get(f"render_tile_{index:03d}", [made_from, index, samples], make)
-        doubts += [str(each.message) for each in caught]
+        (change, said), _ = stages.get(f"render_tile_{index:03d}", [made_from, index, samples], make)
+        doubts += said
         forget(session)
         for field in fields(Change):
             plane = getattr(whole, field.name)
@@ -160,11 +162,11 @@ def change_in_tiles(
     return replace(whole, samples=ceil(traced / (height * width)))
 
 
-def _warn_once(doubts: list[str], tiles: int, renderer: Differential) -> None:
+def _warn_once(doubts: list[Doubt], tiles: int, renderer: Differential) -> None:
     """What tiles warned of, each once; of a noise that some did not reach, how many those were."""
-    missed = [line for line in doubts if "was not reached" in line]
-    for line in dict.fromkeys(line for line in doubts if line not in missed):
-        warn(line)
+    missed = [doubt for doubt in doubts if "was not reached" in doubt.line]
+    for doubt in dict.fromkeys(doubt for doubt in doubts if doubt not in missed):
+        warn(doubt.line, doubt.effect)
     if missed:
         warn(
             f"the noise asked for, {renderer.noise:g}, was not reached in {len(missed)} of {tiles} parts "

@@ -132,7 +132,7 @@ class Differential(PathTracing):
         planes |= {name: guides[name] for name in ("normal", "albedo", "guide_normal", "guide_albedo")}
         return Change(
             **{name: plane.astype(np.float32) for name, plane in planes.items()},
-            samples=samples * (sums.passes if sums.counts is None else int(sums.counts.mean())),
+            samples=round(samples * (sums.passes if sums.counts is None else float(sums.counts.mean()))),
             passes=sums.passes,
         )
 
@@ -151,11 +151,12 @@ class Differential(PathTracing):
         self, scene: Scene, camera: Camera, seed: int, plate: np.ndarray | None, moments: Moments | None,
         times: np.ndarray,
     ) -> dict[str, str]:  # fmt: skip
-        """All that a pixel depends on: also every moment that is seen, and the plate where it says when to stop."""
+        """All that a pixel depends on: also every moment that is seen, and the plate where it says when to stop or
+        which pixels are the neediest."""
         key = dict(render_key(scene, camera, self, seed))
         if moments is not None:
             key["motion"] = fingerprint([[list(moments(float(time))) for time in sorted(set(times))]])
-        if self.noise is not None:
+        if self.noise is not None or moments is None:
             key["plate"] = fingerprint(plate)
         return key
 

@@ -9,8 +9,9 @@ import numpy as np
 from relume.renderers.progressive.convergence import Sums
 
 REACH = 7
-"""Pixels along each side of the square whose pixels share their estimates. A pixel's own variance from eight passes is
-good to half of itself; going by it alone would leave the pixels that were lucky so far as they are."""
+"""Pixels along each side of the square whose pixels choose for the one in its middle, which has no say itself. Of rare
+bright paths a pixel that has met none yet has both too low a mean and too low a variance. Were it left as it is for
+that, and its lucky neighbours averaged further, the picture would come out too dark."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -34,13 +35,14 @@ class Neediest:
         """(H, W) bool, or None where all are to be traced."""
         if sums.passes < self.even:
             return None
-        from scipy.ndimage import maximum_filter, uniform_filter
+        from scipy.ndimage import maximum_filter
 
         objects, difference, matte = (sums.mean(name) for name in ("objects", "difference", "matte"))
         variance = sums.variance("objects") + sums.variance("difference")
         seen = weighed_variance(objects + difference + (1 - matte[..., None]) * self.backdrop, variance)
         passes = sums.passes if sums.counts is None else sums.counts
-        gain = uniform_filter(seen, REACH, mode="nearest") / passes
+        # Of a single pass, so that how often the others were traced says nothing of this one.
+        gain = _of_others(seen * passes) / np.square(passes)
         # What nothing changes has nothing to gain; running sums leave rounding there.
         gain = np.where(maximum_filter(seen, REACH) > 0, gain, 0)
         least = np.partition(gain, -self._count(gain), axis=None)[-self._count(gain)]
@@ -48,6 +50,16 @@ class Neediest:
 
     def _count(self, gain: np.ndarray) -> int:
         return max(1, int(self.share * gain.size))
+
+
+def _of_others(values: np.ndarray) -> np.ndarray:
+    """(H, W): of each pixel the mean of those around it, within REACH and the picture, but for its own."""
+    from scipy.ndimage import uniform_filter
+
+    square = REACH**2
+    sums = square * uniform_filter(values, REACH, mode="constant") - values
+    counts = square * uniform_filter(np.ones_like(values), REACH, mode="constant") - 1
+    return np.maximum(sums, 0) / np.maximum(counts, 1)
 
 
 def weighed_variance(picture: np.ndarray, variance: np.ndarray) -> np.ndarray:
