@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import struct
 import warnings
 from dataclasses import replace
 from pathlib import Path
@@ -15,6 +16,7 @@ from relume.capture.exposure.bracket import Bracket, read_bracket
 from relume.errors import NotABracket
 from relume.image import files
 from relume.image.colour_space import colour_space_of, decoded, in_rec709, name_of, response_of, to_own_primaries
+from relume.image.files.metadata import icc_profile
 from relume.image.files.metadata.icc_profile import adobe_rgb, screen_profile
 from relume.image.photograph import Exposure, Photograph
 from relume.image.primaries import BT2020, P3, REC709, Primaries, between, inside_gamut
@@ -189,6 +191,16 @@ def test_a_single_photograph_takes_the_curve_of_its_profile():
     assert linear(codes).radiance[0, 0] == pytest.approx((180 / 255) ** 2.19921875, rel=1e-4)
     undeveloped = undevelop(codes, Film(1.0))
     assert undeveloped.radiance[0, 0] == pytest.approx((180 / 255) ** 2.19921875, rel=1e-4)
+
+
+def test_a_profile_of_one_value_for_all_codes_is_not_understood():
+    profile = screen_profile(P3, "dark", 2.2)
+    curve = b"curv" + bytes(4) + struct.pack(">IH", 1, round(256 * 2.2))
+    assert profile.count(curve) == 1
+    # An exponent of 0: every code is white.
+    flat = profile.replace(curve, b"curv" + bytes(4) + struct.pack(">IH", 1, 0))
+    assert icc_profile.parsed(profile) is not None and icc_profile.parsed(flat) is None
+    assert response_of(one_pixel((9, 9, 9), flat)) is None
 
 
 def test_every_response_of_a_profile_rises():

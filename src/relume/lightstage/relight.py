@@ -125,8 +125,9 @@ def relight(
     Warns of light from where the stage has no lights, of a mesh that is not used and of pixels below 0.
     Raises ValueError for a mesh that does not match, and for too little memory.
     """
-    field, (lighting,), unit = _prepared(stage, [light], fitted=mesh is None and not settings.nearest)
+    field = read_stage(stage) if isinstance(stage, str | os.PathLike) else stage
     model = None if settings.nearest else usable_mesh(field, mesh, settings)
+    field, (lighting,), unit = _prepared(field, [light], fitted=model is None and not settings.nearest)
     threads, memory = settings.threads, settings.memory
     if model is not None:
         picture = _relight_on(field, lighting.directed(), model, settings, progress)

@@ -8,7 +8,9 @@ import pytest
 
 from relume.errors import InvalidStage
 from relume.image import files
+from relume.image.files.metadata.icc_profile import adobe_rgb
 from relume.image.photograph import Exposure, Photograph
+from relume.image.primaries import ADOBE_RGB, REC709, between
 from relume.image.radiance import RadianceMap
 from relume.image.response import Response
 from relume.lightstage.acquire.picture_folder import PictureFolder
@@ -159,6 +161,23 @@ def bracketed(folder: Path, exposures: bool = True) -> tuple[Path, np.ndarray]:
 def test_a_bracket_of_each_light_is_merged_on_one_scale(tmp_path: Path) -> None:
     folder, light = bracketed(tmp_path)
     np.testing.assert_allclose(whole(read_stage(folder)), light, rtol=0.06)
+
+
+def test_a_bracket_of_another_colour_space_is_merged_by_its_own_curve(tmp_path: Path) -> None:
+    gamma, codes = 2.19921875, np.array([170, 120, 60])
+    for name, share in (("single", 1), ("whole", 1), ("half", 0.5)):
+        values = np.full((8, 8, 3), np.round(codes * share ** (1 / gamma)), np.uint8)
+        files.write(tmp_path / f"{name}.png", Photograph(values, name, profile=adobe_rgb()))
+    lights = [
+        {"file": "single.png", "direction": DIRECTIONS[0], "exposure": 1.0},
+        {"file": ["half.png", "whole.png"], "direction": DIRECTIONS[1], "exposure": [0.5, 1.0]},
+    ]
+    (tmp_path / "stage.json").write_text(json.dumps({"lights": lights, "encoding": "srgb"}))
+    single, bracket = whole(read_stage(tmp_path))
+    wanted = (codes / 255) ** gamma @ between(ADOBE_RGB, REC709).T
+    np.testing.assert_allclose(single[0, 0], wanted, rtol=2e-3)
+    # By the curve of sRGB blue would be 9 % too bright.
+    np.testing.assert_allclose(bracket[0, 0], wanted, rtol=0.02)
 
 
 def test_a_bracket_whose_exposures_nobody_says_is_refused(tmp_path: Path) -> None:

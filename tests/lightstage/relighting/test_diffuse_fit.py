@@ -12,15 +12,17 @@ from relume.image.files import read_photograph
 from relume.lightstage.acquire.ball_highlights import MirrorBall, outline_of_mask, read_ball
 from relume.lightstage.field.field import Pictures
 from relume.lightstage.field.lights import StageLights
-from relume.lightstage.relight import RelightSettings, relight, relight_per_pixel, relight_sequence
+from relume.lightstage.relight import RelightSettings, SubjectMesh, relight, relight_per_pixel, relight_sequence
 from relume.lightstage.relighting.diffuse_fit import DiffuseFit, fit_diffuse, fitted, needs_fit
 from relume.lightstage.relighting.interpolation import NearestLight, Remainder, lights_width
 from relume.lightstage.relighting.stage_lighting import StageLighting
 from relume.lightstage.relighting.voronoi_cells import even_directions
 from relume.scene.lights import DistantLight
+from relume.scene.materials.materials import Diffuse
 from relume.sphere.directions import normalised
 from relume.sphere.environment_map import EnvironmentMap
 from small_stages import ALBEDO, camera, lit, normals
+from solids import sphere
 
 OLAT = Path(__file__).resolve().parents[4] / "shared" / "data" / "olat" / "uw_psm"
 EVEN = even_directions(60)
@@ -176,3 +178,12 @@ def test_the_outermost_light_of_a_real_set_is_no_worse_than_the_nearest_photogra
         np.einsum("n,npc->pc", directions[0] @ np.linalg.pinv(lights.directions), pictures[1:, subject]), 0
     )
     assert error(found, truth) < min(limit, error(nearest, truth), error(plain, truth))
+
+
+def test_where_a_mesh_cannot_be_used_the_warning_names_the_fit() -> None:
+    mesh = sphere(Diffuse((0.5, 0.5, 0.5)), centre=(0.0, 0.0, 0.0), fine=1)
+    with pytest.warns(UserWarning) as said:
+        relight(BALL, lamp(normalised([0.5, 0.2, -0.8])), mesh=SubjectMesh((mesh,), required=False))
+    lines = [str(each.message) for each in said]
+    assert any("is not used: the stage has no camera" in line for line in lines)
+    assert any("a matte surface fitted to each pixel gives it instead" in line for line in lines)

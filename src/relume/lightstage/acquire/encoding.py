@@ -9,7 +9,7 @@ import numpy as np
 
 from relume.errors import InvalidStage
 from relume.image.colour import decode_srgb
-from relume.image.colour_space import colour_space_of, in_rec709
+from relume.image.colour_space import colour_space_of, in_rec709, response_of
 from relume.image.photograph import Photograph
 from relume.image.radiance import RadianceMap
 from relume.image.response import Response
@@ -46,8 +46,13 @@ class PhotographEncoding:
         except (OSError, UnicodeDecodeError, ValueError) as error:
             raise InvalidStage(f"{path}: {error}; give the response file that a merge wrote") from None
 
-    def response(self, levels: int, name: str) -> Response:
-        """As a response of so many values, whose white is 1 where nothing was measured; `name` is for messages."""
+    def response(self, levels: int, name: str, photograph: Photograph | None = None) -> Response:
+        """As a response of so many values, whose white is 1 where nothing was measured; `name` is for messages.
+
+        photograph : whose profile says what its values are where they are "srgb"
+        """
+        if self.name == "srgb" and photograph is not None and (own := response_of(photograph)) is not None:
+            return own
         if self.measured is not None:
             if self.measured.levels != levels:
                 raise InvalidStage(

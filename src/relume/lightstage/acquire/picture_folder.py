@@ -170,8 +170,8 @@ class PictureFolder:
         bracket = read_bracket(paths, times=None if self.exposures is None else self.exposures[index], sidecars=False)
         levels = int(np.iinfo(bracket.photographs[0].pixels.dtype).max) + 1
         # `merge_brackets` gives the same values; its checks would take some times as long, for every light again.
-        merged = merge(bracket, self.encoding.response(levels, str(paths[0])))
-        merged = in_rec709(merged, bracket.photographs[0])
+        first = bracket.photographs[0]
+        merged = in_rec709(merge(bracket, self.encoding.response(levels, str(paths[0]), first)), first)
         clipped = merged.clipped if merged.clipped is not None else np.zeros(merged.radiance.shape[:2], np.uint8)
         radiance = np.where((clipped == OUTSIDE)[..., None], np.float32(0), merged.radiance)
         return _Picture(radiance, clipped == SATURATED)

@@ -74,6 +74,9 @@ def _parsed(profile: bytes, levels: int) -> Profile | None:
         curves = np.column_stack([_curve(tags[name], codes) for name in (b"rTRC", b"gTRC", b"bTRC")])
     if not np.all(np.isfinite(curves)) or curves.min() < -1 or curves.max() > 2:
         return None
+    # White is light, and more than black.
+    if np.any(curves[-1] <= np.maximum(curves[0], 0)):
+        return None
     return Profile(_primaries(colorants, tags.get(b"chad")), curves.astype(np.float32))
 
 
