@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from importlib import import_module
 from pathlib import Path
 
 import pytest
@@ -133,3 +134,17 @@ def test_an_export_names_no_report(monkeypatch, tmp_path, capsys):
     monkeypatch.setattr(rl, "export_shot", lambda *_: Made, raising=False)
     said = printed(["insert", ROOM / "shot.toml", "-o", tmp_path, "--to", "blender"], capsys)
     assert "2 lesser doubts: -v shows them" in said.err and "report.html" not in said.err
+
+
+@pytest.mark.parametrize("said_before", [False, True])
+def test_the_report_is_named_only_for_what_it_holds(said_before, monkeypatch, tmp_path, capsys):
+    import relume as rl
+
+    def made(*_):
+        if said_before:
+            rl.errors.warn("not of the job", 0.001)
+        return [Doubt(f"doubt {number}", 0.01 * number) for number in range(1, 4)]
+
+    monkeypatch.setattr(import_module("relume.cli.insert"), "inserted", made)
+    said = printed(["insert", ROOM / "shot.toml", "-o", tmp_path], capsys).err
+    assert ("report.html" in said) is not said_before and "-v shows" in said

@@ -112,3 +112,8 @@ def test_what_is_no_shot_is_not_written(place: Path) -> None:
     with pytest.raises(InvalidShot, match="rim"):
         new(place, place / "out" / "shot.toml", rim=(5.0, 6.0, -7.5))
     assert not (place / "out").exists()
+
+
+def test_a_folder_as_plate_is_said_to_be_one(place: Path) -> None:
+    with pytest.raises(UnreadableFile, match=r"side: a folder; give the files in it, like .*side/\*"):
+        Shot.new(None, plate=[place / "side"], balls=[place / "side"], objects=[CUBE], radius=0.06)

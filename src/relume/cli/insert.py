@@ -127,7 +127,8 @@ def insert(
         else:
             found = inserted(table, out, output, threads, restart)
         # What of it to doubt.
-        page = None if dry_run or to is not None else out / "report.html"
+        # The report holds what the job itself doubts, not what was said before and after it.
+        page = None if dry_run or to is not None or doubts else out / "report.html"
         finish(output, [*doubts, *found], accept=accept or dry_run, rest=page)
 
 

@@ -122,9 +122,13 @@ def on_one_scale(shot: Shot, calibrated: Calibrated, camera: Camera) -> Calibrat
         )
     elif seen is not None and seen.spread < SPREAD and abs(np.log2(seen.scale)) > DOUBTED:
         direction, times = ("bright", seen.scale) if seen.scale > 1 else ("dark", 1 / seen.scale)
+        if shot.light.map is None:
+            what, why = "the ball's photographs", "were both taken in one light, at the exposures that they hold?"
+        else:
+            what, why = f"{shot.light.map}", "are both on one scale, of one light?"
         warn(
-            f"light: the plate shows the same places {times:.2g} times as {direction} as the ball's photographs; were "
-            "both taken in one light, at the exposures that they hold? If not, give light.scale",
+            f"light: the plate shows the same places {times:.2g} times as {direction} as {what}; {why} If not, give "
+            "light.scale",
             effect=abs(seen.scale - 1),
         )
     elif seen is not None and seen.alike and seen.spread < SAME and seen.scale > LOST and shot.light.ball is not None:

@@ -116,6 +116,8 @@ def _names(folder: Path, paths: Sequence[Path], *, patterns: bool = True) -> str
     """Paths as TOML, relative to the folder; what would be a pattern is escaped where patterns are read."""
     names = []
     for path in paths:
+        if path.is_dir():
+            raise UnreadableFile(f"{path}: a folder; give the files in it, like {path.as_posix()}/*")
         if not path.is_file():
             raise UnreadableFile(f"{path}: no such file; check the path")
         try:
