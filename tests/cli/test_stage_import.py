@@ -603,7 +603,7 @@ def test_what_cannot_be_is_refused_in_one_line(stage, options, said, tmp_path, c
 def test_a_ball_that_is_not_there_is_not_found(tmp_path, capsys):
     folder = plain(tmp_path / "shots", (60, 60))
     command = ["stage", "import", str(folder), "-o", str(tmp_path / "a.zarr"), "--ball", "find"]
-    assert "no mirrored ball found" in refused(command, capsys)
+    assert f"{folder}: no ball found; it must be round" in refused(command, capsys)
 
 
 def test_flare_without_a_camera_says_how_to_give_one(ball_shots, tmp_path, capsys):
