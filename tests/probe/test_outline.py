@@ -13,8 +13,9 @@ from relume.errors import BallNotFound
 from relume.image.colour import decode_srgb
 from relume.image.files import read_photograph
 from relume.probe.ball.outline import find_outline
-from relume.probe.ball.rim_selection import picked_rim
+from relume.probe.ball.rim_selection import picked_rim, settled
 from relume.probe.ball.silhouette import Outline, outline_of_circle
+from relume.probe.ball.windows import Pyramid
 from relume.probe.clipped_light import linear
 
 
@@ -263,6 +264,34 @@ def test_a_bright_band_inside_the_rim_is_not_taken_for_it_and_is_reported():
 
 def test_a_rim_without_a_rival_is_found_without_a_doubt():
     assert find_outline(drawing(240, 200, (118.3, 101.7), 60.0)).rivals == ()
+
+
+def on_paving(centre: tuple[float, float], radius: float, moved: tuple[float, float, float]) -> np.ndarray:
+    """A ball that mirrors the ground it lies on: hardly a half of its rim is seen, part of that beside strong edges.
+
+    moved : pixels right, down and outward to another circle, of which chance shows as much in a small picture
+    """
+    side = np.arange(1100) + 0.5
+    x, y = side[None] - centre[0], side[:, None] - centre[1]
+    part = (np.arctan2(y, x) / (2 * np.pi)) % (1 / 8)
+
+    def darker(right: float, down: float, out: float, arcs: np.ndarray, step: float) -> np.ndarray:
+        depth = radius + out - np.hypot(x - right, y - down)
+        return 1 - step * arcs * np.clip(depth + 0.5, 0, 1) * np.exp(-np.maximum(depth, 0) / 60)
+
+    beside = (part >= 0.05) & (part < 0.07)
+    light = darker(0, 0, 0, (part < 0.035) | beside, 0.06) * darker(0, 0, -9.5, beside, 0.5)
+    light *= darker(*moved, (part >= 0.07) & (part < 0.097), 0.2)
+    light *= np.exp(np.random.default_rng(3).normal(0, 0.003, light.shape))
+    return np.repeat(light[..., None], 3, axis=2).astype(np.float32)
+
+
+def test_where_a_small_picture_shows_two_rims_alike_the_fine_one_decides():
+    centre, radius, (right, down, out) = (551.3, 548.6), 480.0, (20.0, -4.0, -18.0)
+    pyramid = Pyramid.of(on_paving(centre, radius, (right, down, out)), 9000.0)
+    found = settled(pyramid, outline_of_circle(centre[0] + right, centre[1] + down, radius + out))
+    assert (*found.centre, found.radius) == pytest.approx((*centre, radius), abs=0.5)
+    assert found.rivals == ()
 
 
 def test_what_is_picked_roughly_is_brought_to_the_rim_and_not_to_a_band():

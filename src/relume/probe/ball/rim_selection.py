@@ -15,7 +15,7 @@ from scipy.ndimage import gaussian_filter, maximum_filter1d
 
 from relume.errors import warn
 from relume.probe.ball.edge_tracking import REACH, evened, follow, profiles, refined, robust_cone
-from relume.probe.ball.silhouette import RAYS, TELEPHOTO, Outline, cone_through, outline_of
+from relume.probe.ball.silhouette import RAYS, TELEPHOTO, Outline, cone_through, outline_of, outline_of_circle
 from relume.probe.ball.windows import Pyramid, outline_within, outline_without
 
 SOUGHT = 0.1
@@ -42,6 +42,9 @@ FARTHER = 0.4
 """Support that an ellipse farther out has at least: in a noisy dark picture curves reach 0.37 by chance."""
 RIVALLING = 0.9
 """Support, against the chosen one, from which on another ellipse makes the choice a doubt."""
+PLAINLY = 1.1
+"""Coverage in a finer picture, against the chosen one's, from which on a rival outside it is the rim: 1.2 of a ball on
+sunlit paving, whose rim divides paving from paving; of curves that chance made it is below 1."""
 APART = 0.02
 """Least distance, in radii, of ellipses that are two curves and not one seen twice; at least `LEAST_APART` pixels."""
 LEAST_APART = 1.5
@@ -115,7 +118,7 @@ def settled(pyramid: Pyramid, outline: Outline) -> Outline:
         cone = cone_through(rough.points, window.size, window.focal_length)
         first = follow(picture, cone, window.focal_length, REACH[:2], window.size) or rough
         outline = outline_without(window, outermost(picture, first, window.focal_length, window.size), pyramid)
-    return _finely(pyramid, outline)
+    return _decided(pyramid, _finely(pyramid, outline))
 
 
 def picked_rim(
@@ -165,6 +168,37 @@ def _finely(pyramid: Pyramid, outline: Outline) -> Outline:
     moved = np.hypot(found.centre[0] - outline.centre[0], found.centre[1] - outline.centre[1])
     near = moved + abs(found.radius - outline.radius) < REACH[1] * outline.radius
     return found if near else outline
+
+
+def _decided(pyramid: Pyramid, outline: Outline) -> Outline:
+    """The one of an outline and its rivals outside it that a finer picture shows plainly best; itself where none is.
+
+    The rim's edge is as sharp as the lens, while stains, joints and noise, which make chance curves in a small picture,
+    come apart in a finer one. Curves farther in are reflections, however well they are seen.
+    """
+    if outline.radius <= SELECTED_AT or not outline.rivals:
+        return outline
+    window = pyramid.about((*outline.centre, outline.radius), FOLLOWED_AT, 1.1)
+    picture, least = evened(window.light), max(APART * outline.radius, LEAST_APART)
+    seen = [outline]
+    for x, y, radius in outline.rivals:
+        rough = outline_of_circle(*window.part(np.array([x, y])).tolist(), radius * window.factor)
+        cone = cone_through(rough.points, window.size, window.focal_length)
+        found = follow(picture, cone, window.focal_length, REACH[1:], window.size)
+        if found is not None:
+            seen.append(outline_without(window, found, pyramid))
+    places = [np.array([*each.centre, each.radius]) for each in seen]
+    outside = [each for each, at in zip(seen, places, strict=True) if _outside(at - places[0])]
+    best = max(outside, key=lambda each: each.coverage, default=outline)
+    if best.coverage < PLAINLY * outline.coverage:
+        return outline
+    circles = [(float(x), float(y), float(radius)) for x, y, radius in places]
+    rivals = tuple(
+        circle for circle, each in zip(circles, seen, strict=True)
+        if each.coverage > RIVALLING * best.coverage
+        and _distance(np.array(circle), np.array([*best.centre, best.radius])) > least
+    )  # fmt: skip
+    return replace(best, rivals=rivals)
 
 
 def _curves(
@@ -217,9 +251,7 @@ def _outer(curves: _Curves) -> int:
     own = (_distance(curves.offsets, np.zeros(3)) < curves.apart) & enough
     first = int(np.argmax(np.where(own, curves.support, 0))) if own.any() else 0
     enough &= curves.support >= FARTHER
-    # An ellipse lies outside another one over most of it where it is larger by a third of what it is moved by.
-    beyond = curves.offsets - curves.offsets[first]
-    farther = np.flatnonzero(enough & (beyond[:, 2] > 0.3 * np.hypot(beyond[:, 0], beyond[:, 1])))
+    farther = np.flatnonzero(enough & _outside(curves.offsets - curves.offsets[first]))
     return int(max(farther, key=lambda c: curves.offsets[c][2], default=first))
 
 
@@ -258,6 +290,11 @@ def _supports(near: np.ndarray, normals: np.ndarray, steps: np.ndarray, offsets:
         place = offsets[:, 2] + offsets[:, 0] * normal[0] + offsets[:, 1] * normal[1]
         support += row[np.clip(np.rint((place - steps[0]) / STEP).astype(np.intp), 0, len(steps) - 1)]
     return support / len(normals[::2])
+
+
+def _outside(moved: np.ndarray) -> np.ndarray:
+    """Whether ellipses moved so from another one, (…, 3), lie outside it over most of them: larger by a third of it."""
+    return moved[..., 2] > 0.3 * np.hypot(moved[..., 0], moved[..., 1])
 
 
 def _distance(offsets: np.ndarray, other: np.ndarray) -> np.ndarray:
