@@ -182,7 +182,8 @@ def _decided(pyramid: Pyramid, outline: Outline) -> Outline:
     picture, least = evened(window.light), max(APART * outline.radius, LEAST_APART)
     seen = [outline]
     for x, y, radius in outline.rivals:
-        rough = outline_of_circle(*window.part(np.array([x, y])).tolist(), radius * window.factor)
+        across, down = window.part(np.array([x, y])).tolist()
+        rough = outline_of_circle(across, down, radius * window.factor)
         cone = cone_through(rough.points, window.size, window.focal_length)
         found = follow(picture, cone, window.focal_length, REACH[1:], window.size)
         if found is not None:
