@@ -24,8 +24,9 @@ LONGEST = ["test_room_truth.py", "test_mitsuba_insert.py", "test_insert.py", "te
 LONG = (
     *("cli/*", "project/*", "report/*", "physics/*", "image/test_corpus*", "test_examples.py", "test_architecture.py"),
     *("renderers/*mitsuba*", "renderers/test_renderer.py", "renderers/test_environment.py", "renderers/test_sheet.py"),
-    *("renderers/test_accumulation.py", "renderers/test_filters.py", "renderers/test_mapped.py"),
-    *("renderers/test_whitted_paper.py", "renderers/test_whitted_materials.py", "renderers/test_miller_hoffman.py"),
+    *("renderers/test_accumulation.py", "renderers/test_allocation.py", "renderers/test_filters.py"),
+    *("renderers/test_mapped.py", "renderers/test_whitted_paper.py", "renderers/test_whitted_materials.py"),
+    "renderers/test_miller_hoffman.py",
     *("composite/test_reflectance.py", "composite/test_gloss.py", "scene/test_moving.py", "scene/test_grid.py"),
     *("probe/test_outline.py", "probe/test_registration.py", "probe/test_ball.py", "probe/test_assembled.py"),
     *("probe/test_silhouette.py", "probe/test_panorama.py", "light/test_reflection.py", "light/test_glossy.py"),
