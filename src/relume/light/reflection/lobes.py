@@ -7,6 +7,7 @@ width in radians, for whoever chooses sampling.
 
 from __future__ import annotations
 
+from abc import ABC, abstractmethod
 from collections.abc import Callable
 from dataclasses import dataclass
 from functools import cached_property
@@ -130,7 +131,7 @@ VARNISH = 0.5
 
 
 @dataclass(frozen=True)
-class _OfFacets(_Lobe):
+class _OfFacets(_Lobe, ABC):
     """A lobe about R whose form is a BRDF's seen along the normal, scaled to the integral k."""
 
     alpha: float
@@ -141,9 +142,9 @@ class _OfFacets(_Lobe):
         super().__post_init__()
         check_alpha(self.name, self.alpha)
 
+    @abstractmethod
     def _shape(self, cosine: np.ndarray) -> np.ndarray:
         """The form, of any size."""
-        raise NotImplementedError
 
     def __call__(self, cosine: np.ndarray) -> np.ndarray:
         return self._scale * self._shape(cosine)
