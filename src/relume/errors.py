@@ -231,10 +231,12 @@ class Doubt:
 
 
 def per_cent(effect: float) -> str:
-    """An effect in words: about 7 %, about 30 %, more than 100 %."""
+    """An effect in words: about 7 %, about 30 %, more than 100 %; what is below `WRONG` never reads as that."""
     if effect > 1:
         return "more than 100 %"
-    return f"about {100 * effect:.1g} %" if effect < 0.095 else f"about {10 * round(10 * effect)} %"
+    if effect < 0.095:
+        return f"about {100 * effect:.1g} %"
+    return f"about {max(10, 5 * int(20 * effect + 1e-9))} %"
 
 
 def ranked(doubts: Iterable[Doubt]) -> tuple[Doubt, ...]:

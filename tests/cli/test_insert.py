@@ -87,6 +87,10 @@ def test_what_makes_the_result_wrong_ends_with_4_unless_accepted(capsys):
     _, raised = ended(capsys, WRONG, Doubt("worse", 2.0), quiet=True)
     assert raised is not None and raised.startswith("2 doubts: worse [more than 100 % of the light] | wrong")
     assert ended(capsys, Doubt("just below", 0.2499))[1] is None
+    words = [Doubt("it", effect).words for effect in (0.07, 0.096, 0.2499, 0.25, 0.3, 0.999, 1.01)]
+    assert [each.removeprefix("it [").removesuffix(" of the light]") for each in words] == [
+        *("about 7 %", "about 10 %", "about 20 %", "about 25 %", "about 30 %", "about 95 %", "more than 100 %")
+    ]
 
 
 def test_doubts_are_ranked_by_their_effect_and_each_stands_once():
