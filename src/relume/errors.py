@@ -29,8 +29,10 @@ import re
 import sys
 import warnings
 from collections.abc import Iterable
+from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
+from types import TracebackType
 
 _PACKAGE = f"{Path(__file__).parent}{os.sep}"
 # Unicode: C0, DEL and C1; line and paragraph separators; embeddings, overrides and isolates of direction.
@@ -252,3 +254,28 @@ def ranked(doubts: Iterable[Doubt]) -> tuple[Doubt, ...]:
 def doubt_of(warning: object) -> Doubt:
     """A caught warning's message as a doubt."""
     return Doubt(str(warning), warning.effect if isinstance(warning, DoubtWarning) else None)
+
+
+class GatheredDoubts:
+    """Gathers what is warned of inside `with GatheredDoubts() as gathered` as doubts: `gathered.doubts` afterwards.
+
+    Where the job inside fails there is no result to hold them, and they are warnings again before its error: they often
+    say why it failed.
+    """
+
+    doubts: tuple[Doubt, ...] = ()
+
+    def __enter__(self) -> GatheredDoubts:
+        self._catching = warnings.catch_warnings(record=True)
+        self._caught = self._catching.__enter__()
+        warnings.simplefilter("always", UserWarning)
+        return self
+
+    def __exit__(self, kind: type[BaseException] | None, error: BaseException | None, at: TracebackType | None) -> None:
+        self._catching.__exit__(kind, error, at)
+        self.doubts = tuple(doubt_of(each.message) for each in self._caught or ())
+        if not isinstance(error, Exception):
+            return
+        for doubt in ranked(self.doubts):
+            with suppress(DoubtWarning):  # where warnings are errors: the job's own error is the one to raise
+                warn(doubt.line, doubt.effect)

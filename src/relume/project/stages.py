@@ -9,7 +9,6 @@ from __future__ import annotations
 import importlib
 import json
 import time
-import warnings
 import zipfile
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
@@ -19,7 +18,7 @@ from typing import Any, TypeVar
 
 import numpy as np
 
-from relume.errors import Doubt, OutputNotWritten, doubt_of, warn
+from relume.errors import Doubt, GatheredDoubts, OutputNotWritten, warn
 from relume.image.files import replacing
 from relume.renderers.progressive.fingerprint import fingerprint, program
 
@@ -87,10 +86,9 @@ class Steps:
         """The result of a step, made now or kept from an earlier run; its warnings are given either way."""
 
         def with_warnings() -> tuple[Result, tuple[Doubt, ...]]:
-            with warnings.catch_warnings(record=True) as caught:
-                warnings.simplefilter("always")
+            with GatheredDoubts() as gathered:
                 result = make()
-            return result, tuple(doubt_of(each.message) for each in caught)
+            return result, gathered.doubts
 
         with self.timed(name):
             (result, doubts), was_kept = self.stages.get(name, made_from, with_warnings)

@@ -6,7 +6,6 @@ finds is finer, and may fail where this does not, but seldom the other way round
 
 from __future__ import annotations
 
-import warnings
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -16,7 +15,7 @@ import numpy as np
 from relume.capture.brackets.merging import BracketSource
 from relume.capture.exposure.bracket import Bracket
 from relume.capture.exposure.consistency import check
-from relume.errors import BallNotFound, Doubt, doubt_of, ranked
+from relume.errors import BallNotFound, Doubt, GatheredDoubts, ranked
 from relume.image import files
 from relume.image.photograph import Photograph
 from relume.image.radiance import RadianceMap
@@ -55,8 +54,7 @@ def check_shot(shot: Shot, *, progress: Callable[[str, float], None] = lambda st
     """
     found: list[Doubt] = []
     facts: dict[str, object] = {}
-    with warnings.catch_warnings(record=True) as caught:
-        warnings.simplefilter("always", UserWarning)
+    with GatheredDoubts() as gathered:
         # The photographs and their times.
         progress("photographs", 0.0)
         meshes = placed_meshes(shot)
@@ -97,7 +95,7 @@ def check_shot(shot: Shot, *, progress: Callable[[str, float], None] = lambda st
         progress("camera", 1.0)
     facts["objects"] = {mesh.name: _extent(mesh.vertices) for mesh in meshes}
     facts["pixels"], facts["samples"] = f"{size[0]} × {size[1]}", shot.render.samples
-    return ShotCheck(facts, ranked([*(doubt_of(each.message) for each in caught), *found]))
+    return ShotCheck(facts, ranked([*gathered.doubts, *found]))
 
 
 def _times(source: BracketSource) -> dict[str, str]:

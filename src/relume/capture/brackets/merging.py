@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import os
-import warnings
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -22,7 +21,7 @@ from relume.capture.raw.merging import RawCalibration, RawSource
 from relume.capture.response.camera_profile import CameraProfile, profile_of
 from relume.capture.scale.absolute import METER, Scale
 from relume.capture.scale.readings import ChannelGains
-from relume.errors import NotABracket
+from relume.errors import GatheredDoubts, NotABracket
 from relume.image import files
 from relume.image.files.signatures import kind_of
 from relume.image.photograph import Exposure, RawPhotograph
@@ -57,8 +56,7 @@ def merge_brackets(
         profile = CameraProfile("", profile)
     settings = _with_profile(settings, profile)
     steps = Steps(progress)
-    with warnings.catch_warnings(record=True) as caught:
-        warnings.simplefilter("always", UserWarning)
+    with GatheredDoubts() as gathered:
         by_camera = _by_camera(_opened(_listed(brackets), times))
         if settings.placed and len(by_camera) > 1:
             refuse_cameras(settings.placed[0], by_camera)
@@ -70,7 +68,7 @@ def merge_brackets(
             named = (replace(bracket, camera=name) for bracket in _compared(merged, profile))
             found |= zip(sources, named, strict=True)
     in_order = tuple(found[index] for index in sorted(found))
-    lines = [str(each.message) for each in caught]
+    lines = [each.line for each in gathered.doubts]
     if settings.placed and len(in_order) > 1:
         names, first = ", ".join(settings.placed), in_order[0].name
         lines.append(f"{names}: read in {first}, the first of {len(in_order)} brackets, and used for all")

@@ -6,7 +6,6 @@ is added to the plate (Debevec 1998, §6).
 
 from __future__ import annotations
 
-import warnings
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
@@ -15,6 +14,7 @@ from xml.sax.saxutils import quoteattr
 
 import numpy as np
 
+from relume.errors import GatheredDoubts
 from relume.export.lamps import figure, figures
 from relume.export.mitsuba.lights import sphere
 from relume.export.parts import physical
@@ -166,8 +166,7 @@ def write(value: PreparedShot, folder: Path) -> tuple[str, ...]:
 
 def _words(scene: Scene, value: PreparedShot) -> tuple[dict[str, Any], tuple[str, ...]]:
     """The scene as `load_dict` takes it, bodies with what fills them, and notes on what no plugin holds."""
-    with warnings.catch_warnings(record=True) as caught:
-        warnings.simplefilter("always", UserWarning)
+    with GatheredDoubts() as gathered:
         words = scene_dictionary(Notebook(), scene, value.camera)
         lost = []
         for index, shape in enumerate((*scene.local, *scene.objects)):
@@ -180,7 +179,7 @@ def _words(scene: Scene, value: PreparedShot) -> tuple[dict[str, Any], tuple[str
                 parts = entry.parts if isinstance(entry, MeshWords) else entry
                 parts["bsdf"], parts["interior"] = bsdf(Notebook(), material, media=True), interior(material)
     # What the renderer leaves out of materials is listed by `_lost`: here bodies are filled.
-    others = [str(each.message) for each in caught if not str(each.message).startswith("not rendered of material")]
+    others = [each.line for each in gathered.doubts if not each.line.startswith("not rendered of material")]
     return words, (*lost, *others)
 
 

@@ -2,11 +2,10 @@
 
 from __future__ import annotations
 
-import warnings
 from dataclasses import dataclass
 from pathlib import Path
 
-from relume.errors import UnreadableFile, warn
+from relume.errors import GatheredDoubts, UnreadableFile, warn
 from relume.image import files
 from relume.image.colour import luminance
 from relume.image.colour_space import colour_space_of, name_of
@@ -143,14 +142,13 @@ def paint_over(picture: RadianceMap, slice_: PaintedSlice, name: str = "the map"
 
 def _opaque_srgb(path: Path) -> Photograph:
     """A painted file; raises UnreadableFile where it is transparent or not sRGB."""
-    with warnings.catch_warnings(record=True) as caught:
-        warnings.simplefilter("always", UserWarning)
+    with GatheredDoubts() as gathered:
         photograph = files.read_photograph(path)
-    for warning in caught:
-        text = str(warning.message)
+    for doubt in gathered.doubts:
+        text = doubt.line
         if "alpha is left out" in text or "colour profile" in text:
             raise UnreadableFile(f"{text}; flatten it and save it in sRGB, as the way back needs")
-        warn(text)
+        warn(text, doubt.effect)
     if colour_space_of(photograph) is not None:
         raise UnreadableFile(f"{path}: in {name_of(photograph)}; save it in sRGB, as the way back needs")
     return photograph

@@ -3,14 +3,13 @@
 from __future__ import annotations
 
 import math
-import warnings
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 
 from relume.capture.brackets.settings import MergeSettings
 from relume.capture.response.camera_profile import CameraProfile
-from relume.errors import NotAPanorama, UnreadableFile
+from relume.errors import GatheredDoubts, NotAPanorama, UnreadableFile
 from relume.probe.panorama.balance import Balancing
 from relume.probe.panorama.matching import Matching
 from relume.probe.panorama.stitching import Panorama, stitch_panorama
@@ -81,9 +80,7 @@ def panorama_from_files(
     """
     known = settings.known(paths)
     notes: list[str] = []
-    with warnings.catch_warnings(record=True) as caught:
-        warnings.simplefilter("always", UserWarning)
-
+    with GatheredDoubts() as gathered:
         # Radiance, lens and orientation of each view.
         sources = read_sources(paths, profile=profile, settings=settings.merge)
         if assumed := [source.name for source in sources if source.assumed]:
@@ -131,5 +128,5 @@ def panorama_from_files(
     doubts = list(result.warnings)
     if result.unseen > HOLE * 4 * math.pi:
         doubts.append(f"{100 * result.unseen / (4 * math.pi):.0f} % of the sphere is seen by no view; add views")
-    lines = dict.fromkeys([*(str(each.message) for each in caught), *notes])
+    lines = dict.fromkeys([*(each.line for each in gathered.doubts), *notes])
     return replace(result, notes=tuple(lines), warnings=tuple(doubts))

@@ -6,11 +6,10 @@ photographs → calibrated → place → change → composite.
 
 from __future__ import annotations
 
-import warnings
 from collections.abc import Callable
 from pathlib import Path
 
-from relume.errors import doubt_of, ranked
+from relume.errors import GatheredDoubts, ranked
 from relume.project.insertion.agreement import on_one_scale
 from relume.project.insertion.composite import composited, development_of
 from relume.project.insertion.doubts import doubts_on
@@ -57,8 +56,7 @@ def insert(
     out = Path(out)
     require_folder(out)
     steps = Steps(Stages(out / "stages", others), progress)
-    with warnings.catch_warnings(record=True) as caught:
-        warnings.simplefilter("always", UserWarning)
+    with GatheredDoubts() as gathered:
         # Photographs → calibrated → place → change → composite.
         meshes = placed_meshes(shot)
         with steps.timed("photographs"):
@@ -77,7 +75,7 @@ def insert(
             *doubts_on(calibrated, place, composite.change.matte if meshes else None),
         )
     # Nothing but kept stages was written until here.
-    doubts = ranked([*(doubt_of(each.message) for each in caught), *doubts])
+    doubts = ranked([*gathered.doubts, *doubts])
     result = Inserted(calibrated, place, composite, steps.seconds, tuple(steps.kept), doubts)
     with steps.timed("write"):
         write_outcome(result, out)

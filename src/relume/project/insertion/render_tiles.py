@@ -8,7 +8,6 @@ with a border that its neighbours show too, and put away at once.
 
 from __future__ import annotations
 
-import warnings
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, fields, replace
 from math import ceil, sqrt
@@ -16,7 +15,7 @@ from typing import Any
 
 import numpy as np
 
-from relume.errors import Doubt, doubt_of, warn
+from relume.errors import Doubt, GatheredDoubts, warn
 from relume.project.stages import Stages
 from relume.renderers.mitsuba.differential import Differential
 from relume.renderers.progressive.accumulation import RenderSession, forget, pass_seed
@@ -141,13 +140,12 @@ def change_in_tiles(
                  own: Differential = own) -> tuple[Change, tuple[Doubt, ...]]:  # fmt: skip
             low, high = begun[index : index + 2]
             # Its warnings are put away with it, for a render that goes on.
-            with warnings.catch_warnings(record=True) as caught:
-                warnings.simplefilter("always")
+            with GatheredDoubts() as gathered:
                 change = finish(own.change(
                     scene, **part(larger.window), seed=pass_seed(seed, index), watch=session,
                     plate=plate[larger.place], progress=lambda share: progress(float(low + share * (high - low))),
                 ))  # fmt: skip
-            return change, tuple(doubt_of(each.message) for each in caught)
+            return change, gathered.doubts
 
         (change, said), _ = stages.get(f"render_tile_{index:03d}", [made_from, index, samples], make)
         doubts += said

@@ -8,7 +8,6 @@ from __future__ import annotations
 
 import json
 import time
-import warnings
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -16,7 +15,7 @@ from typing import Any
 
 import numpy as np
 
-from relume.errors import Doubt, doubt_of, ranked
+from relume.errors import Doubt, GatheredDoubts, ranked
 from relume.image import files
 from relume.project.insertion.frame_shots import at_frame, frames_of
 from relume.project.insertion.insert import insert
@@ -162,11 +161,10 @@ def _one(shot: Shot, number: int, folder: Path, before: tuple[Path, ...], make: 
     # From here until all is written the frame counts as not made.
     (folder / _DONE).unlink(missing_ok=True)
     begun = time.perf_counter()
-    with warnings.catch_warnings(record=True) as caught:
-        warnings.simplefilter("always", UserWarning)
+    with GatheredDoubts() as gathered:
         found = make(shot, folder, before)
     seconds = time.perf_counter() - begun
-    doubts = ranked([*(doubt_of(each.message) for each in caught), *found])
+    doubts = ranked([*gathered.doubts, *found])
     sizes = {p.name: p.stat().st_size for p in sorted(folder.iterdir()) if p.is_file() and not p.name.startswith(".")}
     record = {"key": key, "files": sizes, "seconds": seconds, "doubts": [[each.line, each.effect] for each in doubts]}
     files.write_text(folder / _DONE, json.dumps(record, indent=1))
