@@ -118,15 +118,17 @@ def focal_length(field_of_view: float) -> float:
 
 
 def render(
-    path: Path, *, samples: int, seed: int, region: tuple[float, float, float, float] | None = None, bounces: int = 12
-) -> None:
-    """One picture, every path traced: nothing clamped, nothing denoised.
+    path: Path, *, samples: int, seed: int, region: tuple[float, float, float, float] | None = None, bounces: int = 12,
+    denoised: bool = False,
+) -> None:  # fmt: skip
+    """One picture, every path traced, nothing clamped.
 
     region : left, bottom, right and top as shares of the picture; black outside
+    denoised : by Cycles, which guides Open Image Denoise by albedo and normals
     """
     scene = bpy.context.scene
     cycles, settings = scene.cycles, scene.render.image_settings
-    cycles.device, cycles.samples, cycles.seed, cycles.use_denoising = "CPU", samples, seed, False
+    cycles.device, cycles.samples, cycles.seed, cycles.use_denoising = "CPU", samples, seed, denoised
     cycles.use_adaptive_sampling = False
     scene.render.use_border, scene.render.use_crop_to_border = region is not None, False
     if region is not None:

@@ -4,8 +4,8 @@
 
 BPY_PYTHON is a Python 3.11 with `pip install bpy "numpy<2" OpenEXR Pillow`. NAME is one of places.PLACES; FOLDER/NAME
 gets what a photographer brings home (plate/, plate_grid.jpg, ball_0/, ball_90/, objects/, tape.json) and truth/:
-plate.exr and with_all.exr, means of two seeds, with_all_1.exr and with_all_2.exr, each seed's own, mask_all.exr and
-shoot.json. Pictures in renders/ are kept, so the same command goes on after a stop.
+plate.exr, with_all.exr, the mean of its seeds, with_all_1.exr and with_all_2.exr, the means of half of them each,
+mask_all.exr and shoot.json. Pictures in renders/ are kept, so the same command goes on after a stop.
 """
 
 from __future__ import annotations
@@ -62,7 +62,7 @@ def mask(things: list[Any]) -> None:
     bpy.context.scene.world.node_tree.nodes["Background"].inputs["Strength"].default_value = 0.0
 
 
-def pictures(place: Place, folder: Path, samples: int, small: float) -> None:
+def pictures(place: Place, folder: Path, samples: int, seeds: int, small: float) -> None:
     """Renders what is not there yet; `small` divides the sizes, to try a place out.
 
     Plate and picture of one seed share what the objects do not change, noise and all, as relume's composite does.
@@ -72,8 +72,8 @@ def pictures(place: Place, folder: Path, samples: int, small: float) -> None:
         each.mkdir(parents=True, exist_ok=True)
     few = max(samples // 4, 16)
     jobs: list[tuple[str, int, int]] = [
-        ("plate", few, 1), ("plate_grid", few, 2), ("ball_0", few, 3), ("ball_90", few, 4), ("mask_all", 64, 5),
-        ("plate_1", samples, 6), ("with_all_1", samples, 6), ("plate_2", samples, 7), ("with_all_2", samples, 7),
+        ("plate", samples // 2, 1), ("plate_grid", few, 2), ("ball_0", few, 3), ("ball_90", few, 4), ("mask_all", 64, 5),
+        *((f"{name}_{i}", samples, 5 + i) for i in range(1, seeds + 1) for name in ("plate", "with_all")),
     ]  # fmt: skip
     for name, rays, seed in jobs:
         path = raw / f"{name}.exr"
@@ -94,7 +94,8 @@ def pictures(place: Place, folder: Path, samples: int, small: float) -> None:
                 write_glb(thing, folder / "objects" / f"{thing.name}.glb")
             if name == "mask_all":
                 mask(things)
-        render(path, samples=rays, seed=seed, region=place.region if name[-1] in "12" else None)
+        region = place.region if rays == samples else None
+        render(path, samples=rays, seed=seed, region=region, denoised=name == "plate")
         if is_ball:
             refine_sun(path, seed)
 
@@ -115,23 +116,23 @@ def refine_sun(path: Path, seed: int) -> None:
     write(path, np.where(inside, fine, pixels))
 
 
-def truths(folder: Path) -> None:
-    """plate.exr and with_all.exr, the means of two seeds; with_all_1.exr and _2.exr, each seed's own.
+def truths(folder: Path, seeds: int) -> None:
+    """plate.exr and with_all.exr, the mean of all seeds; with_all_1.exr and _2.exr, the means of each second one.
 
-    What a plate's noise is known to be, against the mean of both, is taken out of the picture of the same seed as far
-    as it is in there: a control variate, its weight the regression of one pair of differences on the other over
-    windows of nine pixels, 0 on the objects. Outside of the place's region there is one picture of few rays, which is
-    the plate and the truth alike.
+    The plate is denoised: it is what was photographed, whatever it shows, and noise of its own would stay in every
+    composite where its light goes. What a seed's plate differs by is taken out of the picture of the same seed as far
+    as it is in there: a control variate, its weight the regression of one's differences between seeds on the other's
+    over windows of nine pixels, 0 on the objects. Outside of the place's region the plate is the truth.
     """
-    raw = {name: read(folder / f"renders/{name}.exr") for name in
-           ("plate", "plate_1", "plate_2", "with_all_1", "with_all_2", "mask_all")}  # fmt: skip
-    inside = raw["plate_1"].any(-1, keepdims=True)
-    plate = np.where(inside, (raw["plate_1"] + raw["plate_2"]) / 2, raw["plate"])
-    there, without = raw["with_all_1"] - raw["with_all_2"], raw["plate_1"] - raw["plate_2"]
-    common, own = (uniform_filter(product, size=(9, 9, 1)) for product in (there * without, without**2))
+    names = ["plate", "mask_all", *(f"{name}_{i + 1}" for i in range(seeds) for name in ("plate", "with_all"))]
+    raw = {name: read(folder / f"renders/{name}.exr") for name in names}
+    plate, inside = raw["plate"], raw["plate_1"].any(-1, keepdims=True)
+    there, without = (np.stack([raw[f"{name}_{i + 1}"] for i in range(seeds)]) for name in ("with_all", "plate"))
+    scatter = without - without.mean(0)
+    common, own = (uniform_filter((each * scatter).sum(0), size=(9, 9, 1)) for each in (there - there.mean(0), scatter))
     share = np.clip(common / np.maximum(own, 1e-12), 0, 1) * (raw["mask_all"].mean(-1, keepdims=True) == 0)
-    seeds = [np.where(inside, raw[f"with_all_{i}"] - share * (raw[f"plate_{i}"] - plate), raw["plate"]) for i in (1, 2)]
-    done = {"plate": plate, "with_all": (seeds[0] + seeds[1]) / 2, "with_all_1": seeds[0], "with_all_2": seeds[1]}
+    each = np.where(inside, there - share * (without - plate), plate)
+    done = {"plate": plate, "with_all": each.mean(0), "with_all_1": each[::2].mean(0), "with_all_2": each[1::2].mean(0)}
     for name, pixels in {**done, "mask_all": raw["mask_all"]}.items():
         write(folder / f"truth/{name}.exr", pixels)
 
@@ -140,12 +141,13 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("name", choices=PLACES)
     parser.add_argument("folder", type=Path)
-    parser.add_argument("--samples", type=int, default=512, help="rays a pixel of each of the truth's two seeds")
+    parser.add_argument("--samples", type=int, default=512, help="rays a pixel of each of the truth's seeds")
+    parser.add_argument("--seeds", type=int, default=4, help="of the truth, two at least")
     parser.add_argument("--small", type=float, default=1.0, help="divides the plate's size, to try a place out")
     given = parser.parse_args()
     place, folder = PLACES[given.name], given.folder / given.name
-    pictures(place, folder, given.samples, given.small)
-    truths(folder)
+    pictures(place, folder, given.samples, given.seeds, given.small)
+    truths(folder, given.seeds)
     records(given.name, place, folder, photographs(given.name, place, folder))
 
 

@@ -4,12 +4,14 @@ from __future__ import annotations
 
 import warnings
 from dataclasses import dataclass, fields, is_dataclass
+from datetime import datetime
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
 
+from relume.image.photograph import Settings
 from relume.probe.ball.blending import Probe
 from relume.project.stages import Stages, Steps, packed, unpacked
 from relume.scene.materials.materials import Diffuse
@@ -55,7 +57,16 @@ def same(one: Any, other: Any) -> bool:
 
 @pytest.mark.parametrize(
     "value",
-    [LOCAL, PROBE, None, "text", (1, 2.5, [True, None]), {"a": (1 / 3, np.eye(2))}, (np.array(["é"]), float("inf"))],
+    [
+        LOCAL,
+        PROBE,
+        None,
+        "text",
+        (1, 2.5, [True, None]),
+        {"a": (1 / 3, np.eye(2))},
+        (np.array(["é"]), float("inf")),
+        Settings(datetime(2026, 11, 2, 10, 0, 3, 250_000), lens="50 mm"),
+    ],
     ids=lambda value: type(value).__name__,
 )
 def test_a_value_comes_back_to_the_bit(value: Any) -> None:

@@ -1,7 +1,7 @@
 """Results of steps, kept on disk under the hash of what made them, so that a second run redoes only what changed.
 
-A result is any value of frozen dataclasses, tuples, dictionaries, texts, numbers and arrays: it is kept as one .npz,
-its arrays by number and the rest as JSON.
+A result is any value of frozen dataclasses, tuples, dictionaries, texts, numbers, dates and arrays: it is kept as one
+.npz, its arrays by number and the rest as JSON.
 """
 
 from __future__ import annotations
@@ -13,6 +13,7 @@ import zipfile
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass, field, fields, is_dataclass
+from datetime import datetime
 from pathlib import Path
 from typing import Any, TypeVar
 
@@ -120,6 +121,8 @@ def packed(value: object) -> dict[str, np.ndarray]:
             return {type(value).__name__: [form(each) for each in value]}
         if isinstance(value, dict):
             return {"dict": [[form(key), form(each)] for key, each in value.items()]}
+        if isinstance(value, datetime):
+            return {"datetime": value.isoformat()}
         if is_dataclass(value) and not isinstance(value, type):
             parts = {each.name: form(getattr(value, each.name)) for each in fields(value) if each.init}
             return {"class": f"{type(value).__module__}:{type(value).__qualname__}", "fields": parts}
@@ -139,6 +142,8 @@ def unpacked(arrays: dict[str, np.ndarray]) -> Any:
             return arrays[form["array"]]
         if "class" in form:
             return _class(form["class"])(**{name: value(each) for name, each in form["fields"].items()})
+        if "datetime" in form:
+            return datetime.fromisoformat(form["datetime"])
         if "dict" in form:
             return {value(key): value(each) for key, each in form["dict"]}
         return tuple(map(value, form["tuple"])) if "tuple" in form else [value(each) for each in form["list"]]
