@@ -71,9 +71,10 @@ def pictures(place: Place, folder: Path, samples: int, seeds: int, small: float)
     for each in (raw, folder / "truth", folder / "objects"):
         each.mkdir(parents=True, exist_ok=True)
     few = max(samples // 4, 16)
+    truth = [(f"{name}_{i}", samples, 5 + i) for i in range(1, seeds + 1) for name in ("plate", "with_all")]
     jobs: list[tuple[str, int, int]] = [
-        ("plate", samples // 2, 1), ("plate_grid", few, 2), ("ball_0", few, 3), ("ball_90", few, 4), ("mask_all", 64, 5),
-        *((f"{name}_{i}", samples, 5 + i) for i in range(1, seeds + 1) for name in ("plate", "with_all")),
+        ("plate", samples // 2, 1), ("plate_grid", few, 2), ("ball_0", few, 3), ("ball_90", few, 4),
+        ("mask_all", 64, 5), *truth,
     ]  # fmt: skip
     for name, rays, seed in jobs:
         path = raw / f"{name}.exr"
@@ -94,7 +95,7 @@ def pictures(place: Place, folder: Path, samples: int, seeds: int, small: float)
                 write_glb(thing, folder / "objects" / f"{thing.name}.glb")
             if name == "mask_all":
                 mask(things)
-        region = place.region if rays == samples else None
+        region = place.region if (name, rays, seed) in truth else None
         render(path, samples=rays, seed=seed, region=region, denoised=name == "plate")
         if is_ball:
             refine_sun(path, seed)
