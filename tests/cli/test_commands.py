@@ -112,6 +112,11 @@ def test_a_fault_of_ours_is_one_line_too(monkeypatch, capsys):
 
     monkeypatch.setattr(relume.cli.info, "print_facts", broken)
     assert "fault in relume" in refused(["info", PLATE[0]], capsys, 1)
+    assert "Traceback" in printed(["info", PLATE[0], "-v"], capsys, 1).err
+
+
+def test_bad_input_has_no_traceback_with_verbose_either(capsys):
+    refused(["info", "absent.exr", "-v"], capsys)
 
 
 def test_the_installed_command_runs_and_loads_nothing_heavy_for_help():

@@ -14,7 +14,7 @@ CORNERS = np.array([[-1, 1, 0], [1, 1, 0], [1, -1, 0], [-1, -1, 0]], np.float32)
 TRIANGLES = np.array([0, 3, 2, 0, 2, 1], np.uint16)
 TEXTURE_POINTS = np.array([[0, 0], [1, 0], [1, 1], [0, 1]], np.float32)
 """glTF 2.0, §3.8.3: (0, 0) is the upper left corner of the image."""
-TYPES = {"float32": 5126, "uint16": 5123, "int16": 5122, "uint8": 5121}
+TYPES = {"float32": 5126, "uint16": 5123, "int16": 5122, "uint8": 5121, "int8": 5120}
 
 
 def square_glb(
@@ -85,6 +85,12 @@ def as_glb(header: dict[str, Any], blob: bytes = b"") -> bytes:
     if blob:
         chunks += struct.pack("<I4s", len(blob), b"BIN\0") + blob
     return struct.pack("<4sII", b"glTF", 2, 12 + len(chunks)) + chunks
+
+
+def parts_of(glb: bytes) -> tuple[dict[str, Any], bytes]:
+    """The header and the buffer of a .glb file."""
+    length = struct.unpack_from("<I", glb, 12)[0]
+    return json.loads(glb[20 : 20 + length]), glb[28 + length :]
 
 
 Channels = list[tuple[int, str, list[float], Any, str]]

@@ -50,9 +50,7 @@ def refuse(message: str, code: int, hint: str = "") -> int:
 
 
 def refuse_error(error: Exception, *, verbose: bool) -> int:
-    """Turn any error into one line and its exit code; with `verbose` where it arose comes before."""
-    if verbose and not isinstance(error, rl.errors.DoubtfulResult):
-        traceback.print_exc()
+    """Turn any error into one line and its exit code; with `verbose` where a fault of relume arose comes before."""
     if isinstance(error, rl.errors.OutputNotWritten):
         return refuse(str(error), 3)
     if isinstance(error, rl.errors.DoubtfulResult):
@@ -63,6 +61,8 @@ def refuse_error(error: Exception, *, verbose: bool) -> int:
         return refuse(str(error), 2)
     if isinstance(error, MemoryError):
         return refuse("not enough memory; use smaller pictures or fewer at a time", 2)
+    if verbose:
+        traceback.print_exc()
     return refuse(
         f"a fault in relume itself, please report it: {type(error).__name__}: {error}", 1, "-v shows where it arose"
     )

@@ -50,7 +50,7 @@ class GltfDocument:
         return self.buffer(view["buffer"])[start : start + view["byteLength"]]
 
     def accessor(self, index: int) -> np.ndarray:
-        """(count, width) float64; whole numbers stand for shares of their largest."""
+        """(count, width) float64; whole numbers said to be normalised stand for shares of their largest (§3.11)."""
         table = self.header["accessors"][index]
         if "sparse" in table or "bufferView" not in table:
             raise ValueError("sparse numbers are not read")
@@ -61,7 +61,8 @@ class GltfDocument:
         values = np.ndarray(
             (table["count"], width), kind, self.buffer(view["buffer"]), start, (stride, kind.itemsize)
         ).astype(np.float64)
-        return values if kind.kind == "f" else np.maximum(values / np.iinfo(kind).max, -1.0)
+        as_stored = kind.kind == "f" or not table.get("normalized")
+        return values if as_stored else np.maximum(values / np.iinfo(kind).max, -1.0)
 
     def fetched(self, uri: str) -> bytes:
         """What a URI of the file holds. Raises ValueError for a file outside of this one's folder."""

@@ -16,9 +16,10 @@ from relume.scene.materials.materials import Material
 READ = {
     "KHR_materials_transmission", "KHR_materials_ior", "KHR_materials_volume", "KHR_materials_clearcoat",
     "KHR_materials_sheen", "KHR_materials_anisotropy", "KHR_materials_specular", "KHR_materials_emissive_strength",
-    "KHR_materials_dispersion", "KHR_texture_transform", "EXT_texture_webp",
+    "KHR_materials_dispersion", "KHR_texture_transform", "EXT_texture_webp", "KHR_draco_mesh_compression",
+    "KHR_mesh_quantization",
 }  # fmt: skip
-"""Extensions of glTF that are read; a file that requires another, such as compressed vertices, is refused."""
+"""Extensions of glTF that are read; a file that requires another, such as EXT_meshopt_compression, is refused."""
 PARTS = {
     "name", "extras", "doubleSided", "pbrMetallicRoughness", "extensions", "alphaMode", "alphaCutoff", "emissiveFactor",
     "emissiveTexture", "normalTexture", "occlusionTexture",

@@ -15,6 +15,7 @@ from relume.errors import UnreadableFile, warn
 from relume.image.colour import decode_srgb
 from relume.scene.gltf.document import GltfDocument, read_document
 from relume.scene.gltf.materials import READ, GltfMaterial, read_materials
+from relume.scene.gltf.vertices import plain_vertices
 from relume.scene.gltf.writing import glb_bytes
 from relume.scene.materials.materials import Material
 from relume.scene.materials.mtl import read_mtl_materials
@@ -102,9 +103,9 @@ def _loaded(path: Path) -> tuple[Any, dict[str, GltfMaterial | Material], Lost]:
         lost = {f'of material "{each.numbers.name}"': list(each.lost) for each in read if each.lost}
         if parts := _unread_primitives(header):
             lost["of its meshes"] = parts
+        plain_vertices(document)
         data = _bare(document, read)
         kind = "gltf" if document.chunks is None else "glb"
-        _check_readable(header)
     else:
         data = path.read_bytes()
     if kind == "obj":
@@ -133,7 +134,7 @@ def _bare(document: GltfDocument, materials: tuple[GltfMaterial, ...]) -> bytes:
         # trimesh would make colours the whole of the looks; what begins with a bar it hands over as it is.
         if "COLOR_0" in attributes:
             attributes[_COLOURS] = attributes.pop("COLOR_0")
-    for key in ("materials", "textures", "images", "samplers"):
+    for key in ("materials", "textures", "images", "samplers", "extensionsRequired"):
         header.pop(key, None)
     if materials:
         header["materials"] = [{"name": str(index)} for index in range(len(materials))]
@@ -141,14 +142,9 @@ def _bare(document: GltfDocument, materials: tuple[GltfMaterial, ...]) -> bytes:
 
 
 def _check_readable(header: dict[str, Any]) -> None:
-    """Raises ValueError for what trimesh would read as zeros or as whole numbers, without a word."""
+    """Raises ValueError for what trimesh would read as zeros, without a word."""
     if lacking := sorted(set(header.get("extensionsRequired", [])) - READ):
         raise ValueError(f"it requires {', '.join(lacking)}, which is not read: leave it out")
-    accessors = header.get("accessors", [])
-    for primitive in (p for mesh in header.get("meshes", []) for p in mesh["primitives"]):
-        for name in {"POSITION", "NORMAL", "TEXCOORD_0"} & set(primitive["attributes"]):
-            if accessors[primitive["attributes"][name]].get("normalized"):
-                raise ValueError(f"its {name} is quantised, which is not read: store 32-bit floats")
 
 
 def _check_extent(path: Path, name: str, vertices: np.ndarray, placement: np.ndarray) -> None:
