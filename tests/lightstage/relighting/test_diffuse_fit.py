@@ -13,7 +13,8 @@ from relume.lightstage.acquire.ball_highlights import MirrorBall, outline_of_mas
 from relume.lightstage.field.field import Pictures
 from relume.lightstage.field.lights import StageLights
 from relume.lightstage.relight import RelightSettings, SubjectMesh, relight, relight_per_pixel, relight_sequence
-from relume.lightstage.relighting.diffuse_fit import DiffuseFit, fit_diffuse, fitted, needs_fit
+from relume.lightstage.relighting import diffuse_fit
+from relume.lightstage.relighting.diffuse_fit import DiffuseFit, fit_diffuse, fitted, needs_fit, strengths_of
 from relume.lightstage.relighting.interpolation import NearestLight, Remainder, lights_width
 from relume.lightstage.relighting.stage_lighting import StageLighting
 from relume.lightstage.relighting.voronoi_cells import even_directions
@@ -73,8 +74,9 @@ def test_a_pixel_that_shows_every_light_alike_is_a_constant() -> None:
 
 def test_the_fit_under_light_from_everywhere_is_pi_times_the_lobe_and_four_pi_times_the_constant() -> None:
     fit = DiffuseFit(
-        np.array([[[0.0, 0.2, 0.0]]], np.float32), np.array([[0.1]], np.float32), np.ones((1, 1, 3), np.float32)
-    )
+        np.array([[[0.0, 0.2, 0.0]]], np.float32), np.array([[0.1]], np.float32), np.ones((1, 1, 3), np.float32),
+        np.ones((2, 3)),
+    )  # fmt: skip
     everywhere = StageLighting((EnvironmentMap(np.ones((64, 128, 3), np.float32)),))
     light = everywhere.directed(2000)
     np.testing.assert_allclose(fit.lit(light.directions, light.irradiances), np.pi * 0.2 + 4 * np.pi * 0.1, rtol=2e-3)
@@ -85,6 +87,33 @@ def test_a_light_of_a_dome_gives_its_own_picture() -> None:
     for light in (0, 7):
         found = relight(BALL, lamp(DOME.directions[light], 2.0)).radiance
         np.testing.assert_allclose(found, 2 * BALL.values[light], atol=1e-5)
+
+
+def test_how_strongly_each_light_shone_is_found_and_its_neighbours_believe_less_of_it(monkeypatch) -> None:
+    strengths = 1 + 0.12 * np.random.default_rng(3).uniform(-1, 1, (len(DOME), 3))
+    uneven = Pictures((BALL.values * strengths[:, None, None]).astype(np.float32), DOME)
+    # Strengths that go from one side of the dome to the other are shading to the fit, and stay in it.
+    assert np.std(fit_diffuse(uneven, 1 << 30).strengths - strengths) < 0.03 < 0.06 < np.std(strengths)
+    np.testing.assert_allclose(relight(uneven, lamp(DOME.directions[7])).radiance, uneven.values[7], atol=1e-5)
+
+    def errors() -> np.ndarray:
+        gaps = [normalised(DOME.directions[i] + DOME.directions[j]) for i, j in ((0, 1), (3, 4), (7, 8))]
+        return np.array([error(relight(uneven, lamp(gap)).radiance, strengths.mean() * lit(gap)) for gap in gaps])
+
+    found = errors()
+    monkeypatch.setattr(diffuse_fit, "strengths_of", lambda values, *_: np.ones((len(values), 3)))
+    assert (found < 0.92 * errors()).all()
+
+
+def test_a_light_whose_pixels_do_not_agree_has_no_strength() -> None:
+    facing = normalised(np.random.default_rng(1).normal(size=(400, 3)) + np.array([0, 0, 2]))
+    values = np.repeat(0.4 * np.maximum(DOME.directions @ facing.T, 0)[..., None], 3, axis=-1)
+    # Half of what the fit says is lit lies in a shadow under the sixth light.
+    values[5, ::2] = 0
+    fit = fitted(values, DOME.directions)
+    found = strengths_of(values, DOME.directions, *fit)
+    np.testing.assert_allclose(found, 1, atol=0.15)
+    np.testing.assert_allclose(np.delete(found, 5, axis=0), 1, atol=0.02)
 
 
 def test_beyond_the_lights_a_matte_ball_is_shaded_as_it_is() -> None:
@@ -127,7 +156,7 @@ def test_sequences_and_labels_show_what_single_pictures_do() -> None:
 
 def test_the_fit_does_not_depend_on_memory() -> None:
     whole, bands = fit_diffuse(BALL, 1 << 30), fit_diffuse(BALL, 1 << 17)
-    for name in ("lobes", "constants", "colours"):
+    for name in ("lobes", "constants", "colours", "strengths"):
         np.testing.assert_allclose(getattr(bands, name), getattr(whole, name), atol=1e-6)
     seen = normals(camera()).any(axis=-1)
     middle = tuple(np.array(BALL.shape) // 2)

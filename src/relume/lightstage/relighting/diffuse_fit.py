@@ -7,9 +7,13 @@ a light in its own direction comes back as it was, between the lights the fit be
 beyond them the fit is left, without a seam, for w fades with the distance from the lights. The fit is a control
 variate, as the direct light of a mesh is (`direct_light`), and this is kriging about a drift.
 
+How strongly a light shone, g_i times as strongly as the others as a whole, is its own affair: what its neighbours are
+given of it is R_i − g_i M_i, and the rest, (g_i − 1) M_i, goes with weights a_i that end half way to the next light.
+
 A pixel's fit depends on the field alone, so that a picture stays linear in its light:
-Σ_m E_m R(ω_m) = Σ_i e_i R_i + [Σ_m E_m M(ω_m) − Σ_i e_i M_i] with e_i = Σ_m E_m w_i(ω_m), a sum of the field's pictures
-and a picture of the fit. Directions are of the world, towards the light.
+Σ_m E_m R(ω_m) = Σ_i e_i R_i + [Σ_m E_m M(ω_m) − Σ_i (g_i e_i − (g_i − 1) o_i) M_i] with e_i = Σ_m E_m w_i(ω_m) and
+o_i = Σ_m E_m a_i(ω_m), a sum of the field's pictures and a picture of the fit. In its own direction a light has
+e_i = o_i = 1, and R_i comes back. Directions are of the world, towards the light.
 """
 
 from __future__ import annotations
@@ -20,7 +24,7 @@ import numpy as np
 
 from relume.lightstage.field.field import ReflectanceField
 from relume.lightstage.field.lights import StageLights
-from relume.lightstage.relighting.interpolation import lights_width, reached
+from relume.lightstage.relighting.interpolation import Remainder, lights_width, reached
 from relume.lightstage.relighting.relighting import Progress, cut
 from relume.lightstage.relighting.stage_lighting import StageLighting
 from relume.lightstage.relighting.voronoi_cells import even_directions
@@ -40,6 +44,12 @@ _PIXELS = 4096
 """Fitted or lit at once."""
 _BYTES = 8 * 8
 """Of a value while it is fitted."""
+_SAMPLE = 4096
+"""Pixels of a field in which the lights' strengths are measured, about."""
+_LIT = 0.2
+"""Of the fit's brightest hundredth, above which a pixel shows how strongly a light shone."""
+_FEWEST = 20
+"""Lit pixels that a strength needs."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -49,11 +59,13 @@ class DiffuseFit:
     lobes : (H, W, 3) float32, b, of the mean of the channels
     constants : (H, W) float32, a, not below 0
     colours : (H, W, 3) float32, whose mean is 1
+    strengths : (N, 3), g, by how much each of the field's lights is stronger than the fit says; 1 where that is unknown
     """
 
     lobes: np.ndarray
     constants: np.ndarray
     colours: np.ndarray
+    strengths: np.ndarray
 
     def lit(self, directions: np.ndarray, irradiances: np.ndarray) -> np.ndarray:
         """The picture (H, W, 3) float32 of the fit in light from M directions (M, 3) of irradiances (M, 3).
@@ -77,7 +89,9 @@ class DiffuseFit:
         """
         directed = light.directed(LEAVES)
         directions = np.concatenate([directed.directions, lights.directions])
-        return self.lit(directions, np.concatenate([directed.irradiances, -given]))
+        own = light.irradiances(lights, Remainder().of_each_alone(lights))
+        taken = self.strengths * given - (self.strengths - 1) * own
+        return self.lit(directions, np.concatenate([directed.irradiances, -taken]))
 
 
 def needs_fit(lights: StageLights) -> bool:
@@ -89,17 +103,43 @@ def fit_diffuse(field: ReflectanceField, memory: int, progress: Progress | None 
     """The fit of each of a field's pixels; the field is read once, in bands of rows of so many bytes, one at least."""
     (height, width), count = field.shape, len(field.lights)
     rows = max(1, memory // 2 // (count * width * 3 * 4))
-    found = []
+    apart = -(-height * width // _SAMPLE)
+    found, sample = [], []
     for band in cut(height, rows):
         values = field.block(slice(0, count), band).reshape(count, -1, 3)
         step = max(1, min(_PIXELS, memory // 2 // (count * _BYTES)))
         found += [fitted(values[:, part], field.lights.directions) for part in cut(values.shape[1], step)]
+        sample.append(values[:, -(band.start * width) % apart :: apart])
         if progress:
             progress(band.stop / height)
     lobes, constants, colours = (np.concatenate(each) for each in zip(*found, strict=True))
-    return DiffuseFit(
-        lobes.reshape(height, width, 3), constants.reshape(height, width), colours.reshape(height, width, 3)
-    )
+    chosen = (each[::apart] for each in (lobes, constants, colours))
+    strengths = strengths_of(np.concatenate(sample, axis=1), field.lights.directions, *chosen)
+    shape = (height, width)
+    return DiffuseFit(lobes.reshape(*shape, 3), constants.reshape(shape), colours.reshape(*shape, 3), strengths)
+
+
+def strengths_of(
+    values: np.ndarray, directions: np.ndarray, lobes: np.ndarray, constants: np.ndarray, colours: np.ndarray
+) -> np.ndarray:
+    """How much stronger each light was than the fit says, (N, 3), of values (N, P, 3) and their fit (`fitted`).
+
+    The median of value / fit over the pixels that the fit shows well lit. It is a strength as far as these agree: with
+    a middle half as wide as the median itself a quarter of the difference from 1 is believed, and with a wider one
+    nothing, for that is a shape which the fit does not have, as where a light from behind is shadowed.
+    """
+    found = np.ones((len(values), 3))
+    for strength, picture, towards in zip(found, values, directions, strict=True):
+        fit = (np.maximum(lobes.astype(np.float64) @ towards, 0) + constants)[:, None] * colours
+        bright = fit.mean(axis=-1)
+        lit = bright > _LIT * np.quantile(bright, 0.99) if len(bright) else np.zeros(0, bool)
+        if lit.sum() < _FEWEST:
+            continue
+        ratios = picture[lit] / np.maximum(fit[lit], 1e-3 * bright[lit, None])
+        low, middle, high = np.quantile(ratios, [0.25, 0.5, 0.75], axis=0)
+        width = (high - low) / np.maximum(middle, 1e-30)
+        strength += (middle - 1) / (1 + np.minimum(width, 1e4) ** 2) ** 2
+    return found
 
 
 def fitted(values: np.ndarray, directions: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:

@@ -275,18 +275,22 @@ class Remainder:
     """Kriging with a known mean of 0, of what a fit leaves over: exact in the lights' own directions, 0 far from all.
 
     The covariance is of two Matérn-3/2 functions of the chord: what neighbouring lights share, and what each shows
-    alone (its own strength, a highlight, a shadow's edge), which they do not believe of each other (Rasmussen &
+    alone (a highlight, a shadow's edge), which they do not believe of each other (Rasmussen &
     Williams 2006, eq. 2.25).
 
     length : radians over which neighbours share what is left over; 0.3 … 0.7 are alike on real sets
-    alone : how much of the variance a light shows alone, over what it shares. 0 follows every light's strength to its
-        neighbours, and errs most where photographs differ in exposure
+    alone : how much of the variance a light shows alone, over what it shares. With 0 neighbours believe all that one
+        light shows; 0.3 … 1 are alike on real sets, and likelihood or cross-validation set by set chooses no better
     alone_length : radians over which that goes, in median angles to the next light: half way, so that nothing jumps
     """
 
     length: float = 0.5
-    alone: float = 0.3
+    alone: float = 0.5
     alone_length: float = 0.5
+
+    def of_each_alone(self, lights: StageLights) -> Remainder:
+        """Of what no light shares with its neighbours."""
+        return Remainder(length=self.alone_length * next_light(lights), alone=0.0)
 
     def weights(self, lights: StageLights, directions: np.ndarray) -> np.ndarray:
         """The lights' shares (M, N) in light from unit directions (M, 3); they do not sum to 1, and may be below 0."""
