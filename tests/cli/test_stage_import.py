@@ -265,12 +265,13 @@ def test_a_ball_that_the_lights_hardly_show_is_found_in_the_room_s_light(ball_sh
     assert degrees_between(read_store(tmp_path / "a.zarr").lights.directions, FAR).max() < 2
 
 
-def test_a_folder_of_folders_and_a_ball_sought_twice_are_refused(ball_shots, tmp_path, capsys):
+def test_a_folder_of_folders_and_two_balls_where_there_is_one_are_refused(ball_shots, tmp_path, capsys):
     command = ["stage", "import", str(ball_shots.parent), "-o", str(tmp_path / "a.zarr"), "--ball", "find"]
     assert "but its folders shots do: name the subject's" in refused(command, capsys)
     command = ["stage", "import", str(ball_shots), "-o", str(tmp_path / "a.zarr"), "--ball", "find", "--ball", "find"]
     line = refused(command, capsys)
-    assert f"{ball_shots}: two balls are sought in the same pictures; give each its circle" in line
+    assert f"{ball_shots}: 2 balls are sought in the same pictures, and not so many round things" in line
+    assert "give each ball its circle" in line
 
 
 def test_two_balls_in_metres_show_where_lamps_and_camera_stand(near_shots, tmp_path):
@@ -284,6 +285,40 @@ def test_two_balls_in_metres_show_where_lamps_and_camera_stand(near_shots, tmp_p
     np.testing.assert_allclose(field.camera.rotation, np.eye(3), atol=1e-12)
     # The camera sees the origin between the two balls, where it is.
     np.testing.assert_allclose(field.camera.project(np.zeros(3)), CAMERA.project(middle), atol=0.5)
+
+
+def test_two_balls_in_one_frame_are_found_and_show_where_lamps_and_camera_stand(near_shots, tmp_path, capsys):
+    options = ["--ball", "find", "--ball", "find", "--field-of-view", str(FIELD_OF_VIEW)]
+    field = imported(near_shots, tmp_path / "a.zarr", *options, "--ball-radius", str(RADIUS))
+    middle = BALLS.mean(axis=0)
+    assert field.lights.positions is not None and field.camera is not None
+    away = np.linalg.norm(field.lights.positions - (LAMPS - middle), axis=1) / np.linalg.norm(LAMPS - middle, axis=1)
+    assert away.max() < 0.08
+    np.testing.assert_allclose(field.camera.position, -middle, atol=0.02)
+    wanted = [[float(v) for v in near_word(centre).split("=")[0].split(",")] for centre in BALLS]
+    np.testing.assert_allclose(reported_last(capsys)["balls"], wanted, atol=0.6)
+    # One of them given, the other sought beside it; without metres directions alone are found.
+    given = ["--ball", "find", "--ball", near_word(BALLS[0]).split("=")[0]]
+    found = imported(near_shots, tmp_path / "b.zarr", *given)
+    np.testing.assert_allclose(reported_last(capsys)["balls"], wanted[::-1], atol=0.6)
+    assert found.lights.positions is None
+
+
+def test_what_is_round_and_no_ball_is_not_taken_for_the_second(ball_shots, tmp_path, capsys):
+    # A ball, and a bright plate larger than it under every light.
+    rows, columns = np.indices((90, 200)) + 0.5
+    plate = np.hypot(columns - 158, rows - 45) < 36
+    wide = [np.concatenate([far_ball(light), np.full((90, 80, 3), 0.3, np.float32)], axis=1) for light in FAR]
+    folder = pictures(tmp_path / "shots", [np.where(plate[..., None], np.float32(0.9), each) for each in wide])
+    command = ["stage", "import", str(folder), "-o", str(tmp_path / "a.zarr"), "--ball", "find", "--ball", "find"]
+    assert "not so many round things" in refused(command, capsys)
+
+
+def test_radii_of_balls_are_above_nothing_and_as_many_as_balls(ball_shots, tmp_path, capsys):
+    command = ["stage", "import", str(ball_shots), "-o", str(tmp_path / "a.zarr"), "--ball", "60,45,32"]
+    assert "1 radii for 1 balls, the least 0.0 metres" in refused([*command, "--ball-radius", "0"], capsys)
+    line = refused([*command, "--ball-radius", "0.1", "--ball-radius", "0.2"], capsys)
+    assert "2 radii for 1 balls" in line and "one for each" in line
 
 
 def test_a_camera_is_reported_by_its_field_of_view_and_distance(ball_shots, tmp_path):

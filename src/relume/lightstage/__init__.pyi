@@ -1,9 +1,9 @@
 from .acquire.calibration import Target as Target
 from .acquire.calibration import calibrate as calibrate
 from .acquire.calibration import target_on_ball as target_on_ball
+from .acquire.film_import import FilmCourse as FilmCourse
 from .acquire.import_corrections import Corrections as Corrections
 from .acquire.import_lights import BallCircle as BallCircle
-from .acquire.import_lights import FilmCourse as FilmCourse
 from .acquire.import_stage import Imported as Imported
 from .acquire.import_stage import ImportSettings as ImportSettings
 from .acquire.import_stage import import_stage as import_stage

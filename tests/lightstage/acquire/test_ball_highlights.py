@@ -12,13 +12,13 @@ from relume.image.files import read_photograph
 from relume.lightstage.acquire.ball_highlights import (
     BallReadings,
     MirrorBall,
-    find_ball,
     find_highlight,
     light_places,
     outline_of_mask,
     read_ball,
     unit_mean,
 )
+from relume.lightstage.acquire.ball_search import find_ball
 from relume.lightstage.acquire.light_files import read_directions
 from relume.probe.ball.silhouette import Outline, outline_of_circle
 from relume.scene.cameras.camera import Camera

@@ -139,8 +139,8 @@ def import_stage(
             like="1510,980,64",
             words=("find",),
             help="Find the lights in a mirrored or matte ball: find, its circle in pixels, or a picture that is white "
-            "on it; again for each. Balls with their radii in metres and --field-of-view give places, not only "
-            "directions.",
+            "on it; again for each, and find twice for two in the same pictures. Balls with their radii in metres and "
+            "--field-of-view give places, not only directions.",
         ),
     ] = None,
     ball_pictures: Annotated[
@@ -150,6 +150,10 @@ def import_stage(
             help="A folder with pictures of the ball under the same lights in the same order, where it is not in the "
             "subject's own, matched by name or else by order; again for each ball.",
         ),
+    ] = None,
+    ball_radius: Annotated[
+        list[float] | None,
+        Parameter(negative="", help="The ball's own radius in metres, where --ball does not say it; again for each."),
     ] = None,
     lights: Annotated[
         Path | None,
@@ -193,6 +197,7 @@ def import_stage(
         settings = rl.lightstage.ImportSettings(
             balls=tuple(_ball(each) for each in ball or ()),
             ball_pictures=tuple(ball_pictures or ()),
+            ball_radii=tuple(ball_radius or ()),
             lights=lights,
             film=film.course(),
             camera=camera,

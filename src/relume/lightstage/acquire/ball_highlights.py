@@ -9,15 +9,13 @@ camera.
 from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 from scipy.ndimage import gaussian_filter, label
 
 from relume.errors import BallNotFound, warn
 from relume.image.colour import luminance
-from relume.probe.ball.circle_search import SEARCH_SIDE
-from relume.probe.ball.outline import find_outline
 from relume.probe.ball.silhouette import Outline, cone_through, outline_through
 from relume.probe.ball.unwrapping import CAMERA_FROM_PIXELS
 from relume.scene.cameras.camera import Camera
@@ -35,8 +33,6 @@ _REACH = 0.1
 """Radii round the brightest place within which the lamp's pixels lie."""
 _RIM = 0.98
 """Share of the ball's radius that is searched; beyond it the surroundings are squeezed into a thin bright ring."""
-_SHRINKS = (1, 2, 4)
-"""By which pictures are made smaller, one after the other, until the ball is found."""
 _CONTRAST = 4.0
 """How many times brighter the lamp has to be than the ball is at most places."""
 
@@ -176,63 +172,6 @@ def _disc(picture: np.ndarray, outline: Outline, name: str) -> tuple[int, int, n
     rows, columns = np.indices(light.shape)
     inside = np.hypot(columns + left + 0.5 - x, rows + top + 0.5 - y) < radius
     return left, top, np.where(inside & np.isfinite(light), np.maximum(light, 0), 0.0)
-
-
-def find_ball(
-    pictures: Iterable[np.ndarray],
-    name: str = "pictures",
-    focal_length: float | None = None,
-    others: Iterable[np.ndarray] = (),
-) -> Outline:
-    """The silhouette of the ball in pictures from one place, which their mean shows best: no picture lights it all.
-
-    pictures : (H, W, 3) scene-linear
-    focal_length : pixels; the silhouette is taken for a circle where it is unknown
-    others : pictures from the same place under other light, such as the room's, where the mean does not show the ball
-    Raises BallNotFound; give a circle (`outline_of_circle`) or a mask (`outline_of_mask`) then.
-    """
-    total: np.ndarray | None = None
-    for picture in pictures:
-        if total is not None and picture.shape != total.shape:
-            raise BallNotFound(f"{name}: pictures of several sizes show no ball in one place; crop them alike")
-        # Each counts alike, and no lamp outshines the rim.
-        scaled = np.minimum(picture / max(float(np.percentile(picture, 99)), 1e-12), 1)
-        total = scaled.astype(np.float64) if total is None else total + scaled
-    if total is None:
-        raise ValueError("no pictures to find a ball in; give at least one")
-    failure: BallNotFound | None = None
-    # One picture's rim may be blurred, which is seen when it is small; the mean's is as sharp as any.
-    tries = [(total, (1,)), *((picture, _SHRINKS) for picture in others if picture.shape == total.shape)]
-    for picture, shrinks in tries:
-        for shrink in shrinks:
-            try:
-                return _found_small(picture.astype(np.float32), shrink, name, focal_length)
-            except BallNotFound as error:
-                failure = failure or error
-    assert failure is not None
-    raise failure
-
-
-def _found_small(picture: np.ndarray, shrink: int, name: str, focal_length: float | None) -> Outline:
-    """The ball's outline in a picture, found in one whose pixels are means of shrink² of its own."""
-    if shrink == 1:
-        return find_outline(picture, name, focal_length, mirrored=False)
-    rows, columns = picture.shape[0] // shrink, picture.shape[1] // shrink
-    if min(rows, columns) < SEARCH_SIDE:
-        raise BallNotFound(f"{name}: too small to be shrunk")
-    blocks = picture[: rows * shrink, : columns * shrink].reshape(rows, shrink, columns, shrink, 3)
-    small = blocks.mean(axis=(1, 3))
-    found = find_outline(small, name, focal_length and focal_length / shrink, mirrored=False)
-    x, y = found.centre
-    axes = found.semi_axes and (found.semi_axes[0] * shrink, found.semi_axes[1] * shrink)
-    return replace(
-        found,
-        points=found.points * shrink,
-        centre=(x * shrink, y * shrink),
-        radius=found.radius * shrink,
-        semi_axes=axes,
-        rivals=tuple((a * shrink, b * shrink, r * shrink) for a, b, r in found.rivals),
-    )
 
 
 def outline_of_mask(mask: np.ndarray, name: str = "mask") -> Outline:

@@ -1,45 +1,33 @@
-"""Where the lights of pictures stood: from a list, from mirrored balls, or from the course of a rotating light arm."""
+"""Where the lights of pictures stood: from a list, or from balls in them."""
 
 from __future__ import annotations
 
-import tempfile
-from collections.abc import Callable, Iterable, Iterator, Sequence
-from contextlib import contextmanager
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass, replace
+from functools import partial
 from pathlib import Path
 from typing import Literal
 
 import numpy as np
 
 from relume.capture.exposure.folder import name_order
-from relume.errors import BallNotFound, InvalidStage, OutputNotWritten, UnreadableFile, warn
+from relume.errors import BallNotFound, InvalidStage, UnreadableFile, warn
 from relume.image import files
 from relume.lightstage.acquire.ball_highlights import (
     BallReadings,
     MirrorBall,
-    find_ball,
     light_places,
     outline_of_mask,
     read_ball,
     unit_mean,
 )
+from relume.lightstage.acquire.ball_search import find_ball, find_balls
 from relume.lightstage.acquire.ball_shading import read_shading
 from relume.lightstage.acquire.encoding import PhotographEncoding
 from relume.lightstage.acquire.light_files import LIST, read_directions, read_lp
 from relume.lightstage.acquire.read_stage import PICTURES
-from relume.lightstage.acquire.rotating_arm import (
-    RotatingArm,
-    SteadyRotation,
-    fit_rings,
-    fit_rotation,
-    frame_paths,
-    lamp_directions,
-    stage_of_frames,
-    unpack_video,
-    video_frames,
-)
 from relume.lightstage.acquire.stage_file import LightEntry, Stage, StageCamera, stage_towards
-from relume.probe.ball.silhouette import outline_of_circle
+from relume.probe.ball.silhouette import Outline, outline_of_circle
 from relume.scene.cameras.camera import Camera
 
 MATTE = 0.8
@@ -47,7 +35,6 @@ MATTE = 0.8
 _SHADED = 0.5
 """The least share in a single picture of such a ball."""
 _TRIED = 5
-VIDEOS = (".mp4", ".mov", ".m4v", ".avi", ".mkv", ".webm")
 
 
 @dataclass(frozen=True)
@@ -69,53 +56,6 @@ class BallCircle:
 
 Ball = BallCircle | Path | Literal["find"]
 """A circle, a picture that is white on the ball and black beside it, or a search."""
-
-
-@dataclass(frozen=True)
-class FilmCourse:
-    """How the lamp of a filmed rotating light arm went, and how many lights of each ring are kept.
-
-    rings : from top to bottom
-    columns : lights a ring
-    frames : a turn; None where a mirrored ball in the film shows the rate, the start and the rings
-    start : the frame, with its fraction, in which the first ring begins
-    azimuth : where each ring begins, radians from +Z towards +X
-    clockwise : the lamp turns from +Z towards −X
-    """
-
-    rings: int
-    columns: int
-    frames: float | None = None
-    start: float = 0.0
-    azimuth: float = 0.0
-    clockwise: bool = False
-
-    def __post_init__(self) -> None:
-        if self.rings < 1 or self.columns < 1 or (self.frames is not None and not 0 < self.frames < np.inf):
-            raise ValueError(f"{self.rings} rings of {self.columns} lights, {self.frames} frames a turn; expected ≥ 1")
-
-    def arm(self, pictures: Iterable[np.ndarray], ball: MirrorBall | None) -> RotatingArm:
-        """The course of the arm; where `frames` is None it is found from the ball in the film's pictures."""
-        band = float(np.pi / self.rings)
-        if self.frames is not None:
-            rotation = SteadyRotation(1 / self.frames, self.start)
-            return RotatingArm(rotation, self.rings, band / 2, band, self.azimuth, self.clockwise)
-        if ball is None:
-            raise ValueError("the film's frames a turn are not given; give them, or the circle of a ball in the film")
-        directions = lamp_directions(pictures, ball)
-        rotation = fit_rotation(directions, start_azimuth=self.azimuth, clockwise=self.clockwise)
-        # A lamp, or a film, that begins with the first ring passes the start just before it is seen, not a turn later.
-        turn = 1 / rotation.revolutions_per_frame
-        earlier, column = rotation.start - turn, turn / self.columns
-        seen_at_once = np.flatnonzero(np.isfinite(directions).all(axis=1))[0] - earlier <= column
-        too_short = rotation.start + self.rings * turn - column > len(directions) - 1
-        if seen_at_once or (too_short and earlier >= -column):
-            rotation = replace(rotation, start=earlier)
-        first, step = fit_rings(directions, rotation)
-        # What the ball shows is off by a little: a ring at the pole stays at the pole.
-        first = float(np.clip(first, 0, np.pi))
-        step = min(step, (np.pi - first) / max(self.rings - 1, 1))
-        return RotatingArm(rotation, self.rings, first, step, self.azimuth, self.clockwise)
 
 
 @dataclass(frozen=True)
@@ -152,6 +92,7 @@ def stage_of_balls(
     field_of_view: float | None,
     leave_out: Sequence[Path],
     encoding: PhotographEncoding = PhotographEncoding(),
+    radii: Sequence[float] = (),
 ) -> tuple[Stage, BallFindings]:
     """The pictures of a folder, but for some, under lights found in balls, and what the balls showed.
 
@@ -162,10 +103,8 @@ def stage_of_balls(
     names = [path.name for path in paths]
     # Each ball reads its own pictures.
     shown = _pictures_of_balls(len(balls), elsewhere, paths)
-    sought = [pictures for ball, pictures in zip(balls, shown, strict=True) if ball == "find"]
-    if any(sought.count(pictures) > 1 for pictures in sought):
-        raise ValueError(f"{sought[0][0].parent}: two balls are sought in the same pictures; give each its circle")
-    mirrors = [_placed(ball, pictures, field_of_view) for ball, pictures in zip(balls, shown, strict=True)]
+    metres = in_metres(balls, radii)
+    mirrors = _placed(balls, shown, metres, field_of_view, encoding)
     readings = [_read(pictures, mirror, encoding) for mirror, pictures in zip(mirrors, shown, strict=True)]
     found = BallFindings(
         tuple((float(x), float(y), float(each.outline.radius)) for each in mirrors for x, y in [each.outline.centre]),
@@ -173,7 +112,7 @@ def stage_of_balls(
         matte=tuple(each.matte for each in readings),
     )
     # Balls in metres before a known camera place that camera.
-    metric = field_of_view is not None and in_metres(balls)
+    metric = field_of_view is not None and None not in metres
     middle, cameras = np.mean([mirror.centre for mirror in mirrors], axis=0), {}
     if metric:
         assert field_of_view is not None
@@ -190,15 +129,52 @@ def stage_of_balls(
     return stage_towards(names, directions, cameras), found
 
 
-def _placed(ball: Ball, pictures: list[Path], field_of_view: float | None) -> MirrorBall:
-    """A ball in its pictures; raises BallNotFound, naming their folder."""
-    folder = pictures[0].parent
-    # What is of no light, as a picture under the room's, may show the ball best.
-    others = [path for path in _pictures_there(folder) if path not in pictures and not path.stem.endswith("mask")]
-    try:
-        return mirror_ball(ball, lambda: map(_pixels, pictures), field_of_view, str(folder), map(_pixels, others))
-    except BallNotFound as error:
-        raise BallNotFound(f"{error}; or give the ball's circle, or a mask that is white on it") from None
+def _placed(
+    balls: Sequence[Ball],
+    shown: Sequence[list[Path]],
+    metres: Sequence[float | None],
+    field_of_view: float | None,
+    encoding: PhotographEncoding,
+) -> list[MirrorBall]:
+    """The balls in their pictures, those that are sought in the same ones from left to right.
+
+    Raises BallNotFound, naming the folder.
+    """
+    mirrors = {
+        index: mirror_ball(ball, partial(map, pixels_of, shown[index]), field_of_view, radius=metres[index])
+        for index, ball in enumerate(balls)
+        if ball != "find"
+    }
+    for index, ball in enumerate(balls):
+        if index in mirrors:
+            continue
+        pictures, folder = shown[index], shown[index][0].parent
+        # What is of no light, as a picture under the room's, may show the ball best.
+        others = [path for path in _pictures_there(folder) if path not in pictures and not path.stem.endswith("mask")]
+        together = [k for k, its in enumerate(shown) if its == pictures]
+        sought = [k for k in together if k not in mirrors]
+        taken = [mirrors[k].outline for k in together if k in mirrors]
+        seen, looked_at = partial(map, pixels_of, pictures), map(pixels_of, others)
+        try:
+            if len(together) == 1:
+                mirrors[index] = mirror_ball(ball, seen, field_of_view, str(folder), looked_at, metres[index])
+                continue
+            camera = _camera_of(seen, field_of_view)
+            some = pictures[:: max(1, len(pictures) // _TRIED)]
+            outlines = find_balls(
+                seen(), len(sought), partial(_lamps, some, camera, encoding), str(folder),
+                camera and camera.focal_length, looked_at, taken,
+            )  # fmt: skip
+        except BallNotFound as error:
+            words = "or give the ball's circle, or a mask that is white on it"
+            raise BallNotFound(f"{error}; {words}" if len(together) == 1 else str(error)) from None
+        mirrors |= {k: MirrorBall(each, camera, metres[k] or 1.0) for k, each in zip(sought, outlines, strict=True)}
+    return [mirrors[index] for index in range(len(balls))]
+
+
+def _lamps(paths: Sequence[Path], camera: Camera | None, encoding: PhotographEncoding, outline: Outline) -> np.ndarray:
+    """The directions (N, 3) to the lamps of some pictures that a ball of this outline shows."""
+    return _read(paths, MirrorBall(outline, camera), encoding).directions
 
 
 def _read(paths: Sequence[Path], ball: MirrorBall, encoding: PhotographEncoding) -> BallReadings:
@@ -210,7 +186,7 @@ def _read(paths: Sequence[Path], ball: MirrorBall, encoding: PhotographEncoding)
     some = paths[:: max(1, len(paths) // _TRIED)]
     explained = [read_shading(_light(path, encoding), ball)[1] for path in some]
     if float(np.median(explained)) < MATTE:
-        return read_ball(map(_pixels, paths), ball, [str(path) for path in paths])
+        return read_ball(map(pixels_of, paths), ball, [str(path) for path in paths])
     found = [read_shading(_light(path, encoding), ball) for path in paths]
     for path, (_, share) in zip(paths, found, strict=True):
         if share < _SHADED:
@@ -221,9 +197,14 @@ def _read(paths: Sequence[Path], ball: MirrorBall, encoding: PhotographEncoding)
     return BallReadings(np.tile(ball.centre, (len(paths), 1)), np.array([towards for towards, _ in found]), matte=True)
 
 
-def in_metres(balls: Sequence[Ball]) -> bool:
-    """Whether the own radius of every ball is known."""
-    return all(isinstance(ball, BallCircle) and ball.metres is not None for ball in balls)
+def in_metres(balls: Sequence[Ball], radii: Sequence[float] = ()) -> tuple[float | None, ...]:
+    """The own radius of each ball in metres, None where it is unknown.
+
+    radii : of those that do not say it themselves; one for all, or one for each
+    """
+    given = radii if len(radii) == len(balls) else [radii[0] if radii else None] * len(balls)
+    own = (ball.metres if isinstance(ball, BallCircle) else None for ball in balls)
+    return tuple(metres or radius for metres, radius in zip(own, given, strict=True))
 
 
 def camera_ahead(stage: Stage, source: Path, field_of_view: float, distance: float) -> Stage:
@@ -233,69 +214,36 @@ def camera_ahead(stage: Stage, source: Path, field_of_view: float, distance: flo
     return replace(stage, cameras={"front": StageCamera((0.0, 0.0, distance), (0.0, 0.0, 0.0), field_of_view)})
 
 
-@contextmanager
-def filmed_stage(
-    source: Path,
-    out: Path,
-    course: FilmCourse,
-    ball: Ball | None,
-    field_of_view: float | None,
-    leave_out: Sequence[Path],
-) -> Iterator[tuple[Stage, Path]]:
-    """The stage of a filmed rotating arm, and where its frames are: those of a video lie beside `out` meanwhile.
-
-    source : a video, or the folder of its frames
-    Raises InvalidStage where the film does not go round the stage, UnreadableFile, OutputNotWritten.
-    """
-    if source.is_dir():
-        passed = {path.resolve() for path in leave_out}
-        paths = [path for path in frame_paths(source) if path.resolve() not in passed]
-        arm = _arm(course, ball, lambda: map(_pixels, paths), field_of_view)
-        yield stage_of_frames(paths, arm, course.columns), source
-        return
-    arm = _arm(course, ball, lambda: video_frames(source), field_of_view)
-    try:
-        out.parent.mkdir(parents=True, exist_ok=True)
-        place = tempfile.TemporaryDirectory(prefix=f".{out.name}.frames_", dir=out.parent)
-    except OSError as error:
-        raise OutputNotWritten(f"{out.parent}: cannot be written: {error.strerror}; choose another place") from None
-    with place as folder:
-        yield unpack_video(source, Path(folder), arm, course.columns), Path(folder)
-
-
-def measure_film(
-    video: Path, course: FilmCourse, ball: Ball | None, field_of_view: float | None
-) -> tuple[int, int, tuple[int, int]]:
-    """Frames, lights and (rows, columns) of a video, from looking at all its frames and keeping none."""
-    arm = _arm(course, ball, lambda: video_frames(video), field_of_view)
-    count, shape = 0, (0, 0)
-    for frame in video_frames(video):
-        count, shape = count + 1, (frame.shape[0], frame.shape[1])
-    return count, len(arm.grid_lights(course.columns, count)[1]), shape
-
-
 def mirror_ball(
     ball: Ball,
     pictures: Callable[[], Iterable[np.ndarray]],
     field_of_view: float | None,
     name: str = "pictures",
     others: Iterable[np.ndarray] = (),
+    radius: float | None = None,
 ) -> MirrorBall:
     """A ball as the camera sees it, given or sought in the pictures; raises ValueError and BallNotFound.
 
     name : of the pictures, for messages
     others : as of `find_ball`
+    radius : of the ball itself, metres, where it is known
     """
-    camera = None
-    if field_of_view is not None:
-        height, width = next(iter(pictures())).shape[:2]
-        camera = Camera(width, height, float(width / 2 / np.tan(field_of_view / 2)), np.zeros(3), np.eye(3))
+    camera = _camera_of(pictures, field_of_view)
     if isinstance(ball, Path):
-        return MirrorBall(outline_of_mask(files.read_photograph(ball).pixels, str(ball)), camera)
-    if isinstance(ball, BallCircle):
-        return MirrorBall(outline_of_circle(ball.x, ball.y, ball.radius), camera, ball.metres or 1.0)
-    outline = find_ball(pictures(), name, camera and camera.focal_length, others)
-    return MirrorBall(outline, camera)
+        outline = outline_of_mask(files.read_photograph(ball).pixels, str(ball))
+    elif isinstance(ball, BallCircle):
+        outline = outline_of_circle(ball.x, ball.y, ball.radius)
+    else:
+        outline = find_ball(pictures(), name, camera and camera.focal_length, others)
+    return MirrorBall(outline, camera, radius or 1.0)
+
+
+def _camera_of(pictures: Callable[[], Iterable[np.ndarray]], field_of_view: float | None) -> Camera | None:
+    """The camera of pictures, at the origin and along −Z, where its field of view is known."""
+    if field_of_view is None:
+        return None
+    height, width = next(iter(pictures())).shape[:2]
+    return Camera(width, height, float(width / 2 / np.tan(field_of_view / 2)), np.zeros(3), np.eye(3))
 
 
 def pictures_in(folder: Path, leave_out: Sequence[Path] = ()) -> list[Path]:
@@ -356,13 +304,6 @@ def _disagreement(readings: Sequence[BallReadings]) -> tuple[float, ...]:
     return tuple(float(np.arccos(np.clip((each.directions * mean).sum(-1), -1, 1)).max()) for each in readings)
 
 
-def _arm(
-    course: FilmCourse, ball: Ball | None, frames: Callable[[], Iterable[np.ndarray]], field_of_view: float | None
-) -> RotatingArm:
-    mirror = None if ball is None else mirror_ball(ball, frames, field_of_view)
-    return course.arm(frames(), mirror)
-
-
 def _light(path: Path, encoding: PhotographEncoding) -> np.ndarray:
     """The scene-linear values of a picture."""
     if files.has_radiance(path):
@@ -370,5 +311,5 @@ def _light(path: Path, encoding: PhotographEncoding) -> np.ndarray:
     return encoding.linearised(files.read_photograph(path))
 
 
-def _pixels(path: Path) -> np.ndarray:
+def pixels_of(path: Path) -> np.ndarray:
     return files.read_radiance(path).radiance if files.has_radiance(path) else files.read_photograph(path).pixels

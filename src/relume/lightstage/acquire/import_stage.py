@@ -14,17 +14,14 @@ import numpy as np
 from relume.errors import OutputNotWritten, UnreadableFile, warn
 from relume.lightstage.acquire.calibration import Calibration
 from relume.lightstage.acquire.encoding import PhotographEncoding
+from relume.lightstage.acquire.film_import import VIDEOS, FilmCourse, filmed_stage, measure_film
 from relume.lightstage.acquire.import_corrections import Corrections, correct
 from relume.lightstage.acquire.import_lights import (
-    VIDEOS,
     Ball,
     BallFindings,
-    FilmCourse,
     camera_ahead,
-    filmed_stage,
     in_metres,
     masks_in,
-    measure_film,
     stage_of_balls,
     stage_of_list,
 )
@@ -45,6 +42,7 @@ class ImportSettings:
     balls : mirrored or matte balls in which the lights are found; which of the two is seen in their shading
     ball_pictures : folders with pictures of the balls under the same lights in the same order, where the balls are not
         in the subject's own pictures; one for all or one for each
+    ball_radii : of the balls themselves, metres, where their circles do not say it; one for all or one for each
     lights : an .lp, or a list of directions in the order of the pictures' names
     film : the course of a filmed rotating light arm
     camera : whose pictures, where the stage has several
@@ -60,6 +58,7 @@ class ImportSettings:
 
     balls: tuple[Ball, ...] = ()
     ball_pictures: tuple[Path, ...] = ()
+    ball_radii: tuple[float, ...] = ()
     lights: Path | None = None
     film: FilmCourse | None = None
     camera: str | None = None
@@ -81,6 +80,11 @@ class ImportSettings:
             )
         if self.ball_pictures and (film_ball or not self.balls):
             raise ValueError('pictures of balls without balls; give each ball\'s circle, or "find", and no film')
+        if self.ball_radii and (len(self.ball_radii) not in (1, len(self.balls)) or not min(self.ball_radii) > 0):
+            raise ValueError(
+                f"{len(self.ball_radii)} radii for {len(self.balls)} balls, the least {min(self.ball_radii)} metres; "
+                "give one above 0 for all, or one for each"
+            )
         if self.field_of_view is not None and not 0 < self.field_of_view < np.pi:
             degrees = np.degrees(self.field_of_view)
             raise ValueError(f"the field of view is {degrees:g} degrees; give more than 0 and less than 180")
@@ -89,7 +93,7 @@ class ImportSettings:
                 raise ValueError(f"the camera's distance is {self.camera_distance}; give metres above 0")
             if self.field_of_view is None:
                 raise ValueError("the camera's distance without its field of view; give both")
-            if self.balls and not film_ball and in_metres(self.balls):
+            if self.balls and not film_ball and None not in in_metres(self.balls, self.ball_radii):
                 raise ValueError("balls in metres place the camera; leave the camera's distance or the metres out")
         elif self.field_of_view is not None and not self.balls:
             raise ValueError("the field of view without balls or the camera's distance; give the distance too")
@@ -204,7 +208,13 @@ def _described(
         # A matte ball's shading is read in light, not in codes.
         encoding = PhotographEncoding.named(_encoding_word(settings.encoding or "srgb"), source)
         stage, found = stage_of_balls(
-            source, settings.balls, settings.ball_pictures, settings.field_of_view, left, encoding
+            source,
+            settings.balls,
+            settings.ball_pictures,
+            settings.field_of_view,
+            left,
+            encoding,
+            settings.ball_radii,
         )
         yield (stage, source), found, known
     elif settings.lights is not None:

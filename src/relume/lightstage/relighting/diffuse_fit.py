@@ -48,6 +48,8 @@ _SAMPLE = 4096
 """Pixels of a field in which the lights' strengths are measured, about."""
 _LIT = 0.2
 """Of the fit's brightest hundredth, above which a pixel shows how strongly a light shone."""
+_OWN = 3.0
+"""How much of the variance of strengths is each lamp's own, over what neighbours share; 1 … 10 are alike."""
 _FEWEST = 20
 """Lit pixels that a strength needs."""
 
@@ -59,7 +61,7 @@ class DiffuseFit:
     lobes : (H, W, 3) float32, b, of the mean of the channels
     constants : (H, W) float32, a, not below 0
     colours : (H, W, 3) float32, whose mean is 1
-    strengths : (N, 3), g, by how much each of the field's lights is stronger than the fit says; 1 where that is unknown
+    strengths : (N, 3), g, how many times stronger each of the field's lights was than its neighbours; 1 where unknown
     """
 
     lobes: np.ndarray
@@ -115,6 +117,8 @@ def fit_diffuse(field: ReflectanceField, memory: int, progress: Progress | None 
     lobes, constants, colours = (np.concatenate(each) for each in zip(*found, strict=True))
     chosen = (each[::apart] for each in (lobes, constants, colours))
     strengths = strengths_of(np.concatenate(sample, axis=1), field.lights.directions, *chosen)
+    # What neighbours share is no lamp's own, as where a fit is too bright on one side.
+    strengths = 1 + Remainder().own_part(strengths - 1, field.lights, _OWN)
     shape = (height, width)
     return DiffuseFit(lobes.reshape(*shape, 3), constants.reshape(shape), colours.reshape(*shape, 3), strengths)
 

@@ -12,7 +12,7 @@ Where no light is near, as behind half a stage, nothing is known: both go over t
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Protocol
 
 import numpy as np
@@ -285,12 +285,18 @@ class Remainder:
     """
 
     length: float = 0.5
-    alone: float = 0.5
+    alone: float = 0.3
     alone_length: float = 0.5
 
     def of_each_alone(self, lights: StageLights) -> Remainder:
         """Of what no light shares with its neighbours."""
         return Remainder(length=self.alone_length * next_light(lights), alone=0.0)
+
+    def own_part(self, values: np.ndarray, lights: StageLights, alone: float) -> np.ndarray:
+        """What of values (N, K), one row a light, neighbours do not share: white noise of `alone` times the variance
+        of what they share, by the same covariance (Rasmussen & Williams 2006, eq. 2.36)."""
+        shared = replace(self, alone=0.0)._covariance(lights, lights.directions)
+        return np.asarray(alone * np.linalg.solve(shared + alone * np.eye(len(lights)), values))
 
     def weights(self, lights: StageLights, directions: np.ndarray) -> np.ndarray:
         """The lights' shares (M, N) in light from unit directions (M, 3); they do not sum to 1, and may be below 0."""
