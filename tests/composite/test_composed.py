@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 
 from relume.composite.differential import Additive, Ratio, composed, differential
+from relume.image import bands
 from relume.renderers.results import Change
 
 
@@ -36,6 +37,19 @@ def test_what_is_neither_covered_nor_changed_keeps_every_bit():
             assert picture.dtype == np.float32
             assert picture[~touched].tobytes() == plate[~touched].tobytes()
             assert np.all(picture[touched] != plate[touched])
+
+
+@pytest.mark.parametrize("mode", [Additive(), Ratio(plate_of(40, 30) / 2)])
+def test_rows_at_a_time_give_the_picture_of_all_at_once(monkeypatch, mode):
+    generator, plate = np.random.default_rng(5), plate_of(40, 30)
+    objects, difference = generator.random((2, 40, 30, 3), np.float32)
+    change = change_of(objects, difference - 9, generator.random((40, 30), np.float32))
+    with pytest.warns(UserWarning, match="came out below 0") as whole_said:
+        whole = composed(plate, change, mode=mode, occluder=np.eye(40, 30))
+    monkeypatch.setattr(bands, "BAND", 100)
+    with pytest.warns(UserWarning, match="came out below 0") as said:
+        assert composed(plate, change, mode=mode, occluder=np.eye(40, 30)).tobytes() == whole.tobytes()
+    assert str(said[0].message) == str(whole_said[0].message)
 
 
 def test_the_sum_is_plate_less_its_covered_share_plus_both_planes():

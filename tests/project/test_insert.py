@@ -10,6 +10,7 @@ import numpy as np
 import pytest
 
 from relume.errors import InvalidShot, NotABracket, OutputNotWritten, UnreadableFile
+from relume.image import bands, mapped_arrays
 from relume.image.files import read_layers, read_photograph, read_radiance, write
 from relume.project.insertion.insert import insert
 from relume.project.insertion.outcome import Inserted
@@ -84,6 +85,21 @@ def test_a_second_run_redoes_nothing_and_writes_the_same_bytes(copied_room: tupl
     before = {n: (out / n).read_bytes() for n in ("composite.exr", "composite.png", "light.exr", "layers.exr")}
     result = insert(read_shot(path), out, renderer=FAKE)
     assert set(result.kept) == {"response", "plate", "denoised", "light", "reflectance", "render", "match"}
+    assert all((out / n).read_bytes() == data for n, data in before.items())
+
+
+def test_rows_at_a_time_and_with_its_planes_in_files_a_job_writes_the_same_bytes(
+    copied_room: tuple[Path, Path], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    path, out = copied_room
+    before = {n: (out / n).read_bytes() for n in ("composite.exr", "composite.png", "light.exr", "layers.exr")}
+    monkeypatch.setattr(bands, "BAND", 50_000)
+    monkeypatch.setattr(mapped_arrays, "LARGE", 100_000)
+    for stage in ("denoised", "reflectance", "render"):
+        (out / "stages" / f"{stage}.npz").unlink()
+    result = insert(read_shot(path), out, renderer=FAKE)
+    assert set(result.kept) == {"response", "plate", "light", "match"}
+    assert (not mapped_arrays.MAPS) or isinstance(result.change.normal.base, np.memmap)
     assert all((out / n).read_bytes() == data for n, data in before.items())
 
 

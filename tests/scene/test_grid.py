@@ -4,6 +4,7 @@ import json
 from dataclasses import replace
 from pathlib import Path
 
+import cv2
 import numpy as np
 import pytest
 
@@ -11,6 +12,7 @@ from angles import degrees_turned
 from relume.errors import GridNotFound
 from relume.image.files import read_photograph
 from relume.image.photograph import Photograph
+from relume.scene.cameras import grid
 from relume.scene.cameras.camera import Camera
 from relume.scene.cameras.distortion import Distortion
 from relume.scene.cameras.grid import camera_from_grid, fit_corners, fit_grid
@@ -252,3 +254,15 @@ def test_the_room_shoot_says_its_focal_length_and_its_residual():
     focal_length = truth["width"] / 2 / np.tan(np.radians(truth["hfov_deg"]) / 2)
     assert fit.camera.focal_length == pytest.approx(focal_length, rel=0.02)  # three of its deviations, 0.7 % each
     assert fit.residual is not None and fit.residual < 0.15  # corners of 28 pixels in a noisy JPEG
+
+
+def test_a_large_photograph_is_searched_in_a_small_one_and_measured_in_itself(monkeypatch):
+    photograph = photograph_of_the_board(camera_at(15, 40))
+    at_once = found_in(photograph)
+    sought: list[int] = []
+    resize = cv2.resize
+    monkeypatch.setattr(grid, "ENOUGH", 200)
+    monkeypatch.setattr(cv2, "resize", lambda *given, **settings: sought.append(1) or resize(*given, **settings))
+    found = found_in(photograph)
+    assert len(sought) == 1
+    assert reprojection_error(found, at_once) < 0.01

@@ -12,6 +12,7 @@ import numpy as np
 
 from relume.composite.mattes import solid_foreground
 from relume.errors import warn
+from relume.image.bands import in_bands
 from relume.renderers.results import Change
 
 ROUNDING = 1e-6
@@ -97,9 +98,22 @@ def composed(
             f"occluder is {occluder.shape}, the plate {plate.shape[:2]}; paint it over a picture of the plate's size"
         )
     gain = mode.gain(plate)
-    with np.errstate(invalid="ignore"):  # 0 · ∞ where nothing changes
-        difference = np.where(change.difference != 0, change.difference.astype(np.float64) * gain, 0.0)
-    picture, below = _joined(plate, change.objects, difference, change.matte, occluder)
+    front = None if occluder is None else solid_foreground(plate, occluder)
+    height, width = change.matte.shape
+    finite = in_bands(height, width, lambda rows: np.max(plate[rows], initial=0, where=np.isfinite(plate[rows])))
+    smallest = -ROUNDING * float(np.max(finite))
+    picture = np.empty(plate.shape, np.float32)
+
+    def work(rows: slice) -> int:
+        share = gain[rows] if isinstance(gain, np.ndarray) else gain
+        with np.errstate(invalid="ignore"):  # 0 · ∞ where nothing changes
+            difference = np.where(change.difference[rows] != 0, change.difference[rows].astype(np.float64) * share, 0.0)
+        hides = None if occluder is None or front is None else (occluder[rows], front[rows])
+        objects, matte = change.objects[rows], change.matte[rows]
+        picture[rows], below = _joined(plate[rows], objects, difference, matte, hides, smallest)
+        return below
+
+    below = sum(in_bands(height, width, work))
     if below:
         remedy = "check the reflectance" + (", or composite by ratio" if isinstance(mode, Additive) else "")
         warn(
@@ -125,7 +139,7 @@ def differential(plate: np.ndarray, with_: np.ndarray, without: np.ndarray, matt
             "render with a camera of the plate's size"
         )
     cover = matte[..., None].astype(np.float64)
-    return _joined(plate, cover * with_, (1 - cover) * (with_.astype(np.float64) - without), matte, None)[0]
+    return _joined(plate, cover * with_, (1 - cover) * (with_.astype(np.float64) - without), matte, None, 0.0)[0]
 
 
 def over(foreground: np.ndarray, matte: np.ndarray, plate: np.ndarray) -> np.ndarray:
@@ -149,19 +163,23 @@ def over(foreground: np.ndarray, matte: np.ndarray, plate: np.ndarray) -> np.nda
 
 
 def _joined(
-    plate: np.ndarray, objects: np.ndarray, difference: np.ndarray, matte: np.ndarray, occluder: np.ndarray | None
-) -> tuple[np.ndarray, int]:
-    """The picture, and how many of its pixels were held at 0."""
+    plate: np.ndarray, objects: np.ndarray, difference: np.ndarray, matte: np.ndarray,
+    hides: tuple[np.ndarray, np.ndarray] | None, smallest: float,
+) -> tuple[np.ndarray, int]:  # fmt: skip
+    """The picture, and how many of its pixels came out below `smallest`.
+
+    hides : the occluder and its part of the plate's light
+    """
     cover = matte[..., None].astype(np.float64)
     touched = (cover > 0) | (difference != 0)
-    if occluder is None:
+    if hides is None:
         picture = (1 - cover) * plate + (objects + difference)
     else:
-        front = occluder[..., None].astype(np.float64)
+        occluder, front = hides
+        share = occluder[..., None].astype(np.float64)
         # What is in front stays; of what is behind, plate − front, the objects hide their share.
-        hidden = cover * (plate - solid_foreground(plate, occluder))
-        picture = plate - hidden + (1 - front) * (objects + difference)
-        touched &= front < 1
-    smallest = -ROUNDING * float(np.max(plate, initial=0, where=np.isfinite(plate)))
+        hidden = cover * (plate - front)
+        picture = plate - hidden + (1 - share) * (objects + difference)
+        touched &= share < 1
     below = int(np.count_nonzero(((picture < smallest) & touched).any(-1)))
     return np.where(touched, np.maximum(picture, 0), plate).astype(np.float32), below

@@ -1,7 +1,8 @@
 """Results of steps, kept on disk under the hash of what made them, so that a second run redoes only what changed.
 
 A result is any value of frozen dataclasses, tuples, dictionaries, texts, numbers, dates and arrays: it is kept as one
-.npz, its arrays by number and the rest as JSON.
+.npz, its arrays by number and the rest as JSON. Large arrays stay in that file (`mapped_arrays`), so that memory holds
+what a step works on, and not the results of all before it.
 """
 
 from __future__ import annotations
@@ -20,7 +21,9 @@ from typing import Any, TypeVar
 import numpy as np
 
 from relume.errors import Doubt, GatheredDoubts, OutputNotWritten, warn
+from relume.image import mapped_arrays
 from relume.image.files import replacing
+from relume.image.mapped_arrays import Mapped
 from relume.renderers.progressive.fingerprint import fingerprint, program
 
 Result = TypeVar("Result")
@@ -35,10 +38,12 @@ class Stages:
 
     folder : where they are kept, one .npz a step
     others : folders of other jobs whose results serve as well where they were made from the same: other frames
+    mapped : their large arrays
     """
 
     folder: Path
     others: tuple[Path, ...] = ()
+    mapped: Mapped = field(default_factory=Mapped)
 
     def get(self, name: str, made_from: object, make: Callable[[], Result]) -> tuple[Result, bool]:
         """The result of step `name`, and whether it was kept from an earlier run.
@@ -48,16 +53,20 @@ class Stages:
         key = fingerprint([program(), name, made_from])
         path = self.folder / f"{name}.npz"
         for folder in (self.folder, *self.others):
-            arrays = _kept(folder / path.name, key)
+            arrays = _kept(folder / path.name, key, self.mapped)
             if arrays is not None:
                 return unpacked(arrays), True
         result = make()
+        arrays = {_KEY: np.array(key), **packed(result)}
         try:
             self.folder.mkdir(parents=True, exist_ok=True)
         except OSError as error:
             raise OutputNotWritten(f"{self.folder}: cannot be made ({error.strerror}); choose another -o") from None
         with replacing(path) as temporary, open(temporary, "wb") as file:
-            np.savez(file, **{_KEY: np.array(key)}, **packed(result))  # pyright: ignore[reportArgumentType]
+            self.mapped.write(file, arrays)
+        if any(array.nbytes >= mapped_arrays.LARGE for array in arrays.values()):
+            # From now on from the file, so that what it was made in can go.
+            result = unpacked(self.mapped.read(path))
         return result, False
 
 
@@ -76,8 +85,9 @@ class Steps:
 
     @contextmanager
     def timed(self, name: str) -> Iterator[None]:
-        """Measure and report a step."""
+        """Measure and report a step, which begins with next to nothing of the others' results in memory."""
         self.progress(name, 0.0)
+        self.stages.mapped.release()
         start = time.perf_counter()
         yield
         self.seconds[name] = time.perf_counter() - start
@@ -163,12 +173,9 @@ def _class(name: str) -> Any:
     return found
 
 
-def _kept(path: Path, key: str) -> dict[str, np.ndarray] | None:
+def _kept(path: Path, key: str, mapped: Mapped) -> dict[str, np.ndarray] | None:
     """The arrays in a file of this key; None for any other file, and for a damaged one."""
     try:
-        with open(path, "rb") as stream, np.load(stream, allow_pickle=False) as file:
-            if str(file[_KEY]) != key:
-                return None
-            return {name: file[name] for name in file.files if name != _KEY}
+        return mapped.read(path, key)
     except (OSError, ValueError, KeyError, EOFError, zipfile.BadZipFile):
         return None

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
+from relume.image.bands import in_bands
 from relume.image.bilinear import bilinear
 
 EDGE = 2
@@ -47,10 +48,40 @@ def _spread(values: np.ndarray, known: np.ndarray) -> np.ndarray:
     levels = [(np.where(known[..., None], values, 0).astype(np.float32), weight)]
     while max(levels[-1][0].shape[:2]) > 1:
         levels.append(_halved(*levels[-1]))
-    result = levels[-1][0]
-    for mean, weight in reversed(levels[:-1]):
-        result = weight * mean + (1 - weight) * _doubled(result, mean.shape[:2])
+    result = levels.pop()[0]
+    while levels:
+        result = _over(*levels.pop(), result)
     return result
+
+
+def _over(mean: np.ndarray, weight: np.ndarray, coarse: np.ndarray) -> np.ndarray:
+    """The mean by its weight over what is known of it at half its size."""
+    result, (height, width) = np.empty_like(mean), mean.shape[:2]
+    x, y = (np.arange(width) + 0.5) / 2, (np.arange(height) + 0.5) / 2
+
+    def work(rows: slice) -> None:
+        doubled = _looked_up(coarse, x, y[rows])
+        result[rows] = weight[rows] * mean[rows] + (1 - weight[rows]) * doubled
+
+    in_bands(height, width, work)
+    return result
+
+
+def enlarged(picture: np.ndarray, height: int, width: int) -> np.ndarray:
+    """A smooth picture (h, w, C) at another size, float32."""
+    result = np.empty((height, width, picture.shape[2]), np.float32)
+    x = (np.arange(width) + 0.5) * picture.shape[1] / width
+    y = (np.arange(height) + 0.5) * picture.shape[0] / height
+
+    def work(rows: slice) -> None:
+        result[rows] = _looked_up(picture, x, y[rows])
+
+    in_bands(height, width, work)
+    return result
+
+
+def _looked_up(picture: np.ndarray, x: np.ndarray, y: np.ndarray) -> np.ndarray:
+    return bilinear(picture, *np.broadcast_arrays(x[None, :], y[:, None])).astype(np.float32)
 
 
 def _halved(mean: np.ndarray, weight: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
@@ -61,8 +92,3 @@ def _halved(mean: np.ndarray, weight: np.ndarray) -> tuple[np.ndarray, np.ndarra
         part.reshape(part.shape[0] // 2, 2, part.shape[1] // 2, 2, -1).sum((1, 3)) for part in (total, share)
     )
     return total / np.maximum(share, 1e-6), np.minimum(share, 1)
-
-
-def _doubled(image: np.ndarray, shape: tuple[int, ...]) -> np.ndarray:
-    x, y = (np.arange(shape[1]) + 0.5) / 2, (np.arange(shape[0]) + 0.5) / 2
-    return bilinear(image, *np.broadcast_arrays(x[None, :], y[:, None])).astype(np.float32)

@@ -9,11 +9,14 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
+from math import sqrt
 
 import numpy as np
 
 from relume.errors import warn
+from relume.image.bands import BAND
 from relume.image.radiance import RadianceMap
+from relume.image.resizing import resized
 from relume.renderers.mitsuba.denoise import smoothed
 from relume.renderers.mitsuba.path_tracer import Mitsuba
 from relume.renderers.raytrace.raycast import RayCaster
@@ -24,7 +27,7 @@ from relume.scene.materials.checks import triple
 from relume.scene.materials.materials import Colour, Diffuse
 from relume.scene.scene import Scene
 from relume.scene.shapes.shapes import Plane, Shape
-from relume.surface.clean_pixels import filled_in, trustworthy
+from relume.surface.clean_pixels import enlarged, filled_in, trustworthy
 from relume.surface.gloss import FittedGloss, Gloss, ViewOfProbe, fit_gloss, glossy
 from relume.surface.projection import Projected, projected
 from relume.surface.recovery import (
@@ -42,6 +45,9 @@ ITERATIONS = 8
 """At most: each takes the albedo's share (at most 0.9 of a closed white box) off the error, here half or less."""
 COARSE = 192
 """Pixels across of the renders where nothing shadows a lone plane and its gloss is wide: what arrives varies slowly."""
+FINE = 2_000_000
+"""Pixels of the other renders, at most: what arrives is smoothed over a few pixels of such a picture anyway, and a
+render of a large plate takes memory and time by its pixels."""
 WIDE = 0.2
 """Roughness from which on a gloss is wide: its lobe spans 2 α = 5°, some ten pixels of such a render."""
 FEW = 0.05
@@ -54,27 +60,43 @@ FEWEST_PIXELS = 100
 
 
 class _Work:
-    """Renders of the model, at the plate's size or, where nothing in them is sharp, smaller."""
+    """Renders of the model, at the plate's size or, where nothing in them is sharp or the plate is large, smaller."""
 
-    def __init__(self, renderer: Renderer, camera: Camera, scene: Scene, seed: int, fine: bool) -> None:
-        wide = camera.width if fine else min(camera.width, COARSE)
+    def __init__(
+        self, renderer: Renderer, camera: Camera, scene: Scene, seed: int, whole: np.ndarray, fine: bool
+    ) -> None:
+        shrunk = min(1.0, sqrt(FINE / (camera.width * camera.height)))
+        wide = round(camera.width * shrunk) if fine else min(camera.width, COARSE)
         self.camera = camera.resized(wide, max(1, round(camera.height * wide / camera.width)))
         self.renderer, self.scene, self.seed, self.full = renderer, scene, seed, camera
-        self.parts = _parts(scene, self.camera)
+        self.smaller = self.camera.width != camera.width
+        # Which surface the pixels show, of the plate and of the renders.
+        self.whole, self.apart = whole, fine
+        self.parts = _parts(scene, self.camera) if self.smaller else whole
 
     def render(self, local: Sequence[Shape]) -> Render:
         return self.renderer.render(self.scene.with_local(local), self.camera, seed=self.seed)
 
     def enlarged(self, picture: np.ndarray, inside: np.ndarray) -> np.ndarray:
         """A smooth picture (h, w, 3) at the plate's size; what is not `inside` (h, w) does not bleed in."""
-        if self.camera.width == self.full.width:
+        if not self.smaller:
             return picture
-        from relume.image.bilinear import bilinear
+        height, width = self.whole.shape
+        if not self.apart:
+            return enlarged(filled_in(picture, inside, np.zeros(inside.shape, int)), height, width)
+        # Nor does a surface into one that hides it.
+        result = np.zeros((height, width, 3), np.float32)
+        for part in np.unique(self.parts[inside]):
+            known = inside & (self.parts == part)
+            mine = enlarged(filled_in(picture, known, np.zeros(inside.shape, int)), height, width)
+            np.copyto(result, mine, where=(self.whole == part)[..., None])
+        return result
 
-        whole = filled_in(picture, inside, np.zeros(inside.shape, int))
-        x = (np.arange(self.full.width) + 0.5) * self.camera.width / self.full.width
-        y = (np.arange(self.full.height) + 0.5) * self.camera.height / self.full.height
-        return bilinear(whole, *np.broadcast_arrays(x[None, :], y[:, None])).astype(np.float32)
+    def shrunk(self, picture: np.ndarray) -> np.ndarray:
+        """A picture (H, W, 3) of the plate's size as the renders show it."""
+        if not self.smaller:
+            return picture
+        return resized(RadianceMap(picture), self.camera.width, self.camera.height).radiance
 
 
 def recover_reflectance(
@@ -122,16 +144,16 @@ def recover_reflectance(
     progress(0.2)
 
     # The model in grey, and in black: what is left when nothing is diffuse is gloss, and all that is not recovered.
-    grey = np.full((*plate.radiance.shape[:2], 3), 0.5, np.float32)
+    grey, none = (np.broadcast_to(np.float32(value), plate.radiance.shape) for value in (0.5, 0.0))
     black = [(0.0, 0.0, 0.0)] * len(wanted)
     even = [(0.5, 0.5, 0.5)] * len(wanted)
     fine = not _alone(scene.local) or any(gloss is not None and gloss.roughness < WIDE for gloss in glosses)
-    work = _Work(renderer, camera, scene, seed, fine)
+    work = _Work(renderer, camera, scene, seed, parts, fine)
     recovered, inside = np.isin(parts, unknown), np.isin(work.parts, unknown)
     first = work.render(looks.shapes(grey, even, glosses))
     dark = np.zeros_like(first.radiance)
     if len(unknown) < len(wanted) or any(gloss is not None for gloss in glosses):
-        dark = work.render(looks.shapes(0 * grey, black, glosses)).radiance
+        dark = work.render(looks.shapes(none, black, glosses)).radiance
     sheen = work.enlarged(smoothed(dark, first.normal, work.parts), inside)
 
     def arriving(radiance: np.ndarray, shown: np.ndarray | float) -> np.ndarray:
@@ -153,7 +175,7 @@ def recover_reflectance(
             break
         picture = work.render(looks.shapes(albedo, colours, glosses))
         shown = np.stack([_as_rendered(albedo[..., channel]) for channel in range(3)], axis=-1)
-        shown = _with_even(shown, parts, wanted, colours)
+        shown = work.shrunk(_with_even(shown, parts, wanted, colours))
         again = arriving(picture.radiance, shown)
         iterations += 1
         moved = np.abs(again - light)[recovered].mean(0) / np.maximum(light[recovered].mean(0), 1e-30)
@@ -198,7 +220,9 @@ def _surface(
     raw: np.ndarray, colour: Colour, gloss: Gloss | None, fit: FittedGloss | None, shapes: tuple[Shape, ...]
 ) -> RecoveredSurface:  # fmt: skip
     """What was found of a surface, from the albedos (N, 3) of its pixels."""
-    low, middle, high = np.percentile(raw.astype(np.float64), [16, 50, 84], axis=0)
+    # A channel at a time: a whole plate's values are copied and ordered for it.
+    each = [np.percentile(raw[:, channel].astype(np.float64), [16, 50, 84]) for channel in range(3)]
+    low, middle, high = np.stack(each, axis=-1)
     return RecoveredSurface(colour, triple(middle), triple((high - low) / 2), len(raw), gloss, fit, shapes)
 
 
@@ -236,9 +260,15 @@ class _Looks:
 
 def _parts(scene: Scene, camera: Camera) -> np.ndarray:
     """(H, W) int: which local surface the middle of each pixel shows; −1 for none."""
-    rays = camera.rays()
-    hits = RayCaster.of(scene.local).nearest(np.array(camera.position, np.float64), rays.reshape(-1, 3))
-    return hits.shape.reshape(rays.shape[:2])
+    caster, eye = RayCaster.of(scene.local), np.array(camera.position, np.float64)
+    parts, across = np.empty((camera.height, camera.width), np.int32), np.arange(camera.width) + 0.5
+    step = max(1, BAND // camera.width)
+    for top in range(0, camera.height, step):
+        down = np.arange(top, min(top + step, camera.height)) + 0.5
+        points = np.stack(np.broadcast_arrays(across[None, :], down[:, None]), axis=-1)
+        hits = caster.nearest(eye, camera.rays_through(points).reshape(-1, 3))
+        parts[top : top + step] = hits.shape.reshape(points.shape[:2])
+    return parts
 
 
 def _alone(local: Sequence[Shape]) -> bool:
@@ -257,12 +287,16 @@ def _as_rendered(channel: np.ndarray) -> np.ndarray:
 
 def _lit(light: np.ndarray, usable: np.ndarray) -> np.ndarray:
     """Where enough light arrives to divide by: a fiftieth of the surface's median in every channel."""
-    middle = np.median(light[usable], axis=0)
-    return np.all(light > 0.02 * middle, axis=-1)
+    return np.all(light > 0.02 * _medians(light, usable), axis=-1)
+
+
+def _medians(picture: np.ndarray, chosen: np.ndarray) -> np.ndarray:
+    """(3,) of the chosen pixels, a channel at a time: a whole plate's values are copied and ordered for it."""
+    return np.array([np.median(picture[..., channel][chosen]) for channel in range(3)], picture.dtype)
 
 
 def _require_lit(local: Sequence[Shape], index: int, light: np.ndarray, usable: np.ndarray) -> None:
-    if not np.all(np.median(light[usable], axis=0) > 0):
+    if not np.all(_medians(light, usable) > 0):
         raise ValueError(
             f"no light arrives at {_called(local, index)} in the model, so its reflectance cannot be recovered; "
             "check that the light's map is turned the right way up, or give the reflectance"
@@ -280,7 +314,8 @@ def _albedo(
             continue
         lit = usable[index] & _lit(light, usable[index])
         known |= lit
-        colours.append(triple(np.clip(np.median(raw[lit].astype(np.float64), axis=0), 0, 1)))
+        middle = [np.median(raw[..., channel][lit].astype(np.float64)) for channel in range(3)]
+        colours.append(triple(np.clip(middle, 0, 1)))
     return filled_in(np.clip(raw, 0, 1).astype(np.float32), known, parts), colours
 
 

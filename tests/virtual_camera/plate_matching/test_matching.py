@@ -7,6 +7,7 @@ import pytest
 
 from relume.capture.lens.vignetting import Vignetting
 from relume.composite.differential import Ratio, composed
+from relume.image import bands
 from relume.image.photograph import Photograph
 from relume.renderers.results import Change
 from relume.virtual_camera.film.grain import Grain
@@ -137,6 +138,28 @@ def test_the_objects_have_the_grain_of_the_surroundings():
         assert part.std() == pytest.approx(3, rel=0.03)
     # Without any grain measured the objects are smooth.
     assert composite_into_photograph(photograph, before.copy(), before, matte, Match()).pixels[:, 100:].std() == 0
+
+
+def test_rows_of_a_photograph_get_the_grain_that_they_get_in_the_whole():
+    before, matte = np.full((100, 200, 3), 120.0), np.zeros((100, 200))
+    matte[20:80, 100:] = 1
+    photograph, match = photographed(before, 3), Match(photograph_grain=grain_of(3, 3), seed=2)
+    whole = composite_into_photograph(photograph, before + 9, before, matte, match).pixels
+    noise = grain_of(3, 3).draw((200, 100), seed=2)
+    for rows in (slice(0, 37), slice(37, 100)):
+        part = replace(photograph, pixels=photograph.pixels[rows])
+        own = composite_into_photograph(part, before[rows] + 9, before[rows], matte[rows], match, noise[rows])
+        assert own.pixels.tobytes() == whole[rows].tobytes()
+
+
+def test_rows_at_a_time_softens_and_grains_as_at_once(monkeypatch):
+    one, picture = change(), np.random.default_rng(1).random((*SIZE, 3), np.float32)
+    whole = Sharpness(0.8).apply(one), add_grain(picture, one.matte, Match(radiance_grain=grain_of(1, 1)))
+    monkeypatch.setattr(bands, "BAND", 500)
+    parts = Sharpness(0.8).apply(one), add_grain(picture, one.matte, Match(radiance_grain=grain_of(1, 1)))
+    assert parts[1].tobytes() == whole[1].tobytes()
+    for name in ("objects", "difference", "matte", "objects_variance"):
+        assert getattr(parts[0], name).tobytes() == getattr(whole[0], name).tobytes(), name
 
 
 def test_in_a_shadow_the_photographs_own_grain_becomes_that_of_the_darker_value():

@@ -10,6 +10,7 @@ from relume.capture.exposure.bracket import Bracket
 from relume.composite.differential import Additive, Ratio, composed
 from relume.composite.mattes import read_matte
 from relume.errors import warn
+from relume.image.bands import in_bands
 from relume.image.colour_space import to_own_primaries
 from relume.image.photograph import Photograph
 from relume.image.radiance import RadianceMap
@@ -135,11 +136,30 @@ def composited(
         if photograph is None:
             picture, before = (_developed(each, film, development) for each in (grainy, plate.radiance))
         else:
-            after, bare = (
-                film.pixel_values(to_own_primaries(each, photograph)) for each in (composite, plate.radiance)
-            )
-            picture, before = composite_into_photograph(photograph, after, bare, change.matte, match), photograph
+            picture = _in_photograph(photograph, film, composite, plate.radiance, change.matte, match)
+            before = photograph
     return Composite(grainy, picture, before, change, without, match)
+
+
+def _in_photograph(
+    photograph: Photograph, film: Film, composite: np.ndarray, plate: np.ndarray, matte: np.ndarray, match: Match
+) -> Photograph:
+    """The photograph with what the composite (H, W, 3) has and the plate has not, developed on its film."""
+    height, width = matte.shape
+    grain = match.photograph_grain
+    noise = None if grain is None else grain.draw((width, height), match.seed)
+    pixels = photograph.pixels.copy()
+
+    def work(rows: slice) -> None:
+        if not matte[rows].any() and np.array_equal(composite[rows], plate[rows]):
+            return
+        after, bare = (film.pixel_values(to_own_primaries(each[rows], photograph)) for each in (composite, plate))
+        part = replace(photograph, pixels=photograph.pixels[rows], outside=None)
+        own = None if noise is None else noise[rows]
+        pixels[rows] = composite_into_photograph(part, after, bare, matte[rows], match, own).pixels
+
+    in_bands(height, width, work)
+    return replace(photograph, pixels=pixels, name="developed picture")
 
 
 def _developed(radiance: np.ndarray, film: Film, development: Development) -> Photograph:

@@ -16,7 +16,7 @@ from relume.project.insertion.place import Place
 from relume.project.insertion.render_tiles import change_in_tiles, forget_tiles, is_large
 from relume.project.shot_file.objects import placed_meshes
 from relume.project.shot_file.shot import Shot
-from relume.project.stages import Stages, Steps
+from relume.project.stages import Steps
 from relume.renderers.mitsuba.differential import Differential
 from relume.renderers.progressive.accumulation import RenderSession, forget
 from relume.renderers.progressive.convergence import Sums
@@ -122,7 +122,7 @@ def render_change(
             if is_large(place.camera) and isinstance(renderer, Differential):
                 return change_in_tiles(
                     renderer, scene, place.camera, plate.radiance, seed=table.seed, made_from=fingerprint(made_from),
-                    stages=Stages(folder), watch=watch, finish=finish,
+                    stages=steps.stages, watch=watch, finish=finish,
                     first=previews.show if table.preview else None, progress=report, moments=moments, shutter=shutter,
                 )  # fmt: skip
             return finish(renderer.change(

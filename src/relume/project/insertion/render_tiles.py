@@ -127,7 +127,7 @@ def change_in_tiles(
     shares = _rays(pilot, plate, camera, tiles, renderer.samples)
     noise = None if renderer.noise is None else renderer.noise * sqrt(height * width / VIEWED)
     # Each tile with its border, put away as soon as it is finished.
-    whole, traced = _empty(height, width), 0
+    whole, traced = _empty(height, width, stages), 0
     doubts: list[Doubt] = []
     begun = np.concatenate([[0], np.cumsum(shares)]) / sum(shares)
     for index, (tile, samples) in enumerate(zip(tiles, shares, strict=True)):
@@ -154,6 +154,7 @@ def change_in_tiles(
             plane = getattr(whole, field.name)
             if isinstance(plane, np.ndarray):
                 plane[tile.place] = getattr(change, field.name)[tile.within(larger)]
+        stages.mapped.release()
         traced += change.samples * (tile.bottom - tile.top) * (tile.right - tile.left)
         progress(float(begun[index + 1]))
     _warn_once(doubts, len(tiles), renderer)
@@ -217,10 +218,11 @@ def _rays(pilot: Change, plate: np.ndarray, camera: Camera, tiles: list[Tile], s
     return [int(np.clip(round(n), low, samples)) for n, low in zip(each, fewest, strict=True)]
 
 
-def _empty(height: int, width: int) -> Change:
-    """A change of nothing; pages of memory that no tile fills are never touched."""
-    flat = lambda *channels: np.zeros((height, width, *channels), np.float32)  # noqa: E731
-    return Change(
-        objects=flat(3), difference=flat(3), matte=flat(), depth=flat(), normal=flat(3), albedo=flat(3),
-        objects_variance=flat(3), difference_variance=flat(3),
-    )  # fmt: skip
+def _empty(height: int, width: int, stages: Stages) -> Change:
+    """A change of nothing, whose planes are beside the stages on disk and not in memory."""
+    stages.folder.mkdir(parents=True, exist_ok=True)
+    objects, difference, normal, albedo, objects_variance, difference_variance = stages.mapped.zeros(
+        stages.folder, [(height, width, 3)] * 6
+    )
+    matte, depth = stages.mapped.zeros(stages.folder, [(height, width)] * 2)
+    return Change(objects, difference, matte, depth, normal, albedo, objects_variance, difference_variance)

@@ -64,7 +64,8 @@ def _content(value: object) -> Any:
     if isinstance(value, Path):
         return hashlib.sha256(value.read_bytes()).hexdigest()
     if isinstance(value, np.ndarray):
-        return [str(value.dtype), value.shape, hashlib.sha256(np.ascontiguousarray(value).tobytes()).hexdigest()]
+        values = np.ascontiguousarray(value).reshape(-1).view(np.uint8)
+        return [str(value.dtype), value.shape, hashlib.sha256(values).hexdigest()]
     if is_dataclass(value):
         return [type(value).__name__, {field.name: getattr(value, field.name) for field in fields(value)}]
     raise TypeError(f"{type(value).__name__} cannot be part of a fingerprint")

@@ -121,16 +121,25 @@ class Grain:
         self.noise(seed).each_square(height, width, put)
         return drawn
 
-    def apply(self, values: np.ndarray, share: np.ndarray | float = 1.0, *, seed: int = 0) -> np.ndarray:
+    def apply(
+        self,
+        values: np.ndarray,
+        share: np.ndarray | float = 1.0,
+        *,
+        seed: int = 0,
+        noise: np.ndarray | None = None,
+    ) -> np.ndarray:
         """Values with the grain that belongs to them, (H, W, 3) float64.
 
         values : (H, W, 3) pixel values (not rounded) or radiances, as the grain's own table
         share : (H, W) or (H, W, 3), factor on the noise; 0 leaves a value as it is
+        noise : (H, W, 3), of a part of a larger picture that was drawn as a whole; `draw` of `seed` unless given
         """
         height, width = values.shape[:2]
         share = np.asarray(share, np.float64)
         share = share[..., None] if share.ndim == 2 else share
-        return values + share * self.deviation_at(values) * self.draw((width, height), seed)
+        drawn = self.draw((width, height), seed) if noise is None else noise
+        return values + share * self.deviation_at(values) * drawn
 
 
 def _kernels(correlation: np.ndarray) -> np.ndarray:

@@ -11,6 +11,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from relume.capture.lens.vignetting import Vignetting
+from relume.image.bands import in_bands
 from relume.image.photograph import Photograph
 from relume.renderers.results import Change
 from relume.virtual_camera.film.grain import ROUNDING, Grain
@@ -81,19 +82,28 @@ def add_grain(composite: np.ndarray, matte: np.ndarray, match: Match) -> np.ndar
     """
     if match.radiance_grain is None:
         return composite
-    noisy = match.radiance_grain.apply(composite, grain_share(matte), seed=match.seed)
-    return np.where((matte > 0)[..., None], np.maximum(noisy, 0), composite).astype(np.float32)
+    grain, grainy = match.radiance_grain, np.empty(composite.shape, np.float32)
+    noise = grain.draw((composite.shape[1], composite.shape[0]), match.seed)
+
+    def work(rows: slice) -> None:
+        noisy = grain.apply(composite[rows], grain_share(matte[rows]), noise=noise[rows])
+        grainy[rows] = np.where((matte[rows] > 0)[..., None], np.maximum(noisy, 0), composite[rows])
+
+    in_bands(matte.shape[0], matte.shape[1], work)
+    return grainy
 
 
 def composite_into_photograph(
-    photograph: Photograph, picture: np.ndarray, before: np.ndarray, matte: np.ndarray, match: Match
-) -> Photograph:
+    photograph: Photograph, picture: np.ndarray, before: np.ndarray, matte: np.ndarray, match: Match,
+    noise: np.ndarray | None = None,
+) -> Photograph:  # fmt: skip
     """The photograph with the objects in it: its own grain where they are not, grain like it where they are.
 
     photograph : of the plate's bracket
     picture, before : (H, W, 3) values, 0 to 255 and not rounded, of the composite and of the plate, both without grain
         and developed as that photograph (`Film.pixel_values`)
     matte : (H, W), the share of each pixel that objects cover
+    noise : (H, W, 3), for some rows of a larger picture the part of its noise (`Grain.draw`)
 
     Where nothing changed, the photograph's bytes stay. Elsewhere what it has beside the plate, its grain, is kept by
     the share that shows and scaled by how the noise of the new value differs from that of the old: in a shadow and in
@@ -119,6 +129,6 @@ def composite_into_photograph(
         old, new = (np.sqrt(grain.deviation_at(v) ** 2 + ROUNDING) for v in (before, picture))
         # What saturates does so without noise, being far above the largest value or clipped.
         share = np.where((picture >= white) | (picture <= 0), 0.0, np.sqrt(1 - kept**2))
-        values = grain.apply(picture, share, seed=match.seed) + kept * own * (new / old)
+        values = grain.apply(picture, share, seed=match.seed, noise=noise) + kept * own * (new / old)
     pixels = np.rint(np.clip(values, 0, white)).astype(photograph.pixels.dtype)
     return replace(photograph, pixels=np.where(changed, pixels, photograph.pixels), name="developed picture")

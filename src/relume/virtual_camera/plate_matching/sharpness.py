@@ -6,6 +6,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from relume.image.bands import in_bands
 from relume.image.colour import luminance
 from relume.image.radiance import RadianceMap
 from relume.renderers.results import Change
@@ -49,8 +50,20 @@ class Sharpness:
         from scipy.ndimage import convolve1d
 
         taps = _taps(self.sigma)
-        once = convolve1d(plane.astype(np.float64), taps, axis=0, mode="reflect")
-        return convolve1d(once, taps, axis=1, mode="reflect").astype(plane.dtype)
+        soft, reach = np.empty_like(plane), len(taps) // 2
+
+        def work(rows: slice) -> None:
+            # With the rows that reach into the band; the picture's own border is the only one.
+            larger = slice(max(rows.start - reach, 0), rows.stop + reach)
+            part = plane[larger].astype(np.float64)
+            if not part.any():
+                soft[rows] = 0
+                return
+            once = convolve1d(part, taps, axis=0, mode="reflect")[rows.start - larger.start :][: rows.stop - rows.start]
+            soft[rows] = convolve1d(once, taps, axis=1, mode="reflect")
+
+        in_bands(plane.shape[0], plane.shape[1], work)
+        return soft
 
     def apply(self, change: Change) -> Change:
         """The change as the plate's lens would have drawn it: objects, matte and difference softened alike.

@@ -9,11 +9,13 @@ from __future__ import annotations
 
 import os
 from collections.abc import Collection, Mapping
+from pathlib import Path
 from typing import Any
 
 import numpy as np
 
 from relume.errors import UnreadableFile, warn
+from relume.image import mapped_arrays
 from relume.image.files.encodings import OpenEXR
 from relume.image.files.exr import half as exr_half
 from relume.image.files.exr import picture as exr_picture
@@ -22,6 +24,7 @@ from relume.image.files.exr.header import read_headers
 from relume.image.files.exr.parts import Part, outside, read_parts, warn_of_overscan, write_parts
 from relume.image.files.metadata.attributes import scale_by
 from relume.image.files.read_options import ReadOptions
+from relume.image.mapped_arrays import Mapped
 from relume.image.primaries import EQUAL_ENERGY, REC709, Primaries, adaptation, converted
 from relume.image.radiance import OUTSIDE, RadianceMap
 
@@ -93,11 +96,11 @@ def write_layers(
     # OpenEXR wants the same primaries in every part; they say nothing of a part without R, G, B.
     header = {"chromaticities": REC709.values, **header_of(storable(path, attributes))}
     lit = {"whiteLuminance": 1.0, **header} if unit == "cd/m²" else header
-    parts = []
+    parts, mapped = [], Mapped()
     for name, layer in layers.items():
-        planes = _planes(name, layer, np.float16 if name in halves else np.float32)
+        planes = _planes(name, layer, np.float16 if name in halves else np.float32, Path(path).parent, mapped)
         parts.append(Part(name, planes, dict(header if "Y" in planes else lit)))
-    write_parts(path, parts)
+    write_parts(path, parts, mapped)
 
 
 def read_layers(path: str | os.PathLike[str], options: ReadOptions = ReadOptions()) -> dict[str, np.ndarray]:
@@ -181,15 +184,22 @@ def _in_rec709(image: RadianceMap, given: Primaries, header: Mapping[str, Any]) 
     return converted(image, matrix, given)
 
 
-def _planes(name: str, layer: np.ndarray, kind: type) -> dict[str, np.ndarray]:
+def _planes(name: str, layer: np.ndarray, kind: type, folder: Path, mapped: Mapped) -> dict[str, np.ndarray]:
+    """The planes of a layer as they are stored; large ones in a nameless file of that folder and not in memory."""
     layer = np.asarray(layer)
     if layer.ndim != 2 and (layer.ndim != 3 or layer.shape[2] != 3):
         raise ValueError(f'layer "{name}" is {layer.shape}; expected (H, W, 3) or (H, W)')
     planes = {"Y": layer} if layer.ndim == 2 else {letter: layer[..., i] for i, letter in enumerate("RGB")}
     stored, beyond = dict[str, np.ndarray](), 0
+    if layer.size * np.dtype(kind).itemsize >= mapped_arrays.LARGE:
+        stored = dict(zip(planes, mapped.zeros(folder, [layer.shape[:2]] * len(planes), kind), strict=True))
     for letter, plane in planes.items():
         with np.errstate(over="ignore"):
-            stored[letter] = np.ascontiguousarray(plane, kind)
+            if letter in stored:
+                stored[letter][...] = plane
+                mapped.release()
+            else:
+                stored[letter] = np.ascontiguousarray(plane, kind)
         if kind is np.float32 and plane.dtype != np.float32:
             beyond += np.count_nonzero(np.isinf(stored[letter])) - np.count_nonzero(np.isinf(plane))
     if beyond:

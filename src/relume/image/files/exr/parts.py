@@ -18,16 +18,18 @@ import threading
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager, redirect_stdout
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any
+from typing import IO, TYPE_CHECKING, Any
 
 import numpy as np
 
 from relume.errors import FormatError, OutputNotWritten, warn
+from relume.image import mapped_arrays
 from relume.image.files.atomic import replacing
 from relume.image.files.exr import chunks as exr_chunks
 from relume.image.files.exr.header import Headers, read_headers, refuse_beyond
 from relume.image.files.read_options import OR_SALVAGE, ReadOptions
 from relume.image.files.signatures import one_line
+from relume.image.mapped_arrays import Mapped
 
 if TYPE_CHECKING:
     import OpenEXR
@@ -80,8 +82,11 @@ def read_parts(path: str | os.PathLike[str], options: ReadOptions = ReadOptions(
     return parts
 
 
-def write_parts(path: str | os.PathLike[str], parts: Sequence[Part]) -> None:
-    """Write half or float parts of one size, ZIP compressed, whole or not at all; raises OutputNotWritten."""
+def write_parts(path: str | os.PathLike[str], parts: Sequence[Part], mapped: Mapped | None = None) -> None:
+    """Write half or float parts of one size, ZIP compressed, whole or not at all; raises OutputNotWritten.
+
+    mapped : the planes that are in files, whose memory is given back as they are written
+    """
     import OpenEXR
 
     written = []
@@ -92,9 +97,29 @@ def write_parts(path: str | os.PathLike[str], parts: Sequence[Part]) -> None:
         written.append(OpenEXR.Part(header, channels, part.name))
     with replacing(path) as temporary:
         try:
-            OpenEXR.File(written).write(str(temporary))
+            if mapped is not None and mapped.maps:
+                with open(temporary, "wb") as file:
+                    OpenEXR.File(written).write(_Releasing(file, mapped))
+            else:
+                OpenEXR.File(written).write(str(temporary))
         except RuntimeError as error:
             raise OutputNotWritten(f"{path}: cannot be written: {one_line(error)}") from error
+
+
+class _Releasing:
+    """A file that gives back, as it grows, the memory of the planes that it is written from."""
+
+    def __init__(self, file: IO[bytes], mapped: Mapped) -> None:
+        self.tell, self.seek, self.flush = file.tell, file.seek, file.flush
+        self._file, self._mapped, self._written = file, mapped, 0
+
+    def write(self, data: bytes) -> int:
+        """Write some bytes."""
+        self._written += len(data)
+        if self._written > mapped_arrays.LARGE:
+            self._mapped.release()
+            self._written = 0
+        return self._file.write(data)
 
 
 def placed(header: Mapping[str, Any], planes: Mapping[str, np.ndarray]) -> dict[str, np.ndarray]:

@@ -19,7 +19,8 @@ class Lens:
 
     def __init__(self, camera: Camera) -> None:
         self.camera = camera
-        self.across, self.down = (float(v) for v in camera.principal_point)
+        # Numbers that the parts of a picture do not share: compiled into the kernels they would make new ones of each.
+        self.across, self.down = (dr.opaque(mi.Float, float(v)) for v in camera.principal_point)
         self.focus = min(float(camera.focus), FAR)
         self.turn = mi.Matrix3f(camera.rotation.tolist())
         self.back = mi.Matrix3f(camera.rotation.T.tolist())

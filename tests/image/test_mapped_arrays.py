@@ -1,0 +1,110 @@
+"""Arrays whose pages come from a file: the same numbers, in memory only while they are read."""
+
+from __future__ import annotations
+
+import zipfile
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from relume.errors import OutputNotWritten
+from relume.image import mapped_arrays
+from relume.image.mapped_arrays import MAPS, Mapped
+
+GENERATOR = np.random.default_rng(3)
+ARRAYS = {
+    "key": np.array("this"),
+    "plane": GENERATOR.random((97, 101, 3)).astype(np.float32),
+    "columns": np.asfortranarray(GENERATOR.random((64, 50))),
+    "marks": GENERATOR.integers(0, 3, (97, 101)).astype(np.uint8),
+    "nothing": np.zeros((0, 3)),
+    "whole": np.array(7.5),
+}
+
+
+@pytest.fixture(autouse=True)
+def small(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Arrays from 5 kB on are large."""
+    monkeypatch.setattr(mapped_arrays, "LARGE", 5_000)
+
+
+def written(path: Path) -> Path:
+    with open(path, "wb") as file:
+        Mapped().write(file, ARRAYS)
+    return path
+
+
+def test_arrays_come_back_to_the_bit_and_stay_so_when_their_memory_is_given_back(tmp_path):
+    mapped = Mapped()
+    back = mapped.read(written(tmp_path / "a.npz"), "this")
+    assert list(back) == list(ARRAYS)
+    for _ in range(2):
+        for name, array in ARRAYS.items():
+            assert back[name].dtype == array.dtype and np.array_equal(back[name], array), name
+        mapped.release()
+    # Kernels and libraries take them as any array: plain, and beginning where theirs do.
+    assert all(type(array) is np.ndarray for array in back.values())
+    assert all(back[name].ctypes.data % 64 == 0 for name in ("plane", "columns", "marks"))
+    assert back["columns"].flags.f_contiguous
+    # NumPy reads the file too.
+    with np.load(tmp_path / "a.npz") as file:
+        assert np.array_equal(file["plane"], ARRAYS["plane"])
+
+
+@pytest.mark.skipif(not MAPS, reason="files are not mapped here")
+def test_large_arrays_take_memory_only_where_they_were_read(tmp_path):
+    with open(tmp_path / "a.npz", "wb") as file:
+        Mapped().write(file, {"plane": np.ones(2**22, np.float32)})
+    mapped = Mapped()
+    plane = mapped.read(tmp_path / "a.npz")["plane"]
+    assert plane.sum(dtype=np.float64) == 2**22
+    before = resident()
+    mapped.release()
+    assert before - resident() > 0.9 * plane.nbytes
+    # A map that nobody holds any more is forgotten.
+    del plane
+    mapped.zeros(tmp_path, [(4,)])
+    assert len(mapped.maps) == 1
+
+
+def resident() -> int:
+    """Bytes of this process that are in memory."""
+    try:
+        pages = int(Path("/proc/self/statm").read_text().split()[1])
+    except OSError:
+        pytest.skip("this system does not say how much memory a process has")
+    import resource
+
+    return pages * resource.getpagesize()
+
+
+def test_writing_to_what_was_read_changes_no_file(tmp_path):
+    path = written(tmp_path / "a.npz")
+    before = path.read_bytes()
+    Mapped().read(path)["plane"][:] = 0
+    assert path.read_bytes() == before
+
+
+def test_another_key_and_damaged_files_are_refused(tmp_path):
+    path = written(tmp_path / "a.npz")
+    with pytest.raises(KeyError, match="that"):
+        Mapped().read(path, "that")
+    whole = path.read_bytes()
+    for damaged in (whole[:100], whole[:2000] + bytes([whole[2000] ^ 1]) + whole[2001:]):
+        path.write_bytes(damaged)
+        with pytest.raises((zipfile.BadZipFile, OSError, ValueError, EOFError)):
+            Mapped().read(path, "this")
+
+
+def test_planes_of_zeros_lie_in_a_file_without_a_name(tmp_path):
+    mapped = Mapped()
+    first, second = mapped.zeros(tmp_path, [(40, 50, 3), (7,)])
+    assert first.dtype == np.float32 and not first.any() and second.shape == (7,)
+    first[3:5] = 2.5
+    second[6] = 1
+    mapped.release()
+    assert first[3:5].min() == 2.5 and not first[5:].any() and not first[:3].any() and second.tolist() == [0] * 6 + [1]
+    assert not list(tmp_path.iterdir())
+    with pytest.raises(OutputNotWritten, match="cannot be written"):
+        mapped.zeros(tmp_path / "missing", [(4,)])
