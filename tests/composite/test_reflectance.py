@@ -7,12 +7,14 @@ import pytest
 
 from relume.image.radiance import SATURATED, RadianceMap
 from relume.renderers.mitsuba.path_tracer import Mitsuba
+from relume.renderers.raytrace.raycast import RayCaster
 from relume.scene.cameras.camera import Camera
 from relume.scene.materials.materials import Diffuse
 from relume.scene.scene import Box, Scene
 from relume.scene.shapes.shapes import Mesh, Plane
 from relume.sphere.environment_map import EnvironmentMap
 from relume.sphere.mappings.mapping import LatLong, pixel_directions
+from relume.surface import reflectance
 from relume.surface.clean_pixels import filled_in, trustworthy
 from relume.surface.gloss import Gloss, glossy
 from relume.surface.projection import box_mesh
@@ -91,8 +93,13 @@ def test_the_model_without_objects_is_the_photograph(stripes, room):
     assert np.percentile(np.abs(ratio - 1), 95) < 0.12
 
 
-def test_surfaces_that_light_one_another_are_iterated_until_the_light_stays():
-    """A bright red wall on the table reddens it: dividing once would give the table its colour."""
+@pytest.mark.parametrize("pixels", [reflectance.FINE, 3000])
+def test_surfaces_that_light_one_another_are_iterated_until_the_light_stays(monkeypatch, pixels):
+    """A bright red wall on the table reddens it: dividing once would give the table its colour.
+
+    pixels : of the model's renders, at most; of a plate twice as large they show a smaller one
+    """
+    monkeypatch.setattr(reflectance, "FINE", pixels)
     wall = box_mesh((-0.6, 0.0, -0.45), (0.6, 0.5, -0.4), Diffuse((0.5, 0.5, 0.5)), "wall")
     table, paint = Diffuse((0.7, 0.7, 0.7)), Diffuse((0.85, 0.1, 0.1))
     room = Scene(light())
@@ -104,6 +111,13 @@ def test_surfaces_that_light_one_another_are_iterated_until_the_light_stays():
     assert found.surfaces[0].reflectance == pytest.approx((0.7, 0.7, 0.7), rel=0.02)
     assert found.surfaces[1].reflectance == pytest.approx((0.85, 0.1, 0.1), rel=0.03)
     assert len(found.surfaces[1].shapes) == 2 and not isinstance(found.surfaces[1].shapes[0].material, np.ndarray)
+    # What one of them receives does not bleed into the other where it hides it.
+    rays = CAMERA.rays()
+    parts = RayCaster.of([BARE, wall]).nearest(CAMERA.position, rays.reshape(-1, 3)).shape.reshape(64, 96)
+    for part in (0, 1):
+        sure = trustworthy(parts == part, None)
+        error = np.abs(found.without[sure] / plate.radiance[sure] - 1)
+        assert np.percentile(error, 90) < 0.1
 
 
 def test_a_given_surface_stays_and_what_is_clipped_is_filled_from_beside(room):

@@ -10,6 +10,7 @@ import numpy as np
 
 from relume.errors import Doubt, OutputNotWritten
 from relume.image import files
+from relume.image.bands import in_bands
 from relume.image.photograph import Photograph
 from relume.image.radiance import RadianceMap
 from relume.project.insertion.composite import Composite
@@ -83,7 +84,14 @@ def write_outcome(result: Inserted, out: Path) -> None:
     """Write everything but the report."""
     unit, change = result.plate.unit, result.change
     without, recovered = result.composited.without, result.place.recovered
-    model = (1 - change.matte[..., None]) * without + change.difference + change.objects
+    model, variance = np.empty(without.shape, np.float32), np.empty(without.shape, np.float32)
+
+    def work(rows: slice) -> None:
+        shows = 1 - change.matte[rows, :, None]
+        model[rows] = shows * without[rows] + change.difference[rows] + change.objects[rows]
+        variance[rows] = change.objects_variance[rows] + change.difference_variance[rows]
+
+    in_bands(without.shape[0], without.shape[1], work)
     try:
         out.mkdir(parents=True, exist_ok=True)
     except OSError as error:
@@ -93,15 +101,15 @@ def write_outcome(result: Inserted, out: Path) -> None:
     files.write_layers(
         out / "layers.exr",
         {
-            "with": model.astype(np.float32),
-            "without": without.astype(np.float32),
+            "with": model,
+            "without": without.astype(np.float32, copy=False),
             "objects": change.objects,
             "difference": change.difference,
             "matte": change.matte,
             "depth": change.depth,
             "normal": change.normal,
             "albedo": change.albedo,
-            "variance": change.objects_variance + change.difference_variance,
+            "variance": variance,
             **({} if recovered is None else {"reflectance": recovered.albedo}),
         },
         unit=unit,

@@ -218,12 +218,13 @@ def _oriented(photograph: Photograph, squares: tuple[int, int]) -> np.ndarray:
     import cv2
 
     columns, rows = squares[0] - 1, squares[1] - 1
-    grey = np.empty(photograph.pixels.shape[:2], np.uint8)
+    height, width = photograph.pixels.shape[:2]
+    grey = np.empty((height, width), np.uint8)
 
     def work(rows: slice) -> None:
         grey[rows] = photograph.pixels[rows].astype(np.float64).mean(2) * (255 / np.iinfo(photograph.pixels.dtype).max)
 
-    in_bands(grey.shape[0], grey.shape[1], work)
+    in_bands(height, width, work)
     found, corners = _corners(cv2, grey, columns, rows)
     if not found:
         raise GridNotFound(
