@@ -10,7 +10,7 @@ import pytest
 
 from relume.errors import OutputNotWritten
 from relume.image import mapped_arrays
-from relume.image.mapped_arrays import MAPS, Mapped
+from relume.image.mapped_arrays import MAPS, Mapped, _trimming, give_back_freed
 
 GENERATOR = np.random.default_rng(3)
 ARRAYS = {
@@ -108,3 +108,14 @@ def test_planes_of_zeros_lie_in_a_file_without_a_name(tmp_path):
     assert not list(tmp_path.iterdir())
     with pytest.raises(OutputNotWritten, match="cannot be written"):
         mapped.zeros(tmp_path / "missing", [(4,)])
+
+
+@pytest.mark.skipif(_trimming() is None, reason="this C library gives back what is freed by itself, or never")
+def test_freed_memory_goes_back_to_the_system():
+    pieces = [np.ones(10_000) for _ in range(2000)]
+    last = np.ones(10_000)  # above them, so that the heap does not shrink by itself
+    del pieces
+    before = resident()
+    give_back_freed()
+    assert before - resident() > 100e6
+    assert last.sum() == 10_000

@@ -97,6 +97,7 @@ def composed(
         raise ValueError(
             f"occluder is {occluder.shape}, the plate {plate.shape[:2]}; paint it over a picture of the plate's size"
         )
+    # What of the whole picture each of its rows needs.
     gain = mode.gain(plate)
     front = None if occluder is None else solid_foreground(plate, occluder)
     height, width = change.matte.shape
@@ -104,6 +105,7 @@ def composed(
     smallest = -ROUNDING * float(np.max(finite))
     picture = np.empty(plate.shape, np.float32)
 
+    # The rows, and how many pixels of them were held at 0.
     def work(rows: slice) -> int:
         share = gain[rows] if isinstance(gain, np.ndarray) else gain
         with np.errstate(invalid="ignore"):  # 0 · ∞ where nothing changes

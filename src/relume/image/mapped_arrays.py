@@ -7,12 +7,14 @@ memory, never the file.
 
 from __future__ import annotations
 
+import ctypes
 import mmap
 import os
 import struct
 import zipfile
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
+from functools import lru_cache
 from pathlib import Path
 from tempfile import TemporaryFile
 from typing import IO, Any
@@ -78,7 +80,7 @@ class Mapped:
             for name, array in arrays.items():
                 info = zipfile.ZipInfo(f"{name}.npy")
                 # The library adds an extra field of its own, for sizes; ours fills up to where an array may begin.
-                begin = file.tell() + _HEADER + len(info.filename.encode()) + _ZIP64 + 4
+                begin = file.seek(0, os.SEEK_CUR) + _HEADER + len(info.filename.encode()) + _ZIP64 + 4
                 info.extra = struct.pack("<HH", _PADDING, -begin % _ALIGNED) + bytes(-begin % _ALIGNED)
                 with archive.open(info, "w", force_zip64=True) as member:
                     np.lib.format.write_array(member, np.asanyarray(array), allow_pickle=False)
@@ -105,6 +107,21 @@ class Mapped:
             ]
 
 
+def give_back_freed() -> None:
+    """Give the system back what was freed: glibc keeps it, for each thread apart, and may never need it again."""
+    if (trim := _trimming()) is not None:
+        trim(0)
+
+
+@lru_cache
+def _trimming() -> Any:
+    """malloc_trim(3), or None where C has none."""
+    try:
+        return ctypes.CDLL(None).malloc_trim
+    except (OSError, TypeError, AttributeError):  # Windows; macOS and musl
+        return None
+
+
 def _allocate(file: IO[bytes], size: int) -> None:
     """Room on the disk for a file of zeros: were it missing later, writing to the map would end the process."""
     if hasattr(os, "posix_fallocate"):
@@ -127,7 +144,7 @@ def _mapped(stream: IO[bytes], archive: zipfile.ZipFile, info: zipfile.ZipInfo) 
         if np.lib.format.read_magic(member) != (1, 0):
             raise ValueError(f"{info.filename}: of another version of the format")
         shape, in_columns, kind = np.lib.format.read_array_header_1_0(member)
-        head = member.tell()
+        head = member.seek(0, os.SEEK_CUR)
     stream.seek(info.header_offset)
     begin = info.header_offset + _HEADER + sum(_NAMES.unpack(stream.read(_HEADER)))
     return np.memmap(stream, kind, "c", begin + head, shape, "F" if in_columns else "C")

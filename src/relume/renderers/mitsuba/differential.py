@@ -122,8 +122,6 @@ class Differential(PathTracing):
                 )
             # Depth, normals and albedo, which need few samples.
             guides = still.guides(min(MATTE_SAMPLES, max(1, PASS_RAYS // (camera.width * camera.height))), seed)
-            if prepared is not None:
-                still.free()  # the next part may have another size
         # The means and their variances as one result.
         seen = np.maximum(guides["seen"], 1e-12)
         planes = {name: sums.mean(name) for name in ("objects", "difference", "taken", "matte")}

@@ -183,6 +183,8 @@ def _mitsuba(variant: str | None, threads: int | None) -> Iterator[Any]:
         yield mi
     finally:
         dr.set_thread_count(threads_before)
+        # What Dr.Jit keeps for arrays of the same sizes: the next render may have others.
+        dr.flush_malloc_cache()
         if variant_before is not None and variant_before != chosen:
             mi.set_variant(variant_before)
 

@@ -18,7 +18,7 @@ import threading
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager, redirect_stdout
 from dataclasses import dataclass
-from typing import IO, TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -98,28 +98,28 @@ def write_parts(path: str | os.PathLike[str], parts: Sequence[Part], mapped: Map
     with replacing(path) as temporary:
         try:
             if mapped is not None and mapped.maps:
-                with open(temporary, "wb") as file:
-                    OpenEXR.File(written).write(_Releasing(file, mapped))
+                with _Releasing(temporary, mapped) as file:
+                    OpenEXR.File(written).write(file)
             else:
                 OpenEXR.File(written).write(str(temporary))
         except RuntimeError as error:
             raise OutputNotWritten(f"{path}: cannot be written: {one_line(error)}") from error
 
 
-class _Releasing:
+class _Releasing(io.BufferedWriter):
     """A file that gives back, as it grows, the memory of the planes that it is written from."""
 
-    def __init__(self, file: IO[bytes], mapped: Mapped) -> None:
-        self.tell, self.seek, self.flush = file.tell, file.seek, file.flush
-        self._file, self._mapped, self._written = file, mapped, 0
+    def __init__(self, path: os.PathLike[str], mapped: Mapped) -> None:
+        super().__init__(io.FileIO(path, "wb"))
+        self._mapped, self._written = mapped, 0
 
-    def write(self, data: bytes) -> int:
+    def write(self, data: Any) -> int:
         """Write some bytes."""
         self._written += len(data)
         if self._written > mapped_arrays.LARGE:
             self._mapped.release()
             self._written = 0
-        return self._file.write(data)
+        return super().write(data)
 
 
 def placed(header: Mapping[str, Any], planes: Mapping[str, np.ndarray]) -> dict[str, np.ndarray]:

@@ -74,11 +74,6 @@ class Estimator:
         other.camera, other.lens = camera, Lens(camera)
         return other
 
-    @staticmethod
-    def free() -> None:
-        """Give back what passes took and Dr.Jit keeps for others of the same size."""
-        dr.flush_malloc_cache()
-
     def traced(self, samples: int, seed: int, chosen: np.ndarray | None = None) -> Planes:
         """The planes objects, difference, taken (the part of it below 0) and matte of so many samples a pixel.
 
