@@ -28,6 +28,8 @@ from virtual_camera import read, write
 BALL_SIZE = (448, 448)
 SUN, SUN_SAMPLES = 2e4, 16384
 """Radiance above which a ball shows the sun, and rays a pixel for it."""
+TILE, TILES, MORE = 16, 48, 8
+"""Pixels along a tile of the truth, how many of the noisiest are traced again, and by how many times as many rays."""
 
 
 def board(place: Place) -> None:
@@ -117,13 +119,14 @@ def refine_sun(path: Path, seed: int) -> None:
     write(path, np.where(inside, fine, pixels))
 
 
-def truths(folder: Path, seeds: int) -> None:
+def truths(place: Place, folder: Path, samples: int, seeds: int) -> None:
     """plate.exr and with_all.exr, the mean of all seeds; with_all_1.exr and _2.exr, the means of each second one.
 
     The plate is denoised: it is what was photographed, whatever it shows, and noise of its own would stay in every
     composite where its light goes. What a seed's plate differs by is taken out of the picture of the same seed as far
     as it is in there: a control variate, its weight the regression of one's differences between seeds on the other's
-    over windows of nine pixels, 0 on the objects. Outside of the place's region the plate is the truth.
+    over windows of nine pixels, 0 on the objects. Outside of the place's region the plate is the truth. The tiles with
+    most noise around the objects, glints and caustics, are traced again with MORE rays.
     """
     names = ["plate", "mask_all", *(f"{name}_{i + 1}" for i in range(seeds) for name in ("plate", "with_all"))]
     raw = {name: read(folder / f"renders/{name}.exr") for name in names}
@@ -131,11 +134,53 @@ def truths(folder: Path, seeds: int) -> None:
     there, without = (np.stack([raw[f"{name}_{i + 1}"] for i in range(seeds)]) for name in ("with_all", "plate"))
     scatter = without - without.mean(0)
     common, own = (uniform_filter((each * scatter).sum(0), size=(9, 9, 1)) for each in (there - there.mean(0), scatter))
-    share = np.clip(common / np.maximum(own, 1e-12), 0, 1) * (raw["mask_all"].mean(-1, keepdims=True) == 0)
+    beside = raw["mask_all"].mean(-1, keepdims=True) == 0
+    share = np.clip(common / np.maximum(own, 1e-12), 0, 1) * beside
     each = np.where(inside, there - share * (without - plate), plate)
-    done = {"plate": plate, "with_all": each.mean(0), "with_all_1": each[::2].mean(0), "with_all_2": each[1::2].mean(0)}
+    halves = [each[::2].mean(0), each[1::2].mean(0)]
+    noise = np.abs(halves[0] - halves[1]).sum(-1) * beside[..., 0]
+    halves = refined(
+        place, folder, halves, noise * (np.abs(each.mean(0) - plate).sum(-1) > 0.03 * plate.sum(-1)), samples
+    )
+    done = {"plate": plate, "with_all": (halves[0] + halves[1]) / 2, "with_all_1": halves[0], "with_all_2": halves[1]}
     for name, pixels in {**done, "mask_all": raw["mask_all"]}.items():
         write(folder / f"truth/{name}.exr", pixels)
+
+
+def refined(
+    place: Place, folder: Path, halves: list[np.ndarray], noise: np.ndarray, samples: int
+) -> list[np.ndarray]:  # fmt: skip
+    """The two halves of the truth, the tiles with most noise (H, W) traced again, each half by seeds of its own."""
+    height, width = noise.shape
+    rows, columns = height // TILE, width // TILE
+    sums = noise[: rows * TILE, : columns * TILE].reshape(rows, TILE, columns, TILE).sum((1, 3)).ravel()
+    path = folder / "renders/refined.npz"
+    if not path.is_file():
+        empty()
+        place.build()
+        look(place.plate, (width, height))
+        place.things()
+        chosen = np.argsort(sums)[::-1][:TILES]
+        traced = np.zeros((2, len(chosen), TILE, TILE, 3), np.float32)
+        part = folder / "renders/tile.exr"
+        for index, tile in enumerate(chosen):
+            top, left = (int(tile) // columns) * TILE, (int(tile) % columns) * TILE
+            # A quarter of a pixel more, or rounding decides which pixels those are.
+            low, high = height - top - TILE + 0.25, height - top + 0.25
+            region = ((left + 0.25) / width, low / height, (left + TILE + 0.25) / width, high / height)
+            for half in range(2):
+                render(part, samples=MORE * samples, seed=1000 + 2 * index + half, region=region)
+                traced[half, index] = read(part)[top : top + TILE, left : left + TILE]
+        part.unlink()
+        np.savez(path, chosen=chosen, traced=traced)
+    kept = np.load(path)
+    for half, pixels in enumerate(halves):
+        for tile, finer in zip(kept["chosen"], kept["traced"][half], strict=True):
+            top, left = (int(tile) // columns) * TILE, (int(tile) % columns) * TILE
+            # Weighted by their rays.
+            old = pixels[top : top + TILE, left : left + TILE]
+            pixels[top : top + TILE, left : left + TILE] = (old + MORE * finer) / (1 + MORE)
+    return halves
 
 
 def main() -> None:
@@ -143,12 +188,12 @@ def main() -> None:
     parser.add_argument("name", choices=PLACES)
     parser.add_argument("folder", type=Path)
     parser.add_argument("--samples", type=int, default=512, help="rays a pixel of each of the truth's seeds")
-    parser.add_argument("--seeds", type=int, default=4, help="of the truth, two at least")
+    parser.add_argument("--seeds", type=int, default=2, help="of the truth, two at least")
     parser.add_argument("--small", type=float, default=1.0, help="divides the plate's size, to try a place out")
     given = parser.parse_args()
     place, folder = PLACES[given.name], given.folder / given.name
     pictures(place, folder, given.samples, given.seeds, given.small)
-    truths(folder, given.seeds)
+    truths(place, folder, given.samples, given.seeds)
     records(given.name, place, folder, photographs(given.name, place, folder))
 
 

@@ -14,10 +14,10 @@ from relume.scene.scene import Box, Scene
 from relume.scene.shapes.shapes import Mesh, Plane
 from relume.sphere.environment_map import EnvironmentMap
 from relume.sphere.mappings.mapping import LatLong, pixel_directions
-from relume.surface.gloss import FittedGloss, Gloss, ViewOfProbe, fit_gloss, glossy
+from relume.surface.gloss import FittedGloss, Gloss, fit_gloss, glossy
 from relume.surface.recovery import Recovery
 from relume.surface.reflectance import recover_reflectance
-from relume.surface.two_views import common_points
+from relume.surface.two_views import ViewOfProbe, common_points
 
 WIDTH, HEIGHT = 96, 64
 CAMERA = Camera.looking_at(
@@ -98,7 +98,7 @@ def test_places_whose_pixels_mix_the_table_with_the_floor_are_not_compared():
     seen = light.reshape(ROWS, 8, 2 * ROWS, 8, 3).mean((1, 3))
     scene = Scene(EnvironmentMap(seen), (TABLE,), distant=ROOM, probe=PROBE)
     plate = RadianceMap(np.full((HEIGHT, WIDTH, 3), 0.2, np.float32))
-    shared = common_points(plate, CAMERA, scene, 0, USABLE, VIEW.confidence, 0.15)
+    shared = common_points(plate, CAMERA, scene, 0, USABLE, VIEW)
     assert len(shared.points) > 200
     assert shared.probe == pytest.approx(np.full_like(shared.probe, 0.2), rel=1e-5)
     foot = np.linalg.norm(shared.points[:, [0, 2]], axis=-1)

@@ -18,7 +18,7 @@ from relume.renderers.mitsuba.lobes import Arriving, arriving
 from relume.scene.cameras.camera import Camera
 from relume.scene.materials.materials import Colour, Material
 from relume.scene.scene import Scene
-from relume.surface.two_views import Shared, common_points, plate_points
+from relume.surface.two_views import Shared, ViewOfProbe, common_points, plate_points
 
 LOW, HIGH = np.array([0.0, 0.05]), np.array([0.3, 1.0])
 """Of F₀ and roughness: F₀ 0.3 is past every dielectric (diamond has 0.17); smoother than 0.05 is a mirror."""
@@ -81,18 +81,6 @@ class FittedGloss:
     notes: tuple[str, ...] = ()
 
 
-@dataclass(frozen=True, eq=False)
-class ViewOfProbe:
-    """How a probe's map shows the surface below it.
-
-    confidence : (rows, columns) as `Probe.confidence`, at any size of a lat-long map
-    radius : of the ball, metres; what lies within three radii of its foot is left out, as the ball hides light there
-    """
-
-    confidence: np.ndarray
-    radius: float
-
-
 def glossy(reflectance: Colour | np.ndarray, gloss: Gloss) -> Material:
     """The material of a diffuse base under a gloss; at grazing angles all of it reflects, as of every dielectric."""
     share = gloss.f0 / 0.04  # an ior of 1.5 has F₀ = 0.04
@@ -117,7 +105,7 @@ def fit_gloss(
     """
     notes = []
     if probe is not None:
-        shared = common_points(plate, camera, scene, index, usable, probe.confidence, 3 * probe.radius)
+        shared = common_points(plate, camera, scene, index, usable, probe)
         if len(shared.points) >= FEWEST:
             draws = [_from_two(shared, camera, scene, seed, STARTS)]
             near = (np.array([draws[0][0].gloss.f0, draws[0][0].gloss.roughness]),)
@@ -162,7 +150,7 @@ def _from_two(
     shared: Shared, camera: Camera, scene: Scene, seed: int, starts: tuple[np.ndarray, ...]
 ) -> tuple[FittedGloss, np.ndarray]:  # fmt: skip
     to_camera = arriving(scene, shared.points, shared.normals, np.array(camera.position), seed=seed)
-    to_probe = arriving(scene, shared.points, shared.normals, np.array(scene.probe), seed=seed)
+    to_probe = arriving(scene, shared.points, shared.normals, shared.seen_from, seed=seed)
     # Of groups, because weights that follow a place's own errors favour the places that err low.
     plate_error = PATTERN * _of_groups(shared.plate, shared.cells)
     probe_error = LIGHT * _of_groups(shared.probe, shared.cells)

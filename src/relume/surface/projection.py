@@ -8,13 +8,15 @@ so that what the photograph shows and what it does not are surfaces of their own
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
 from relume.errors import warn
 from relume.renderers.raytrace.raycast import RayCaster
 from relume.scene.cameras.camera import Camera
+from relume.scene.materials.checks import triple
+from relume.scene.materials.materials import Material
 from relume.scene.shapes.shapes import AnyMaterial, Mesh, Patches, Plane, Polygon, Shape, Sphere
 from relume.scene.shapes.tessellation import tessellated, triangulated
 
@@ -26,6 +28,8 @@ LONGEST = 16.0
 """Pixels of the longest edge where other surfaces may hide this one: what is smaller may be overlooked."""
 MOST = 400_000
 """Triangles of one surface; a 768×512 picture of a floor with a table on it needs about 30 000."""
+COARSE = 512
+"""Pixels across of a photograph that lights other surfaces."""
 NEAR = 1e-3
 """Metres before the camera at which a surface ends for it."""
 
@@ -70,6 +74,32 @@ def projected(shape: Shape, camera: Camera, others: Sequence[Shape] = ()) -> Pro
     seen = _mesh(soup[shown], mesh, camera)
     unseen = _mesh(np.concatenate([soup[~shown], *outside]), mesh, None)
     return Projected(seen, unseen)
+
+
+def shining(
+    local: Sequence[Shape], index: int, camera: Camera, radiance: np.ndarray, parts: np.ndarray
+) -> list[Shape]:  # fmt: skip
+    """The real surfaces, all but one of them lamps that shine as the photograph shows them.
+
+    index : of the one that stays as it is and comes first, which the others light: a table before a backdrop
+    radiance : (H, W, 3) of the photograph
+    parts : (H, W) int, the surface that each pixel shows
+    What the photograph does not show of a surface shines as the median of what it does, and not at all where it shows
+    nothing of it. They send alike in all directions and only from their front.
+    """
+    step = max(1, max(radiance.shape) // COARSE)
+    picture = np.ascontiguousarray(np.maximum(radiance[step // 2 :: step, step // 2 :: step], 0))
+    result = [local[index]]
+    for number, shape in enumerate(local):
+        if number == index:
+            continue
+        piece = projected(shape, camera, [other for other in local if other is not shape])
+        shown = radiance[parts == number]
+        middle = np.median(shown, axis=0) if len(shown) else np.zeros(3)
+        for mesh, light in ((piece.seen, picture), (piece.unseen, triple(middle))):
+            if mesh is not None:
+                result.append(replace(mesh, material=Material((0.0, 0.0, 0.0), emission=light)))
+    return result
 
 
 def box_mesh(low: Sequence[float], high: Sequence[float], material: AnyMaterial, name: str = "box") -> Mesh:

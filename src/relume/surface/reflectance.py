@@ -28,8 +28,8 @@ from relume.scene.materials.materials import Colour, Diffuse
 from relume.scene.scene import Scene
 from relume.scene.shapes.shapes import Plane, Shape
 from relume.surface.clean_pixels import enlarged, filled_in, trustworthy
-from relume.surface.gloss import FittedGloss, Gloss, ViewOfProbe, fit_gloss, glossy
-from relume.surface.projection import Projected, projected
+from relume.surface.gloss import FittedGloss, Gloss, fit_gloss, glossy
+from relume.surface.projection import Projected, projected, shining
 from relume.surface.recovery import (
     ConstantAlbedo,
     EstimatedGloss,
@@ -38,6 +38,7 @@ from relume.surface.recovery import (
     RecoveredSurface,
     Recovery,
 )
+from relume.surface.two_views import ViewOfProbe
 
 STEADY = 0.005
 """Share by which the arriving light may still change when the iteration ends."""
@@ -134,7 +135,7 @@ def recover_reflectance(
 
     # The gloss of each surface.
     fits = [
-        fit_gloss(plate, camera, scene, index, usable[index], probe, seed=seed)
+        fit_gloss(plate, camera, _lit_by_others(scene, index, camera, plate, parts), 0, usable[index], probe, seed=seed)
         if isinstance(wish.gloss, EstimatedGloss) and not isinstance(wish.albedo, KnownMaterial) else None
         for index, wish in enumerate(wanted)
     ]  # fmt: skip
@@ -199,6 +200,11 @@ def recover_reflectance(
             surfaces.append(_surface(raw[lit], colours[index], glosses[index], fits[index], shapes))
     progress(1.0)
     return RecoveredLocal(tuple(surfaces), albedo, without, light.astype(np.float32), iterations, change, tuple(notes))
+
+
+def _lit_by_others(scene: Scene, index: int, camera: Camera, plate: RadianceMap, parts: np.ndarray) -> Scene:
+    """The scene for the gloss of one surface, its first, which the others light: they shine as the plate shows them."""
+    return scene.with_local(shining(scene.local, index, camera, plate.radiance, parts))
 
 
 def _require_seen(

@@ -19,6 +19,8 @@ ROWS = 96
 """Of the lat-long grid of places: cells of 1.9°."""
 FINER = 4
 """Rays a cell along each side, so that both views are averaged over the same piece of the surface."""
+CLEAR = 3.0
+"""Radii of the ball round its foot that are left out: there it hides light, and mirrors some."""
 SURE = 0.3
 """Confidence from which on the probe's map is sharp enough to be compared."""
 CELL = 12
@@ -30,16 +32,45 @@ MOST = 900
 
 
 @dataclass(frozen=True, eq=False)
+class ViewOfProbe:
+    """How a probe's map shows the surface below it.
+
+    confidence : (rows, columns) as `Probe.confidence`, at any size of a lat-long map
+    radius : of the ball, metres; what lies within three radii of its foot is left out, as the ball hides light there
+    mirrored_at, nearness : as `Probe` has them, for the map shows what is near from the ball's surface and not from its
+        centre: of a table a few radii away the places differ by a tenth of their distance. None and 0 for a map that
+        was seen from one point
+    """
+
+    confidence: np.ndarray
+    radius: float
+    mirrored_at: np.ndarray | None = None
+    nearness: float = 0.0
+
+    def rays(self, centre: np.ndarray, directions: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """From where, and along which unit vectors, the map's directions (…, 3) were seen: (…, 3) each, world."""
+        if self.mirrored_at is None:
+            return np.broadcast_to(centre, directions.shape), directions
+        wide = np.concatenate([self.mirrored_at[:, -1:], self.mirrored_at, self.mirrored_at[:, :1]], axis=1)
+        points = LatLong().image_points(directions) * [self.mirrored_at.shape[1], len(self.mirrored_at)]
+        place = np.asarray(bilinear(wide, points[..., 0] + 1, points[..., 1]), np.float64)
+        way = directions - self.nearness * place
+        return centre + self.radius * place, way / np.linalg.norm(way, axis=-1, keepdims=True)
+
+
+@dataclass(frozen=True, eq=False)
 class Shared:
     """Places on a surface.
 
     points, normals : (N, 3), metres and unit vectors, world
+    seen_from : (N, 3) from where on the ball the probe shows them, metres, world; the camera's place without a probe
     plate, probe : (N, 3) radiance that the photograph and the probe show there; the plate's twice without a probe
     cells : (N,) int, groups of neighbouring places
     """
 
     points: np.ndarray
     normals: np.ndarray
+    seen_from: np.ndarray
     plate: np.ndarray
     probe: np.ndarray
     cells: np.ndarray
@@ -51,38 +82,37 @@ def common_points(
     scene: Scene,
     index: int,
     usable: np.ndarray,
-    confidence: np.ndarray,
-    clear: float,
+    view: ViewOfProbe,
 ) -> Shared:
     """Places of local surface `index` that the probe sees surely and the plate shows at usable pixels.
 
     No place is taken where the map's pixels mix the surface with what is beside it: at grazing angles its outline is
     near, and a tenth of the bright floor behind a table looks like gloss.
-    clear : metres round the foot of the probe that are left out
     """
     fine = LatLong().directions(pixel_points(LatLong(), ROWS * FINER))
     caster = RayCaster.of(scene.local)
     probe = np.array(scene.probe, np.float64)
-    hits = caster.nearest(probe, fine.reshape(-1, 3))
+    places, ways = view.rays(probe, fine)
+    hits = caster.nearest(places.reshape(-1, 3), ways.reshape(-1, 3))
     distance = hits.distance.reshape(fine.shape[:2])
     on_it = _well_inside((hits.shape == index).reshape(distance.shape), as_latlong(scene.light).size)
-    points = probe + np.where(on_it, distance, 1.0)[..., None] * fine
-    on_it &= np.linalg.norm((points - probe)[..., [0, 2]], axis=-1) > clear
-    sure = _at(confidence[..., None].astype(np.float64), LatLong().image_points(fine))[..., 0]
+    points = places + np.where(on_it, distance, 1.0)[..., None] * ways
+    on_it &= np.linalg.norm((points - probe)[..., [0, 2]], axis=-1) > CLEAR * view.radius
+    sure = _at(view.confidence[..., None].astype(np.float64), LatLong().image_points(fine))[..., 0]
     on_it &= sure > SURE
     at = camera.project(points)
     on_it &= _shown(camera, caster, points, at, usable, index)
     seen = _cells(on_it).all((1, 3))
     if not seen.any():
         empty = np.zeros((0, 3))
-        return Shared(empty, empty, empty, empty, np.zeros(0, int))
+        return Shared(empty, empty, empty, empty, empty, np.zeros(0, int))
     from_plate = _at(plate.radiance, np.nan_to_num(at) / [camera.width, camera.height])
     from_probe = scene.light.lookup(fine)
-    mean = [np.asarray(_cells(each).mean((1, 3)))[seen] for each in (points, from_plate, from_probe)]
+    mean = [np.asarray(_cells(each).mean((1, 3)))[seen] for each in (points, places, from_plate, from_probe)]
     row, column = np.nonzero(seen)
     cells = np.unique((row // CELL) * ROWS + column // CELL, return_inverse=True)[1]
     normals = _normals(scene, index, probe, mean[0])
-    return Shared(mean[0], normals, mean[1], mean[2], cells)
+    return Shared(mean[0], normals, *mean[1:], cells)
 
 
 def plate_points(plate: RadianceMap, camera: Camera, scene: Scene, index: int, usable: np.ndarray) -> Shared:
@@ -99,7 +129,8 @@ def plate_points(plate: RadianceMap, camera: Camera, scene: Scene, index: int, u
     seen = plate.radiance[row[on_it], column[on_it]].astype(np.float64)
     side = max(1, max(usable.shape) // 8)
     cells = np.unique((row[on_it] // side) * 64 + column[on_it] // side, return_inverse=True)[1]
-    return Shared(points, _normals(scene, index, eye, points), seen, seen, cells)
+    normals, eyes = _normals(scene, index, eye, points), np.broadcast_to(eye, points.shape)
+    return Shared(points, normals, eyes, seen, seen, cells)
 
 
 def _well_inside(shown: np.ndarray, rows: int) -> np.ndarray:

@@ -16,8 +16,8 @@ from relume.image.colour import luminance
 from relume.image.primaries import inside_gamut
 from relume.image.radiance import OUTSIDE, SATURATED
 from relume.probe.ball.registration import KnownPlaces, RegistrationMethod
-from relume.probe.ball.unwrapping import BallView
-from relume.probe.ball.weights import agreement, clear_of_camera, finest
+from relume.probe.ball.unwrapping import BallView, Seen
+from relume.probe.ball.weights import Agreement, agreement, clear_of_camera, finest
 from relume.sphere.environment_map import EnvironmentMap
 from relume.sphere.inpainting import continued
 from relume.sphere.mappings.mapping import LatLong, pixel_points
@@ -26,6 +26,8 @@ SHARPNESS = 8
 """Power of the weights: high, so that a near lamp that two views show in two places is taken from one of them."""
 UNSEEN = 0.05
 """Confidence below which a direction counts as seen by no view."""
+PLACES = 96
+"""Rows of the map of where on the ball a direction was mirrored, which changes slowly: 1.9° each."""
 CLIPPED_SHARE = 0.05
 """Share of saturated light from which on a pixel is but a lower bound."""
 
@@ -43,6 +45,9 @@ class Probe:
     turns : (N, 3, 3) rotations that carried each view's world into the first one's; None where that is not known
     gains : how many times as bright as the first each view was
     unseen_solid_angle : steradians that no view saw, so that they were filled in
+    mirrored_at : (h, 2·h, 3) float32, a coarse lat-long map of where on the ball each direction was mirrored, in radii
+        from its centre, the mean of the views as they were blended: the light of a direction d was seen along
+        d − nearness · mirrored_at, from there. None for a map that no ball shows
     """
 
     light: EnvironmentMap
@@ -54,6 +59,7 @@ class Probe:
     turns: np.ndarray | None = None
     gains: tuple[float, ...] = ()
     unseen_solid_angle: float = 0.0
+    mirrored_at: np.ndarray | None = None
 
     def share(self, mark: int) -> float:
         """The share of all light (luminance) that comes from where the map is marked so in `clipped`.
@@ -107,12 +113,7 @@ def blend_views(
         cells = (len(chosen), subdivision, 2 * size, subdivision)
         shares, lights, marks = [], [], []
         for index, view in enumerate(placed):
-            seen = view.see(directions, near)
-            share = seen.sampling
-            if len(placed) > 1:
-                # A lone view keeps its camera in the picture: nothing else could stand there.
-                share = share * clear_of_camera(view, directions)
-                share = share if agreed is None else share * agreed.of(index, directions)
+            seen, share = _share(placed, index, directions, near, agreed)
             sure[chosen] += ((share / finest(view)) ** SHARPNESS).reshape(cells).sum((1, 3))
             shares.append((share / best) ** SHARPNESS)
             lights.append(seen.radiance / gains[index])
@@ -136,4 +137,31 @@ def blend_views(
     return Probe(
         light, found.corrections, near, clipped, np.where(known, confidence, 0).astype(np.float32), found.doubts,
         found.turns, found.gains, float((~known * LatLong().solid_angles(size)).sum()),
+        _mirrored_at(placed, near, agreed),
     )  # fmt: skip
+
+
+def _share(
+    views: Sequence[BallView], index: int, directions: np.ndarray, nearness: float, agreed: Agreement | None
+) -> tuple[Seen, np.ndarray]:
+    """What one of the views shows in directions (…, 3), and how far it is believed there (…), pixels per radian."""
+    view = views[index]
+    seen = view.see(directions, nearness)
+    share = seen.sampling
+    if len(views) > 1:
+        # A lone view keeps its camera in the picture: nothing else could stand there.
+        share = share * clear_of_camera(view, directions)
+        share = share if agreed is None else share * agreed.of(index, directions)
+    return seen, share
+
+
+def _mirrored_at(views: Sequence[BallView], nearness: float, agreed: Agreement | None) -> np.ndarray:
+    """`Probe.mirrored_at` of views that were laid on one another."""
+    directions = LatLong().directions(pixel_points(LatLong(), PLACES))
+    total, weight = np.zeros(directions.shape), np.full(directions.shape[:2], 1e-300)
+    best = max(map(finest, views))
+    for index, view in enumerate(views):
+        share = (_share(views, index, directions, nearness, agreed)[1] / best) ** SHARPNESS
+        total += share[..., None] * view.mirrored_at(directions, nearness)
+        weight += share
+    return (total / weight[..., None]).astype(np.float32)

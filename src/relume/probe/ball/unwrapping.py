@@ -111,13 +111,21 @@ class BallView:
         sampling = np.where(clean, self.focal_length * stretch * np.maximum(alpha_rise, 0) / beta_rise, 0)
         return Seen(radiance, np.where(shown, incidence, 0), sampling, saturated)
 
-    def places(self, directions: np.ndarray, nearness: float) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
-        """Where in the picture directions (…, 3) are mirrored: x and y in pixels, the cosine of incidence, and γ."""
+    def mirrored_at(self, directions: np.ndarray, nearness: float) -> np.ndarray:
+        """Where on the ball directions (…, 3) are mirrored: (…, 3) in radii from its centre, world."""
+        return self._mirrored_at(directions, nearness)[1] @ self.world_from_pixels.T
+
+    def _mirrored_at(self, directions: np.ndarray, nearness: float) -> tuple[np.ndarray, np.ndarray]:
         local = np.asarray(directions, np.float64) @ self.world_from_pixels
         gamma, normal = self._normal(local)
         if nearness:
             # From the surface point n (in radii) the point at 1/nearness lies along ω − nearness·n.
             gamma, normal = self._normal(normalised(local - nearness * normal))
+        return gamma, normal
+
+    def places(self, directions: np.ndarray, nearness: float) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
+        """Where in the picture directions (…, 3) are mirrored: x and y in pixels, the cosine of incidence, and γ."""
+        gamma, normal = self._mirrored_at(directions, nearness)
         point = self.distance * self.axis + normal
         width, height = self.picture.size
         x = width / 2 + self.focal_length * point[..., 0] / point[..., 2]

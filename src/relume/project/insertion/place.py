@@ -36,9 +36,9 @@ from relume.scene.scene import Infinite, Scene
 from relume.scene.shapes.shapes import Mesh
 from relume.sphere.directions import UP, rotation_about
 from relume.sphere.environment_map import EnvironmentMap
-from relume.surface.gloss import ViewOfProbe
 from relume.surface.recovery import RecoveredLocal
 from relume.surface.reflectance import recover_reflectance
+from relume.surface.two_views import ViewOfProbe
 
 
 @dataclass(frozen=True, eq=False)
@@ -193,7 +193,9 @@ def _recovered(
     seen = ball is not None
     # A mesh file may hold several surfaces, which are all wanted alike.
     wanted = [table.wanted(seen) for table in shot.surfaces() for _ in table.shapes(shot.folder)]
-    view = ViewOfProbe(probe.confidence, ball.radius) if ball is not None else None
+    view = None
+    if ball is not None:
+        view = ViewOfProbe(probe.confidence, ball.radius, probe.mirrored_at, probe.nearness)
     try:
         return recover_reflectance(
             plate, camera, place, wanted, probe=view, renderer=renderer or Mitsuba(samples=64, depth=6),

@@ -73,7 +73,7 @@ class Arriving:
 def arriving(scene: Scene, points: np.ndarray, normals: np.ndarray, viewers: np.ndarray, *, seed: int = 0) -> Arriving:
     """Draw directions at points (N, 3) with unit normals (N, 3) that are seen from `viewers`, (3,) or (N, 3), metres.
 
-    Other local surfaces hide light and send none. Raises UnsupportedScene in Mitsuba's scalar variants.
+    Other local surfaces hide light and send what they shine. Raises UnsupportedScene in Mitsuba's scalar variants.
     """
     with _mitsuba(None, None) as mi:
         if "_ad_" not in mi.variant():
