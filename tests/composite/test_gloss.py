@@ -15,6 +15,7 @@ from relume.scene.shapes.shapes import Mesh, Plane
 from relume.sphere.environment_map import EnvironmentMap
 from relume.sphere.mappings.mapping import LatLong, pixel_directions
 from relume.surface.gloss import FittedGloss, Gloss, fit_gloss, glossy
+from relume.surface.projection import box_mesh, shining
 from relume.surface.recovery import Recovery
 from relume.surface.reflectance import recover_reflectance
 from relume.surface.two_views import ViewOfProbe, common_points
@@ -103,6 +104,62 @@ def test_places_whose_pixels_mix_the_table_with_the_floor_are_not_compared():
     assert shared.probe == pytest.approx(np.full_like(shared.probe, 0.2), rel=1e-5)
     foot = np.linalg.norm(shared.points[:, [0, 2]], axis=-1)
     assert foot.min() > 0.15 and shared.points[:, 1] == pytest.approx(0, abs=1e-3)
+
+
+def test_places_near_a_ball_are_those_that_its_surface_mirrors():
+    """A table whose radiance rises across it, in a ball seen from far in front; some places lie 3 to 8 radii away."""
+
+    def shown(points: np.ndarray) -> np.ndarray:
+        x, z = np.clip(points[..., 0], -1, 1), np.clip(points[..., 2], -1, 1)
+        return np.repeat((1.5 + 0.8 * x + 0.6 * z)[..., None], 3, axis=-1)
+
+    radius, nearness = 0.05, 0.03
+    directions = pixel_directions(LatLong(), 4 * ROWS)
+    # Where a ball mirrors a direction towards z: half-way between the two, as rays leave its surface.
+    ways, to_camera = directions, np.array([0.0, 0.0, 1.0])
+    for _ in range(8):
+        mirrored = ways + to_camera
+        mirrored /= np.maximum(np.linalg.norm(mirrored, axis=-1, keepdims=True), 1e-9)
+        ways = directions - nearness * mirrored
+        ways /= np.linalg.norm(ways, axis=-1, keepdims=True)
+    places = np.array(PROBE) + radius * mirrored
+    reach = places[..., 1] / np.maximum(-ways[..., 1], 0.01)
+    light = EnvironmentMap(shown(places + reach[..., None] * ways).astype(np.float32))
+    scene = Scene(light, (TABLE,), distant=ROOM, probe=PROBE)
+    points, met = on_table(np.array(CAMERA.position), CAMERA.rays().reshape(-1, 3))
+    plate = np.full((HEIGHT, WIDTH, 3), 0.5, np.float32)
+    plate.reshape(-1, 3)[met] = shown(points)
+    coarse = mirrored.reshape(ROWS, 4, 2 * ROWS, 4, 3).mean((1, 3)).astype(np.float32)
+    view = ViewOfProbe(VIEW.confidence, radius, coarse, nearness)
+    off = []
+    for each in (view, VIEW):
+        shared = common_points(RadianceMap(plate), CAMERA, scene, 0, USABLE, each)
+        assert len(shared.points) > 200
+        assert shared.plate[:, 0] == pytest.approx(shown(shared.points)[:, 0], rel=0.02)
+        off.append(np.abs(shared.probe / shared.plate - 1))
+    assert np.median(off[0]) < 0.003 < 0.01 < np.median(off[1])
+    assert np.linalg.norm(shared.seen_from - PROBE, axis=-1) == pytest.approx(0, abs=1e-9)
+
+
+def test_a_wall_beside_a_table_shines_on_it_as_the_photograph_shows_it():
+    """A wall of radiance 2 in a dark place, against the sum over its pieces (L cos θ cos θ' dA / r²)."""
+    wall = box_mesh((-0.85, 0.0, -0.52), (0.85, 1.0, -0.5), Diffuse((0.5, 0.5, 0.5)))
+    radiance = np.full((HEIGHT, WIDTH, 3), 2.0, np.float32)
+    parts = np.where(np.arange(HEIGHT)[:, None] < 20, 1, 0) + np.zeros((1, WIDTH), int)
+    dark = EnvironmentMap(np.zeros((8, 16, 3), np.float32))
+    local = shining([TABLE, wall], 0, CAMERA, radiance, parts)
+    assert local[0] is TABLE and len(local) > 2
+    points = np.array([[0.0, 0.0, 0.0], [0.3, 0.0, -0.3], [-0.5, 0.0, 0.3]])
+    normals = np.broadcast_to([0.0, 1.0, 0.0], points.shape)
+    scene = Scene(dark, tuple(local), distant=ROOM, probe=PROBE)
+    drawn = [arriving(scene, points, normals, np.array(CAMERA.position), seed=seed) for seed in range(12)]
+    seen = np.mean([each.reflected(Diffuse((1.0, 1.0, 1.0)))[:, 0] for each in drawn], axis=0)
+    x, y = np.meshgrid(np.linspace(-0.85, 0.85, 401), np.linspace(0, 1, 401))
+    towards = np.stack([x, y, np.full_like(x, -0.5)], axis=-1)[None] - points[:, None, None]
+    square = (towards**2).sum(-1)
+    piece = (0.85 * 2 / 400) * (1 / 400)
+    expected = (2.0 * towards[..., 1] * -towards[..., 2] / square**2).sum((1, 2)) * piece / np.pi
+    assert seen == pytest.approx(expected, rel=0.08)
 
 
 @pytest.mark.slow

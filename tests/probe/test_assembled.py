@@ -56,6 +56,27 @@ def truth(light=sunlit, size: int = SIZE) -> np.ndarray:
     return np.stack([row.reshape(16, 2 * size, 16, 3).mean((0, 2)) for row in rows])
 
 
+def test_a_probe_knows_where_on_the_ball_each_direction_was_mirrored(views, probe):
+    """Of one view the normal halves the way to the light and the way to the camera; a blend lies between its views."""
+    directions = spread_directions(200)
+    for nearness in (0.0, 0.04):
+        places = views[0].mirrored_at(directions, nearness)
+        assert np.linalg.norm(places, axis=-1) == pytest.approx(1, abs=1e-6)
+        ways = directions - nearness * places
+        to_camera = (FRONT - CENTRE) / 0.05 - places
+        halves = [each / np.linalg.norm(each, axis=-1, keepdims=True) for each in (ways, to_camera)]
+        middle = halves[0] + halves[1]
+        # What lies behind the ball is mirrored at its rim, without such a normal.
+        clear = directions @ unit(FRONT - CENTRE) > -0.9
+        cosine = (middle * places).sum(-1) / np.linalg.norm(middle, axis=-1)
+        assert clear.sum() > 150 and cosine[clear].min() > 0.9999
+    assert probe.mirrored_at is not None
+    length = np.linalg.norm(probe.mirrored_at, axis=-1)
+    assert probe.mirrored_at.shape[1] == 2 * len(probe.mirrored_at)
+    # Where both views count their mean lies below the ball's surface.
+    assert length.max() < 1 + 1e-5 and np.percentile(length, 80) > 0.98
+
+
 def test_irradiance_in_every_direction_is_that_of_the_light(probe):
     normals = spread_directions(500)
     flux = truth().reshape(-1, 3) * LatLong().solid_angles(SIZE).reshape(-1, 1)

@@ -112,7 +112,8 @@ def common_points(
     row, column = np.nonzero(seen)
     cells = np.unique((row // CELL) * ROWS + column // CELL, return_inverse=True)[1]
     normals = _normals(scene, index, probe, mean[0])
-    return Shared(mean[0], normals, *mean[1:], cells)
+    middle, seen_from, of_plate, of_probe = mean
+    return Shared(middle, normals, seen_from, of_plate, of_probe, cells)
 
 
 def plate_points(plate: RadianceMap, camera: Camera, scene: Scene, index: int, usable: np.ndarray) -> Shared:
