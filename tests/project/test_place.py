@@ -20,7 +20,7 @@ from relume.scene.cameras.camera import Camera
 from relume.scene.lights import SphereLight
 from relume.scene.materials.materials import Diffuse
 from relume.scene.scene import Box, Dome, Enclosure, Infinite, Scene
-from relume.scene.shapes.shapes import Plane
+from relume.scene.shapes.shapes import Mesh, Plane, Sphere
 from relume.sphere.environment_files import as_radiance_map
 from relume.sphere.environment_map import EnvironmentMap
 from relume.sphere.mappings.mapping import LatLong, pixel_directions
@@ -187,3 +187,36 @@ def test_a_change_that_an_objects_material_does_not_have_names_the_key(folder: P
     text = SHOT + "[[objects]]\nmesh = 'cube.glb'\nmaterial = { preset = 'rolled_brass', roughness = 0.2 }"
     with pytest.raises(InvalidShot, match=r"^objects.material: roughness: a Ward surface has none"):
         placed_meshes(shot_of(folder, text))
+
+
+def test_a_real_ball_on_the_table_is_a_sphere_and_a_box_is_turned_as_objects_are(folder):
+    shot = shot_of(folder, SHOT + """
+[[local]]
+shape = "sphere"
+centre = [0.4, 0.12, -0.2]
+radius = 0.12
+[[local]]
+shape = "box"
+low = [-0.2, 0.0, -0.1]
+high = [0.2, 0.3, 0.1]
+rotate = [0, 90, 0]
+translate = [1.0, 0.0, -2.0]
+""")  # fmt: skip
+    ball, box = bare_place(shot, probe_of(shot)).local
+    assert isinstance(ball, Sphere) and (ball.centre, ball.radius) == ((0.4, 0.12, -0.2), 0.12)
+    assert isinstance(box, Mesh)
+    assert box.vertices.min(0) == pytest.approx([0.9, 0.0, -2.2], abs=1e-6)
+    assert box.vertices.max(0) == pytest.approx([1.1, 0.3, -1.8], abs=1e-6)
+
+
+@pytest.mark.parametrize(
+    ("table", "line"),
+    [
+        ('shape = "sphere"\nradius = 0.1', "a sphere needs centre"),
+        ('shape = "sphere"\ncentre = [0, 0, 0]\nradius = 0.1\nrotate = [0, 10, 0]', "placed by its centre"),
+        ('shape = "sphere"\ncentre = [0, 0, 0]\nradius = 0', "radius"),
+    ],
+)
+def test_a_sphere_that_is_none_is_refused_in_a_line(folder, table, line):
+    with pytest.raises(InvalidShot, match=line):
+        shot_of(folder, f"{SHOT}[[local]]\n{table}\n")

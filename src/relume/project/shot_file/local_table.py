@@ -15,7 +15,7 @@ from relume.project.schema import Positive, Share, Table, Vector
 from relume.scene.materials.materials import Diffuse, Material
 from relume.scene.scene import Box, Distant, Dome, Enclosure, Infinite
 from relume.scene.shapes.meshes import read_meshes
-from relume.scene.shapes.shapes import Mesh, Plane, Shape
+from relume.scene.shapes.shapes import Mesh, Plane, Shape, Sphere
 from relume.surface.gloss import Gloss, glossy
 from relume.surface.projection import box_mesh
 from relume.surface.recovery import ConstantAlbedo, EstimatedGloss, KnownMaterial, Recovery, TexturedAlbedo
@@ -43,18 +43,20 @@ class GlossTable(Table):
 class LocalTable(Placement):
     """A real surface that the objects affect.
 
-    shape : a horizontal plane of a size at a height, a box from one corner to the other, or a mesh; then placed as
-        objects are
+    shape : a horizontal plane of a size at a height, a box from one corner to the other, or a mesh, then placed as
+        objects are; or a sphere about its centre
     reflectance : "recover" for every pixel of the plate, "recover even" for one colour, or a colour that is known
     gloss : "recover" to find it from what plate and probe show of the same places; a known one; false where matte
     mirror : it is a mirror of this reflectance
     """
 
-    shape: Literal["plane", "box", "mesh"]
+    shape: Literal["plane", "box", "sphere", "mesh"]
     size: tuple[Positive, Positive] | None = None
     height: float = 0.0
     low: Vector | None = None
     high: Vector | None = None
+    centre: Vector | None = None
+    radius: Positive | None = None
     mesh: str | None = None
     reflectance: Literal["recover", "recover even"] | tuple[Share, Share, Share] = "recover"
     gloss: Literal[False, "recover"] | GlossTable = False
@@ -62,12 +64,14 @@ class LocalTable(Placement):
 
     @model_validator(mode="after")
     def _what_the_shape_needs(self) -> LocalTable:
-        needs = {"plane": (), "box": ("low", "high"), "mesh": ("mesh",)}[self.shape]
+        needs = {"plane": (), "box": ("low", "high"), "sphere": ("centre", "radius"), "mesh": ("mesh",)}[self.shape]
         if lacking := [name for name in needs if getattr(self, name) is None]:
             raise ValueError(f"a {self.shape} needs {' and '.join(lacking)}")
         _require_box(self.low, self.high)
         if self.shape == "plane" and self.size is None and self._is_placed:
             raise ValueError("a plane that is scaled, rotated or moved needs a size = [x, z]")
+        if self.shape == "sphere" and self._is_placed:
+            raise ValueError("a sphere is placed by its centre and sized by its radius; leave the rest out")
         if self.mirror and isinstance(self.reflectance, str):
             raise ValueError("a mirror's reflectance is given, not recovered, like [0.9, 0.9, 0.9]")
         if self.mirror and self.gloss:
@@ -85,6 +89,9 @@ class LocalTable(Placement):
         if self.shape == "box":
             assert self.low is not None and self.high is not None  # _what_the_shape_needs
             return (placed(box_mesh(self.low, self.high, material), self),)
+        if self.shape == "sphere":
+            assert self.centre is not None and self.radius is not None  # _what_the_shape_needs
+            return (Sphere(self.centre, self.radius, material),)
         assert self.mesh is not None
         return tuple(replace(placed(m, self), material=material) for m in read_meshes(folder / self.mesh))
 
