@@ -124,6 +124,11 @@ def test_a_rim_that_is_given_is_not_sought(monkeypatch):
     assert [each["ball"] for each in found] == [{"x": 400.0, "y": 300.0, "radius": 296.0}] * 2  # pyright: ignore
 
 
+def test_force_replaces_a_shot_file_that_is_written_and_none_that_is_given(tmp_path, capsys):
+    line = refused(["insert", str(ROOM / "shot.toml"), "-o", str(tmp_path), "--force"], capsys)
+    assert "--force replaces a shot.toml that is written" in line and "shot.toml is given" in line
+
+
 def test_an_export_names_no_report(monkeypatch, tmp_path, capsys):
     import relume as rl
 

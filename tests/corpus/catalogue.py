@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 
-from corpus import camera_raw, exr, gain_map, jpeg, ktx2, png, portable, radiance, tiff
+from corpus import camera_raw, dds, exr, gain_map, heif, jpeg, ktx2, png, portable, radiance, tiff
 from corpus.files import READ, READ_CUBE, READ_PHOTOGRAPH, READ_RADIANCE, Bad, Corpus
 
 CORPORA: Mapping[str, Callable[[], Corpus]] = {
@@ -20,6 +20,8 @@ CORPORA: Mapping[str, Callable[[], Corpus]] = {
     "JPEG": jpeg.corpus,
     "KTX2": ktx2.corpus,
     "camera raw": camera_raw.corpus,
+    "DDS": dds.corpus,
+    "HEIF": heif.corpus,
 }
 
 
@@ -39,5 +41,7 @@ def bombs() -> list[tuple[Bad, str, str]]:
         (Bad("a float TIFF", tiff.float_bomb(), ".tif"), READ, "float TIFF"),
         (Bad("a LogLuv TIFF", tiff.logluv_bomb(), ".tif"), READ, "LogLuv TIFF"),
         (Bad("a gain map", gain_map.bomb(), ".jpg"), READ_RADIANCE, "gain map"),
+        (Bad("a DDS cube", dds.bomb(), ".dds"), READ_RADIANCE, "DDS"),
+        (Bad("a HEIF", heif.bomb(), ".heic"), READ_PHOTOGRAPH, "HEIF"),
         (Bad("a cube", ktx2.bomb(), ".ktx2"), READ_CUBE, "KTX2"),
     ]

@@ -18,6 +18,7 @@ from relume.image import files
 from relume.image.colour_space import name_of
 from relume.image.files.description import describe
 from relume.image.files.metadata.icc_profile import screen_profile
+from relume.image.files.photographs.heif import _straight
 from relume.image.files.read_options import ReadOptions
 from relume.image.primaries import P3
 
@@ -92,6 +93,36 @@ def test_its_colours_are_those_of_its_profile_or_of_its_code_points(tmp_path):
     saved(tmp_path / "d.heic", pixels, color_primaries=9, transfer_characteristics=16, save_nclx_profile=True)
     with pytest.warns(UserWarning, match=r"d\.heic: its values are PQ, not sRGB"):
         files.read_photograph(tmp_path / "d.heic")
+
+
+@pytest.mark.parametrize("transfer", [1, 6, 14, 15])
+def test_the_curve_of_video_is_a_doubt(transfer, tmp_path):
+    options = {"color_primaries": 9, "transfer_characteristics": transfer, "save_nclx_profile": True}
+    saved(tmp_path / "a.heic", SMOOTH.astype(np.uint8), **options)
+    with pytest.warns(UserWarning, match=r"a\.heic: its code points name the curve of video .*read as sRGB's"):
+        assert name_of(files.read_photograph(tmp_path / "a.heic")) == "BT.2020"
+
+
+@pytest.mark.parametrize("kind", [np.uint8, np.uint16])
+def test_colours_that_were_multiplied_by_alpha_are_divided_by_it(kind):
+    white = np.iinfo(kind).max
+    colours = (np.linspace(0.1, 0.9, 12).reshape(2, 2, 3) * white).astype(kind)
+    alpha = np.array([[white, white // 2], [white // 5, 0]], kind)[..., None]
+    times = np.rint(colours * (alpha / white)).astype(kind)
+    found = _straight(np.concatenate([times, alpha], axis=-1))
+    assert found.dtype == kind and (found[..., 3:] == alpha).all() and (found[1, 1, :3] == 0).all()
+    off = np.abs(found[..., :3].astype(int) - colours)[alpha[..., 0] > 0]
+    assert off.max() <= 3  # what five parts of a code's rounding are
+
+
+def test_a_file_of_multiplied_colours_is_read_straight(tmp_path):
+    colours = np.broadcast_to(np.array([200, 120, 60], np.uint8), (48, 64, 3))
+    stored = np.concatenate([colours // 2, np.full((48, 64, 1), 128, np.uint8)], axis=-1)
+    data = np.ascontiguousarray(stored).tobytes()
+    pillow_heif.encode("RGBa", (64, 48), data, str(tmp_path / "a.heic"), quality=-1, chroma=444, matrix_coefficients=0)
+    with pytest.warns(UserWarning, match="alpha is left out"):
+        photograph = files.read_photograph(tmp_path / "a.heic")
+    assert np.abs(photograph.pixels.astype(int) - colours).max() <= 2
 
 
 def test_a_bracket_with_gain_maps_is_one_note(tmp_path):

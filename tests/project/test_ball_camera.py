@@ -18,6 +18,7 @@ from relume.probe.ball.blending import blend_views
 from relume.probe.ball.unwrapping import CAMERA_FROM_PIXELS, BallView, unwrap_ball
 from relume.project.insertion.ball_camera import BallCamera, camera_of_ball
 from relume.project.insertion.insert import insert
+from relume.project.shot_file.ball_table import BallOnTable
 from relume.project.shot_file.objects import placed_meshes
 from relume.project.shot_file.shot import Shot, read_shot
 from relume.renderers.renderer import ConstantRenderer
@@ -160,6 +161,25 @@ def test_a_stand_is_noticed_and_objects_stand_at_its_foot(tmp_path: Path) -> Non
     # A shadow is as wide as the ball, and darker.
     shadow = np.where((below & (np.abs(columns - x) < 45))[..., None], 0.4 * BALL.radiance, BALL.radiance)
     assert stood(tmp_path, ball=RadianceMap(shadow.astype(np.float32))).centre == (0, 0.05, 0)
+
+
+def test_a_camera_below_a_ball_on_a_stand_looks_at_it_from_above_the_table() -> None:
+    low = Camera.looking_at(np.array([0.0, 0.1, 0.7]), np.array([0, 0.2, 0]), width=WIDTH, height=400, focal_length=300)
+    bare = replace(low, position=np.zeros(3), rotation=np.eye(3))
+    turns = np.linspace(0, 2 * np.pi, 40)
+    # A ball of 5 cm whose middle stands 25 cm above the table.
+    middle = np.array([0.0, 0.25, 0.0])
+    axis = low.position - middle
+    side = np.cross(axis, [1.0, 0, 0]) / np.linalg.norm(np.cross(axis, [1.0, 0, 0]))
+    ring = np.cos(turns)[:, None] * [1.0, 0, 0] + np.sin(turns)[:, None] * side
+    rim = low.project(middle + 0.05**2 * axis / (axis @ axis) + 0.05 * np.sqrt(1 - 0.05**2 / (axis @ axis)) * ring)
+    x, y = low.project(np.zeros(3))
+    up = low.rotation.T @ [0.0, 1, 0]
+    assert BallOnTable(foot=(float(x), float(y)))._looks_down(up, rim, bare, 0.05)
+    assert BallOnTable(raised=0.2)._looks_down(up, rim, bare, 0.05)
+    assert not BallOnTable()._looks_down(up, rim, bare, 0.05)
+    # By a way up that puts the foot above the ball it does not.
+    assert not BallOnTable(foot=(float(x), float(y)))._looks_down(-up, rim, bare, 0.05)
 
 
 def test_crops_do_not_say_where_the_ball_stood(tmp_path: Path) -> None:

@@ -13,7 +13,7 @@ from dng_files import sensed, write_dng
 from relume.capture.brackets.merging import merge_brackets
 from relume.capture.lens.vignetting import Vignetting
 from relume.capture.response.camera_profile import CameraProfile, write_profile
-from relume.errors import InvalidShot, NotABracket
+from relume.errors import InvalidShot, NotABracket, UnreadableFile
 from relume.probe.ball.blending import Probe
 from relume.project.insertion.ball_light import blended
 from relume.project.insertion.photographs import Calibrated, _merged, calibrate, read_photographs
@@ -116,3 +116,15 @@ def test_the_rim_of_a_ball_may_be_picked_or_given_in_the_shot_file(shot: Shot) -
     light = changed(shot, {}, {"rim": right}).light.model_copy(update={"ball": chrome})
     brighter = blended(shot.model_copy(update={"light": light}), merged, None).light.radiance / given.light.radiance
     assert brighter.max() == pytest.approx(1 / 0.550, rel=0.02) and brighter.min() >= 0.999
+
+
+def test_a_folder_and_a_photograph_may_have_brackets_in_their_names(tmp_path: Path) -> None:
+    folder = tmp_path / "shoot [day 2]"
+    folder.mkdir()
+    for name in ("a_2.jpg", "a_10.jpg", "b[1].jpg"):
+        (folder / name).touch()
+    shot = read_shot(ROOM / "shot.toml").model_copy(update={"folder": folder})
+    assert [path.name for path in shot.files(["a_*.jpg", "b[1].jpg"])] == ["a_2.jpg", "a_10.jpg", "b[1].jpg"]
+    assert [path.name for path in shot.files(["a_[0-9].jpg"])] == ["a_2.jpg"]
+    with pytest.raises(UnreadableFile, match="no such photographs"):
+        shot.files(["c_*.jpg"])

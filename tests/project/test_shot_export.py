@@ -5,17 +5,19 @@ import re
 import warnings
 import xml.etree.ElementTree as ET
 from dataclasses import replace
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
 
-from relume.errors import OutputNotWritten, UnsupportedScene
+from relume.errors import Doubt, OutputNotWritten, UnsupportedScene, doubt_of
 from relume.export.shot_files import SHOT_FORMATS, export_shot
 from relume.export.shot_lamps import light_of, undistorted
 from relume.image import files
 from relume.image.radiance import RadianceMap
 from relume.light.constellations.constellation import Constellation
 from relume.light.constellations.residual import KeyLights
+from relume.project.insertion.insert import prepare_shot
 from relume.project.insertion.prepared import PreparedShot
 from relume.renderers.mitsuba.path_tracer import _mitsuba
 from relume.renderers.mitsuba.scene import scene_dictionary
@@ -294,3 +296,27 @@ def test_plate_of_another_size_is_refused():
 def test_plate_is_written_as_it_is(tmp_path):
     quietly(shot(), tmp_path / "out", "usd")
     assert np.array_equal(files.read_radiance(tmp_path / "out" / "plate.exr").radiance, shot().plate.radiance)
+
+
+def test_what_is_prepared_for_other_programs_has_the_doubts_of_its_objects(monkeypatch, tmp_path):
+    """All before the render is made up; what is asked is whether the objects are looked at."""
+    job = "relume.project.insertion.insert"
+    hovering = replace(SQUARE, vertices=SQUARE.vertices + np.array([0, 0.4, 0], np.float32))
+    ready = shot()
+    scene = Scene(ready.scene.light, local=(Plane(Diffuse((0.5, 0.5, 0.5)), size=(2.0, 2.0)),))
+    place = SimpleNamespace(camera=ready.camera, bare=scene, relit=lambda shot: scene)
+    calibrated = SimpleNamespace(plate=ready.plate)
+    white = (Doubt("the lamps are white", 0.1),)
+    for name, made in {
+        "placed_meshes": (hovering,), "read_photographs": None, "calibrate": calibrated, "on_one_scale": calibrated,
+        "find_camera": SimpleNamespace(camera=ready.camera), "find_place": place, "doubts_on": white,
+        "development_of": SimpleNamespace(photograph=ready.photograph, film=ready.film),
+    }.items():  # fmt: skip
+        monkeypatch.setattr(f"{job}.{name}", lambda *_, made=made, **__: made)
+    asked = SimpleNamespace(render=SimpleNamespace(samples=4, depth=12))
+    with warnings.catch_warnings(record=True) as caught:
+        warnings.simplefilter("always")
+        prepare_shot(asked, tmp_path)  # pyright: ignore[reportArgumentType]
+    doubts = [doubt_of(each.message) for each in caught]
+    assert doubts[0].line.startswith("the objects hover 0.5 m over the plane") and doubts[0].effect == 0.2
+    assert doubts[1] == Doubt("the lamps are white", 0.1)

@@ -154,3 +154,17 @@ def test_a_million_triangles_take_four_texels_each():
     mesh = with_vertex_colours(Mesh(vertices, faces, replace(PLAIN)), np.abs(vertices) / 4)
     assert isinstance(mesh.material, Material)
     assert np.asarray(mesh.material.base_color).shape[:2] == (2 * 512, 2 * 513)
+
+
+def test_colours_that_no_surface_has_are_cut_with_a_warning():
+    given = replace(sphere(1), name="scan")
+    bright = np.full((len(given.vertices), 3), 0.5)
+    bright[3] = 4.0
+    with pytest.warns(UserWarning, match=r"scan: vertex colours such as 4 are cut to 0 … 1"):
+        with_vertex_colours(given, bright)
+    with pytest.warns(UserWarning, match=r"such as -0\.5 are cut"):
+        with_corner_colours(given, np.full((len(given.faces), 3, 3), -0.5))
+    bright[3] = np.nan
+    with pytest.warns(UserWarning, match="no numbers, and count as black"):
+        mesh = with_vertex_colours(given, bright)
+    assert isinstance(mesh.material, Material) and np.isfinite(mesh.material.base_color).all()

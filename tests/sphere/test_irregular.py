@@ -54,6 +54,18 @@ def test_a_row_or_a_column_more_or_less_keeps_the_light(rows, columns, size):
         as_environment(RadianceMap(radiance, attributes={"mapping": "latlong"}))
 
 
+@pytest.mark.parametrize("nodes", [True, False])
+def test_the_variance_of_what_is_averaged_goes_with_it(nodes):
+    radiance = at_nodes(65, 129) if nodes else smooth(pixel_directions(LatLong(), 64))[:, 1:]
+    given = RadianceMap(radiance, np.full(radiance.shape, 4.0, np.float32))
+    with pytest.warns(UserWarning, match="one off 2:1"):
+        made = evened(given)
+    assert made.variance is not None and made.variance.shape == made.radiance.shape
+    # Of the mean of two by two a quarter; of two samples in shares that differ from pixel to pixel a half to all.
+    low, high = (1.0, 1.0) if nodes else (2.0, 4.0)
+    assert low == pytest.approx(made.variance.min(), abs=0.01) and high == pytest.approx(made.variance.max(), abs=0.1)
+
+
 def test_files_say_it_once_and_other_shapes_are_not_taken(tmp_path):
     write(tmp_path / "a.exr", RadianceMap(at_nodes(65, 129)))
     with warnings.catch_warnings(record=True) as caught:

@@ -110,6 +110,8 @@ def insert(
             raise ValueError("no shot; give a shot file, or --plate, --ball and --object")
         if shot is not None and new.given():
             raise ValueError(f"{new.given()[0]} and the shot file {shot} both describe the shot; give one of them")
+        if shot is not None and new.force:
+            raise ValueError(f"--force replaces a shot.toml that is written, and {shot} is given; leave one out")
         read = rl.read_shot(shot) if shot is not None else new.shot(None if dry_run else out / SHOT_FILE)
         table = read.with_render(samples=samples, seed=seed, noise=noise)
         # The job.

@@ -29,23 +29,28 @@ def evened(picture: RadianceMap) -> RadianceMap:
     width, height = picture.size
     if width == 2 * height or abs(width - 2 * height) > _OFF or height < _LEAST:
         return picture
-    radiance, clipped = picture.radiance, picture.clipped
+    radiance, variance, clipped = picture.radiance, picture.variance, picture.clipped
     if _is_repeated(radiance):
-        radiance, clipped = (
-            _between(radiance, 1),
-            None if clipped is None else np.maximum(clipped[:, 1:], clipped[:, :-1]),
-        )
+        radiance = _between(radiance, 1)
+        variance = None if variance is None else _between(variance, 1) / 2  # of the mean of two
+        clipped = None if clipped is None else np.maximum(clipped[:, 1:], clipped[:, :-1])
     if radiance.shape[1] != 2 * height and _is_pole(radiance[0]) and _is_pole(radiance[-1]):
-        radiance, clipped = _between(radiance, 0), None if clipped is None else np.maximum(clipped[1:], clipped[:-1])
+        radiance = _between(radiance, 0)
+        variance = None if variance is None else _between(variance, 0) / 2
+        clipped = None if clipped is None else np.maximum(clipped[1:], clipped[:-1])
     rows, columns = radiance.shape[:2]
     if columns != 2 * rows:
         at = (np.arange(2 * rows) + 0.5) * columns / (2 * rows) - 0.5
         left, share = np.floor(at).astype(int), (at - np.floor(at)).astype(np.float32)[:, None]
-        radiance = radiance[:, left % columns] * (1 - share) + radiance[:, (left + 1) % columns] * share
-        clipped = None if clipped is None else np.maximum(clipped[:, left % columns], clipped[:, (left + 1) % columns])
+        right = (left + 1) % columns
+        radiance = radiance[:, left % columns] * (1 - share) + radiance[:, right] * share
+        if variance is not None:
+            variance = variance[:, left % columns] * (1 - share) ** 2 + variance[:, right] * share**2
+        clipped = None if clipped is None else np.maximum(clipped[:, left % columns], clipped[:, right])
     made = radiance.astype(np.float32)
     warn(f"{width}×{height} pixels, one off 2:1: taken for a lat-long map, and resampled to {made.shape[1]}×{rows}")
-    return replace(picture, radiance=made, variance=None, clipped=clipped)
+    variance = None if variance is None else variance.astype(np.float32)
+    return replace(picture, radiance=made, variance=variance, clipped=clipped)
 
 
 def strip_of_openexr(picture: RadianceMap) -> RadianceMap:

@@ -9,7 +9,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from pathlib import Path
 
-from relume.errors import GatheredDoubts, ranked
+from relume.errors import GatheredDoubts, ranked, warn
 from relume.project.insertion.agreement import on_one_scale
 from relume.project.insertion.composite import composited, development_of
 from relume.project.insertion.doubts import doubts_on
@@ -85,7 +85,7 @@ def insert(
 def prepare_shot(shot: Shot, out: str | Path, *, progress: Progress = lambda step, share: None) -> PreparedShot:
     """The shot ready to be rendered, for another program: all but the render is done, its stages kept in `out`.
 
-    Raises RelumeError. Warns of doubtful measurements.
+    Raises RelumeError. Warns of doubtful measurements, and of objects that hover, sink or are far too large or small.
     """
     out = Path(out)
     require_folder(out)
@@ -96,6 +96,8 @@ def prepare_shot(shot: Shot, out: str | Path, *, progress: Progress = lambda ste
     calibrated = on_one_scale(shot, calibrated, fit.camera)
     place = find_place(shot, calibrated, fit, meshes, None, steps)
     development = development_of(shot, calibrated)
+    for doubt in (*doubts_about(meshes, place.camera, place.bare.local), *doubts_on(calibrated, place, None)):
+        warn(doubt.line, doubt.effect)
     scene = place.relit(shot).adding(*meshes)
     return PreparedShot(
         scene, place.camera, calibrated.plate, development.photograph, development.film,

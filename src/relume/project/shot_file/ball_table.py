@@ -78,12 +78,25 @@ class BallOnTable(Table):
         Warns of what is guessed. Raises InvalidShot.
         """
         try:
-            up, raised = self._up(rim, lens, radius, plate), self.raised or 0.0
-            if self.foot is not None:
-                raised = radius * raised_by(self.foot, ball_in_view(rim, lens), lens, up)
+            up = self._up(rim, lens, radius, plate)
+            raised = self._raised(up, rim, lens, radius)
             return camera_from_ball(rim, lens, radius=radius, up=up, raised=raised), raised
         except (ValueError, BallNotFound) as error:
             raise InvalidShot(f"camera.ball: {error}") from None
+
+    def _raised(self, up: np.ndarray, rim: np.ndarray, lens: Camera, radius: float) -> float:
+        """How far the ball is raised above the table, metres, where this way is up."""
+        if self.foot is None:
+            return self.raised or 0.0
+        return radius * raised_by(self.foot, ball_in_view(rim, lens), lens, up)
+
+    def _looks_down(self, up: np.ndarray, rim: np.ndarray, lens: Camera, radius: float) -> bool:
+        """Whether the camera stands above the table where this way is up."""
+        try:
+            raised = self._raised(up, rim, lens, radius) / radius
+        except ValueError:  # the foot would not be below the ball
+            return False
+        return bool(up @ ball_in_view(rim, lens).centre <= 0.9 + raised)
 
     def _up(self, rim: np.ndarray, lens: Camera, radius: float, plate: RadianceMap) -> np.ndarray:
         roll = np.radians(self.roll or 0.0)
@@ -94,7 +107,7 @@ class BallOnTable(Table):
             return up_of(pitch_of_height(ball, (self.camera_height - (self.raised or 0.0)) / radius - 1, roll), roll)
         # The camera must stand above the table, which edges alone do not say.
         horizon = find_horizon(plate.radiance, lens)
-        if horizon is None or horizon.up @ ball.centre > 0.9 + (self.raised or 0.0) / radius:
+        if horizon is None or not self._looks_down(horizon.up, rim, lens, radius):
             pitch = GUESSED_ELEVATION - float(np.arctan2(-ball.centre[1], -ball.centre[2]))
             warn(
                 "camera.ball: the plate's straight edges do not show how far the camera looked down; "

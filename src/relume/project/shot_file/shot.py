@@ -5,10 +5,11 @@ Paths are relative to the file; lengths are metres, angles degrees. An unknown k
 
 from __future__ import annotations
 
+import os
 import re
 import tomllib
 from collections.abc import Sequence
-from glob import glob
+from glob import escape, glob
 from pathlib import Path
 from typing import Annotated, Literal
 
@@ -321,7 +322,10 @@ class Shot(Table):
         found: list[Path] = []
         for pattern in patterns:
             path = self.folder / pattern
-            named = [Path(name) for name in glob(str(path))] if any(c in pattern for c in "*?[") else [path]
+            # The folder is a name, whatever brackets are in it; so is a file that is there.
+            wild = any(c in pattern for c in "*?[") and not path.is_file()
+            place = pattern if Path(pattern).is_absolute() else os.path.join(escape(str(self.folder)), pattern)
+            named = [Path(name) for name in glob(place)] if wild else [path]
             matches = sorted(named, key=_natural)
             if not matches:
                 raise UnreadableFile(f"{path}: no such photographs; check the pattern in the shot file")

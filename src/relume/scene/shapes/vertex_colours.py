@@ -11,6 +11,7 @@ from dataclasses import replace
 
 import numpy as np
 
+from relume.errors import warn
 from relume.scene.materials.checks import triple
 from relume.scene.materials.materials import Material
 from relume.scene.shapes.shapes import Mesh
@@ -25,17 +26,32 @@ def with_vertex_colours(mesh: Mesh, colours: np.ndarray) -> Mesh:
     Its texture coordinates become those of the squares, so that its material may hold no images; corners that triangles
     shared are apart. A mesh of one colour stays as it is, and its material takes the colour.
     """
-    return _painted(mesh, np.clip(np.asarray(colours, np.float32), 0, 1)[mesh.faces])
+    return _painted(mesh, _shares(mesh, colours)[mesh.faces])
 
 
 def with_face_colours(mesh: Mesh, colours: np.ndarray) -> Mesh:
     """The same of colours of its faces, (M, 3)."""
-    return _painted(mesh, np.repeat(np.clip(np.asarray(colours, np.float32), 0, 1)[:, None], 3, axis=1))
+    return _painted(mesh, np.repeat(_shares(mesh, colours)[:, None], 3, axis=1))
 
 
 def with_corner_colours(mesh: Mesh, colours: np.ndarray) -> Mesh:
     """The same of colours of the corners of its faces, (M, 3, 3)."""
-    return _painted(mesh, np.clip(np.asarray(colours, np.float32), 0, 1))
+    return _painted(mesh, _shares(mesh, colours))
+
+
+def _shares(mesh: Mesh, colours: np.ndarray) -> np.ndarray:
+    """The colours as shares of the light that a surface sends back, 0 to 1; warns of others, which are cut off."""
+    given = np.asarray(colours, np.float32)
+    if not np.isfinite(given).all():
+        warn(f"{mesh.name or 'a mesh'}: some of its vertex colours are no numbers, and count as black")
+        given = np.nan_to_num(given, nan=0.0, posinf=1.0, neginf=0.0)
+    odd = given.max(initial=0) if given.max(initial=0) > 1 + _EVEN else given.min(initial=0)
+    if odd > 1 or odd < -_EVEN:
+        warn(
+            f"{mesh.name or 'a mesh'}: vertex colours such as {odd:.3g} are cut to 0 … 1, for no surface sends back "
+            "more than it gets; divide them by their greatest, or make them codes of sRGB"
+        )
+    return np.clip(given, 0, 1)
 
 
 def _painted(mesh: Mesh, corners: np.ndarray) -> Mesh:

@@ -5,7 +5,7 @@ Specification: "UsdPreviewSurface Specification", 2.6. Other shaders (MaterialX,
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
@@ -22,7 +22,7 @@ _UNREAD = ("displacement", "occlusion")  # light makes its own occlusion
 _CHANNELS = {"r": 0, "g": 1, "b": 2, "a": 3}
 
 
-@dataclass
+@dataclass(frozen=True, eq=False)
 class UsdMaterial:
     """A material read, the primvar with its texture coordinates, and what of it is lost, in words.
 
@@ -31,7 +31,7 @@ class UsdMaterial:
 
     surface: Material | None
     coordinates: str = ""
-    lost: list[str] = field(default_factory=list)
+    lost: tuple[str, ...] = ()
 
 
 def read_material(path: Path, shade: Any, asset_resolver: Any, bound: Any) -> UsdMaterial:
@@ -39,8 +39,8 @@ def read_material(path: Path, shade: Any, asset_resolver: Any, bound: Any) -> Us
     name = bound.GetPrim().GetName()
     shader = bound.ComputeSurfaceSource()[0]
     if not shader or shader.GetIdAttr().Get() != "UsdPreviewSurface":
-        return UsdMaterial(None, lost=["its shader, which is no UsdPreviewSurface"])
-    reader = _Reader(path, shade, asset_resolver, UsdMaterial(None))
+        return UsdMaterial(None, lost=("its shader, which is no UsdPreviewSurface",))
+    reader = _Reader(path, shade, asset_resolver, [], [])
     got = {
         key: reader.value(shader, key, default)
         for key, default in {
@@ -49,10 +49,10 @@ def read_material(path: Path, shade: Any, asset_resolver: Any, bound: Any) -> Us
             "normal": None, "useSpecularWorkflow": 0, "opacityMode": "transparent",
         }.items()
     }  # fmt: skip
-    found = reader.found
+    lost = reader.lost
     if got["useSpecularWorkflow"]:
-        found.lost.append("specularColor")
-    found.lost += [key for key in _UNREAD[:1] if (each := shader.GetInput(key)) and each.HasConnectedSource()]
+        lost.append("specularColor")
+    lost += [key for key in _UNREAD[:1] if (each := shader.GetInput(key)) and each.HasConnectedSource()]
     colour, opacity, transmission = got["diffuseColor"], got["opacity"], 0.0
     cut = float(got["opacityThreshold"])
     if cut > 0:
@@ -62,24 +62,25 @@ def read_material(path: Path, shade: Any, asset_resolver: Any, bound: Any) -> Us
         # A body that light goes through, and not one that is there in part.
         opacity, transmission = 1.0, 1 - float(opacity)
         colour = (1.0, 1.0, 1.0) if transmission == 1 else colour
-    found.surface = Material(
+    surface = Material(
         base_color=_shares(colour), emission=_colour(got["emissiveColor"]), metallic=_shares(got["metallic"]),
         roughness=_shares(got["roughness"]), clearcoat=_shares(got["clearcoat"]),
         clearcoat_roughness=_shares(got["clearcoatRoughness"]), alpha=_shares(opacity), transmission=transmission,
         ior=max(float(got["ior"]), 1.0) if not isinstance(got["ior"], np.ndarray) else 1.5,
         normal=None if not isinstance(got["normal"], np.ndarray) else _unit_vectors(got["normal"]), name=name,
     )  # fmt: skip
-    return found
+    return UsdMaterial(surface, next(iter(reader.coordinates), ""), tuple(lost))
 
 
-@dataclass
+@dataclass(frozen=True, eq=False)
 class _Reader:
-    """Reads the inputs of one material's shader, and notes what they need."""
+    """Reads the inputs of one material's shader, and notes what is lost and the primvars that place its pictures."""
 
     path: Path
     shade: Any
     asset_resolver: Any
-    found: UsdMaterial
+    lost: list[str]
+    coordinates: list[str]
 
     def value(self, shader: Any, key: str, default: Any) -> Any:
         """A number, a text or a triple, or an image (H, W) or (H, W, 3) float32."""
@@ -94,7 +95,7 @@ class _Reader:
             texture = self.shade.Shader(first.GetPrim())
             if texture.GetIdAttr().Get() == "UsdUVTexture":
                 return self.image(texture, key, first.GetBaseName())
-            self.found.lost.append(f"what {key} is connected to")
+            self.lost.append(f"what {key} is connected to")
             return default
         value = first.Get()
         if value is None:
@@ -142,13 +143,13 @@ class _Reader:
         producers = self.shade.Utils.GetValueProducingAttributes(given) if given else []
         reader = self.shade.Shader(producers[0].GetPrim()) if producers else None
         if reader and reader.GetIdAttr().Get() == "UsdTransform2d":
-            self.found.lost.append(f"the UsdTransform2d of {key}")
+            self.lost.append(f"the UsdTransform2d of {key}")
             inner = self.shade.Utils.GetValueProducingAttributes(reader.GetInput("in"))
             reader = self.shade.Shader(inner[0].GetPrim()) if inner else None
         name = str(self.value(reader, "varname", "st")) if reader else "st"
-        self.found.coordinates = self.found.coordinates or name
-        if name != self.found.coordinates:
-            self.found.lost.append(f"{key} (of other texture coordinates than the first)")
+        self.coordinates.append(name)
+        if name != self.coordinates[0]:
+            self.lost.append(f"{key} (of other texture coordinates than the first)")
 
 
 def _shares(value: Any) -> Any:

@@ -29,6 +29,7 @@ _PRIMARIES = {
     11: (P3, "Display P3"),
     12: (P3, "Display P3"),
 }  # H.273, table 2; 11 has DCI's white
+_VIDEO = (1, 6, 14, 15)  # H.273, table 3: the curve of BT.709, BT.601 and BT.2020, which pictures rarely mean
 _UNPLAIN = {8: "linear", 16: "PQ", 18: "HLG"}  # H.273, table 3: curves far from sRGB's
 
 
@@ -39,12 +40,14 @@ class HeifPicture:
     form : width, height and bits of the picture as it is shown
     exif : the block of tags, b"" where there is none
     gain_map : whether there is one
+    premultiplied : whether its colours are those times alpha, as over black
     source : libheif's picture
     """
 
     form: Form
     exif: bytes
     gain_map: bool
+    premultiplied: bool
     source: Any
 
 
@@ -60,19 +63,24 @@ def opened(path: str | os.PathLike[str], options: ReadOptions) -> HeifPicture:
     except Exception as error:  # ValueError, OSError, RuntimeError, EOFError: whatever libheif finds
         raise FormatError(path, "HEIF", "its boxes", "a main picture that can be decoded", one_line(error)) from None
     bits = int(info.get("bit_depth") or 8)
-    letters = mode.partition(";")[0].replace("a", "A")
+    plain = mode.partition(";")[0]
+    letters = plain.replace("a", "A")
     refuse_absurd_size(path, width, height, options)
     size = os.path.getsize(path)
     refuse_absurd_amount(path, width * height * len(letters) * (1 if bits <= 8 else 2), size, options)
     with open(path, "rb") as file:
         items = file.read(_ITEMS)
     auxiliary = any(_APPLE_GAIN_MAP in str(kind).lower() for kind in info.get("aux") or ())
+    gain_map = auxiliary or _TONE_MAPPED in items
     form = Form(width, height, len(letters), bits, letters, "HEIF")
-    return HeifPicture(form, bytes(info.get("exif") or b""), auxiliary or _TONE_MAPPED in items, picture)
+    return HeifPicture(form, bytes(info.get("exif") or b""), gain_map, plain.endswith("a"), picture)
 
 
 def decoded(path: str | os.PathLike[str], picture: HeifPicture) -> tuple[np.ndarray, bytes | None]:
-    """(H, W, 1 to 4) uint8 or uint16, and the profile; raises FormatError where the pixels are damaged."""
+    """(H, W, 1 to 4) uint8 or uint16, and the profile; raises FormatError where the pixels are damaged.
+
+    Colours that were multiplied by alpha are divided by it again.
+    """
     form = picture.form
     try:
         stored = np.asarray(picture.source)
@@ -88,7 +96,14 @@ def decoded(path: str | os.PathLike[str], picture: HeifPicture) -> tuple[np.ndar
         most = 2**form.bits - 1
         wide = np.minimum(stored.astype(np.uint32), most)
         stored = ((wide * 65535 + most // 2) // most).astype(np.uint16)
-    return stored, _profile(path, picture.source.info)
+    return _straight(stored) if picture.premultiplied else stored, _profile(path, picture.source.info)
+
+
+def _straight(stored: np.ndarray) -> np.ndarray:
+    """Codes (H, W, C) whose last channel is alpha, the others no longer times it; black where nothing is."""
+    white, alpha = np.iinfo(stored.dtype).max, stored[..., -1:].astype(np.uint32)
+    colours = (stored[..., :-1].astype(np.uint32) * white + alpha // 2) // np.maximum(alpha, 1)
+    return np.concatenate([np.minimum(colours, white).astype(stored.dtype) * (alpha > 0), stored[..., -1:]], axis=-1)
 
 
 def _profile(path: str | os.PathLike[str], info: dict[str, Any]) -> bytes | None:
@@ -100,6 +115,12 @@ def _profile(path: str | os.PathLike[str], info: dict[str, Any]) -> bytes | None
         warn(
             f"{path}: its values are {curve}, not sRGB; not converted: export it for ordinary screens, or merge a "
             "bracket of such, whose curve is then found"
+        )
+    elif int(points.get("transfer_characteristics", 2)) in _VIDEO:
+        warn(
+            f"{path}: its code points name the curve of video (BT.709); it is read as sRGB's, as most programs do, and "
+            "where video's was meant middle tones come out a fifth too dark: merge a bracket of such, whose curve is "
+            "then found"
         )
     primaries = _PRIMARIES.get(int(points.get("color_primaries", 2)))
     return None if primaries is None else screen_profile(*primaries)

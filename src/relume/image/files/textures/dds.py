@@ -58,12 +58,14 @@ def read(path: str | os.PathLike[str], options: ReadOptions = ReadOptions()) -> 
         )
     refuse_absurd_size(path, width, height, options)
     faces = 6 if cube else 1
-    if (
-        kinds & _VOLUME
-        or array != 1
-        or (cube and (width != height or (letters != b"DX10" and kinds & _FACES != _FACES)))
-    ):
-        raise UnreadableFile(f"{path}: a DDS volume, array or cube without all six square faces; save one whole cube")
+    if kinds & _VOLUME or array != 1:
+        what = "byte 112: a volume" if kinds & _VOLUME else f"byte 140: an array of {array}"
+        raise UnreadableFile(f"{path}: a DDS texture, {what}, where a picture or a cube is read; save one of them")
+    if cube and (width != height or (letters != b"DX10" and kinds & _FACES != _FACES)):
+        raise UnreadableFile(
+            f"{path}: a DDS texture, byte 112: a cube of {width}×{height} pixels, without all six square faces; save a "
+            "whole one"
+        )
     if count > _LEVELS:
         raise FormatError(path, "DDS", "its levels", f"at most {_LEVELS}", str(count))
     bytes_of, decode = form
