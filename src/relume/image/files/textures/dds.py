@@ -39,6 +39,7 @@ def read(path: str | os.PathLike[str], options: ReadOptions = ReadOptions()) -> 
         data = Path(path).read_bytes()
     except OSError as error:
         raise UnreadableFile(f"{path}: cannot be opened: {one_line(error.strerror or error)}; check the path") from None
+    # The header, and the second one where there is one.
     if len(data) < _HEADER.size:
         raise FormatError(path, "DDS", "its header", f"{_HEADER.size} bytes", str(len(data)))
     _, size, _, height, width, _, _, count, inner, _, letters, *_, _, kinds, _, _ = _HEADER.unpack_from(data)
@@ -50,6 +51,7 @@ def read(path: str | os.PathLike[str], options: ReadOptions = ReadOptions()) -> 
             raise FormatError(path, "DDS", f"byte {begin}", f"a second header of {_SECOND.size} bytes", "the end")
         kind, _, flags, array, _ = _SECOND.unpack_from(data, begin)
         begin, cube = begin + _SECOND.size, cube or bool(flags & _CUBE_AGAIN)
+    # What is no light, or no picture or cube, is refused before any pixel is looked at.
     form = _forms().get(kind or 0)
     if form is None:
         said = f"DXGI {kind}" if letters == b"DX10" else ascii(letters.decode("latin-1"))[1:-1]
@@ -70,6 +72,7 @@ def read(path: str | os.PathLike[str], options: ReadOptions = ReadOptions()) -> 
         raise FormatError(path, "DDS", "its levels", f"at most {_LEVELS}", str(count))
     bytes_of, decode = form
     refuse_absurd_amount(path, faces * width * height * 12, len(data), options)
+    # The largest level of each face.
     levels = [(max(width >> level, 1), max(height >> level, 1)) for level in range(max(count, 1))]
     step, first = sum(bytes_of(*level) for level in levels), bytes_of(width, height)
     wanted = begin + (faces - 1) * step + first
