@@ -5,14 +5,15 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from moving_scenes import known_response
+from moving_scenes import known_response, through_jpeg
 from relume.capture.brackets.hues import hue_departure, hue_doubts
 from relume.capture.brackets.merging import merge_brackets
 from relume.capture.brackets.settings import MergeSettings
 from relume.capture.exposure.bracket import Bracket
 from relume.capture.merging import merge
 from relume.capture.response.calibration import Calibration
-from relume.capture.response.saturation import White, neutral_exposures, whitened
+from relume.capture.response.neutral import neutral_exposures, tied
+from relume.capture.response.saturation import White, below_white, whitened
 from relume.image.response import Response
 from synthetic import VirtualCamera, wide_scene
 
@@ -99,6 +100,49 @@ def test_a_channel_that_was_not_seen_near_white_is_tied_to_the_others_lower_down
     assert neutral_exposures(straight(250, 250, 120, top=0.1), ())[2] == pytest.approx(5.1)
     # None was seen near white: all where all were seen.
     np.testing.assert_allclose(neutral_exposures(straight(200, 190, 110, top=2.0), ()), [0.02 * 109] * 3)
+
+
+def test_the_end_of_one_curve_does_not_tint_where_the_others_say_better():
+    # Blue runs away by 0.15 over its last 36 values, alike below; 0.02 a value are 0.04 of doubt.
+    runaway = straight(250, 250, 250)
+    runaway.response.log_exposure[2] += 0.15 * np.clip((np.arange(256) - 219) / 36, 0, 1)
+    ends = neutral_exposures(runaway, ())
+    assert ends[2] - ends[1] == pytest.approx(0.15 * 0.01**2 / (0.01**2 + (2.0 * 0.02) ** 2), abs=1e-6)
+    found = tied(runaway, ())
+    np.testing.assert_allclose(found.response.log_exposure[:, 255] - found.response.log_exposure[0, 255], 0, atol=1e-6)
+    # The curve is bent with it, and not below.
+    assert np.ptp(found.response.log_exposure[:, 200]) == pytest.approx(ends[2] - ends[1], abs=1e-6)
+    assert np.all(np.diff(found.response.log_exposure) > 0)
+    # A channel that differs all along ends where it says: four tenths as much again are expected.
+    unlike = straight(250, 250, 250)
+    unlike.response.log_exposure[2] += 0.4 * np.clip((np.arange(256) - 127) / 128, 0, 1)
+    assert np.ptp(neutral_exposures(unlike, ())) == pytest.approx(0.4, abs=0.015)
+
+
+def test_a_lamp_just_below_white_is_measured_though_its_values_are_those_of_white():
+    scene = lamps()
+    # By the camera's own curve: red of the first lamp at 251 in the shortest frame, the third beyond white.
+    at = np.exp(CAMERA.log_exposure()[0, 251]) * 160
+    scene[50:90, 30:60], scene[50:90, 190:220] = (at, 0.5 * at, 0.4 * at), 3 * at
+    frames = [
+        replace(p, pixels=through_jpeg(p.pixels, 95))
+        for p in CAMERA.bracket(scene.astype(np.float32), TIMES).photographs
+    ]
+    bracket = Bracket(tuple(frames))
+    believed = below_white(bracket)
+    inner, beyond = np.s_[55:85, 35:55], np.s_[52:88, 192:218]
+    first = frames[0].pixels[inner][..., 0]
+    assert believed is not None and first.max() >= 253
+    np.testing.assert_array_equal(believed[inner][..., 0], first >= 249)
+    assert not believed[beyond].any() and not believed[..., 1:].any()
+    response = known_response(CAMERA)
+    plain, found = merge(bracket, response), merge(bracket, response, believed=believed)
+    assert plain.clipped is not None and found.clipped is not None and found.variance is not None
+    assert plain.clipped[inner].mean() > 0.5 and not found.clipped[inner].any() and found.clipped[beyond].all()
+    assert found.radiance[inner][..., 0].mean() / at == pytest.approx(1, abs=0.01)
+    # One value is worth 1.7 % there: two of JPEG's ringing are what is not known.
+    error = np.sqrt(found.variance[inner][..., 0][first >= 249]) / at
+    assert np.median(error) == pytest.approx(0.03, abs=0.01)
 
 
 def test_a_scene_without_blue_keeps_its_colour():

@@ -23,6 +23,9 @@ NOISE = 3.0
 BELOW = 0.5
 """ln exposure below the first doubtful value down to which a prediction decides; lower ones are of something else."""
 
+RINGING = 2.0
+"""Standard deviation, pixel values, that JPEG leaves near white beside the sensor's noise."""
+
 
 class Weighting(Protocol):
     """A weight for every pixel value of every channel."""
@@ -91,10 +94,17 @@ class InverseVariance:
         return counted / np.maximum(deviation, 1e-6) ** 2
 
 
-def merge(bracket: Bracket, response: Response, *, weighting: Weighting = InverseVariance()) -> RadianceMap:
+def merge(
+    bracket: Bracket,
+    response: Response,
+    *,
+    weighting: Weighting = InverseVariance(),
+    believed: np.ndarray | None = None,
+) -> RadianceMap:
     """Average all photographs into relative radiance by eq. 6: a weighted mean of ln E over the photographs.
 
     weighting : w of eq. 6; the least noisy weights unless given, `Hat()` for the paper's own (eq. 4)
+    believed : (H, W, 3) where the shortest photograph is below white, whatever its value (`below_white`)
 
     The variance plane carries the response's noise through the average. A channel that no photograph measured
     keeps its bound (what its own value shows in the shortest exposure that shows it white, less two deviations of its
@@ -156,8 +166,34 @@ def merge(bracket: Bracket, response: Response, *, weighting: Weighting = Invers
     # Less than one pixel value in a thousand is no measurement.
     if measured / radiance.size < 1e-3:
         refuse_unlit(bracket.name, (clipped == SATURATED).sum() > (clipped == BLACK).sum())
+    if believed is not None:
+        _believe(believed.reshape(-1, 3), frames[0], response, log_times[0], radiance, variance, clipped)
     shape = (height, width, 3)
     return RadianceMap(radiance.reshape(shape), variance.reshape(shape), clipped.reshape(height, width))
+
+
+def _believe(
+    believed: np.ndarray,
+    values: np.ndarray,
+    response: Response,
+    log_time: float,
+    radiance: np.ndarray,
+    variance: np.ndarray,
+    clipped: np.ndarray,
+) -> None:
+    """What no photograph measured but the shortest nearly: its own value, as uncertain as JPEG leaves it. All (N, …).
+
+    Writes into the last three.
+    """
+    pixels, channels = np.nonzero(believed & ~np.isfinite(variance))
+    z = values[pixels, channels]
+    slope = np.gradient(response.log_exposure, axis=1)[channels, z]
+    deviation = np.maximum(response.deviation[channels, z], RINGING)
+    light = np.exp(response.log_exposure[channels, z] - log_time)
+    radiance[pixels, channels] = light
+    variance[pixels, channels] = (light * slope * deviation) ** 2
+    whole = np.unique(pixels)
+    clipped[whole[np.isfinite(variance[whole]).all(1)]] = 0
 
 
 def clipping_bounds(response: Response) -> np.ndarray:

@@ -24,8 +24,9 @@ from relume.capture.merging import merge
 from relume.capture.raw.merging import RawCalibration, RawSource, calibrate_raw, merge_raw, opened
 from relume.capture.raw.sensor import Sensor
 from relume.capture.response.calibration import CHANNELS, Calibration, corrected, recover_response
+from relume.capture.response.neutral import tied
 from relume.capture.response.ratios import Ratios
-from relume.capture.response.saturation import White, neutral_exposures, whitened
+from relume.capture.response.saturation import White, below_white, whitened
 from relume.errors import NotABracket, warn
 from relume.image.colour_space import in_rec709
 from relume.image.photograph import Photograph, RawPhotograph
@@ -87,7 +88,8 @@ def merge_photographs(
                 deghosted = deghost(bracket, response)
             _warn_of_an_odd_frame(deghosted)
         with steps.step("merge"):
-            picture = merge(deghosted.bracket if deghosted else bracket, response, weighting=settings.weighting)
+            still = deghosted.bracket if deghosted else bracket
+            picture = merge(still, response, weighting=settings.weighting, believed=below_white(still))
             doubt = (*doubt, *hue_doubts(bracket, picture))
             # The response was that of the photographs' own channels, and so were these.
             picture = in_rec709(picture, first)
@@ -113,7 +115,7 @@ def _recovered(
         raise NotABracket(grave[0]) from error
     white = calibration.response.levels - 1
     if settings.neutral is None:
-        return calibration.balanced_where(neutral_exposures(calibration, whites))
+        return tied(calibration, whites)
     if not 0 <= settings.neutral <= white:
         raise ValueError(f"neutral is {settings.neutral}; the photographs' pixel values are 0 to {white}")
     return calibration.balanced_at(settings.neutral)

@@ -1,7 +1,8 @@
-"""Where photographs saturate: the value at which each frame ends, channel by channel, and what ties the channels.
+"""Where photographs saturate: the value at which each frame ends, channel by channel.
 
 Exposures are monotone: what is white in a shorter frame is white in a longer one, whatever its pixel value. So a frame
 whose bright parts were pressed together afterwards, as telephones do, shows its own white where a shorter one is white.
+What is as bright in the next longer exposure is white; lamps that stand just below it in the shortest one are not.
 """
 
 from __future__ import annotations
@@ -10,10 +11,9 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
-from scipy.ndimage import minimum_filter
+from scipy.ndimage import find_objects, label, maximum_filter, minimum_filter, uniform_filter
 
 from relume.capture.exposure.bracket import Bracket
-from relume.capture.response.calibration import Calibration
 from relume.capture.response.sampling import levels_of
 from relume.image.photograph import Photograph
 
@@ -27,14 +27,13 @@ LOWEST = 0.6
 """Share of the values below which no plateau is believed: a camera's white is bright, and what is darker has moved."""
 SPREAD = 14 / 256
 """Share of the values over which eight tenths of a plateau may be spread, by noise and JPEG."""
-OBSERVED = 0.9
-"""Share of the greatest value up to which a curve must have been observed for its end to be believed as it is."""
-GUESSED = 0.7
-"""The same below which a curve's end is a guess, whatever it looks like: sixteen scans of film, whose blue is hardly
-seen above the middle, came out yellow."""
-ALIKE = 0.15
-"""ln exposure by which a curve's unobserved end may depart from those of the other channels. Cameras whose curves
-differ by channel stay within 0.05 there; curves that nothing held came out up to 3 off, which tinted whole pictures."""
+
+LONGER = 1.2
+"""Least ratio of two exposures by which what is below white brightens."""
+BRIGHTER = 1.0
+"""Pixel values, 3×3 pixels together, by which it does: JPEG leaves as much between two pictures of what is white."""
+SMALLEST = 9
+"""Pixels of a place in which that is seen; of fewer, one value of JPEG's ringing decides."""
 
 
 @dataclass(frozen=True)
@@ -112,28 +111,35 @@ def _made_white(photograph: Photograph, ends: Sequence[White], levels: int) -> P
     return replace(photograph, pixels=pixels)
 
 
-def neutral_exposures(calibration: Calibration, whites: Sequence[White]) -> np.ndarray:
-    """(3,) ln exposure of each channel, on the curves' scale, that make up white: what is tied to be achromatic.
+def below_white(bracket: Bracket) -> np.ndarray | None:
+    """(H, W, 3) where the shortest photograph is nearly white but below it: the next longer one is brighter there.
 
-    whites : of all the brackets that the calibration comes from
-
-    A camera balances its channels before it encodes them, and all saturate at once: at the values that `whites` hold,
-    else at the greatest value. A curve's end that was not observed is extrapolated; where it is a guess, or departs
-    from the other channels' by more than cameras' curves differ, the channel is tied to them at the highest value that
-    it shows, and where no channel was observed up to white all are tied at the highest value that all show.
+    bracket : aligned, white where it ends (`whitened`)
+    None where there is no such place, or no second exposure to show it. A lamp whose red stands at 0.9 of white has
+    values of 247 to 255 in a JPEG, as saturated places have; there nine tenths of it are darker, 3×3 pixels together,
+    than half of it is one exposure on, where it is white.
     """
-    curves, levels = calibration.response.log_exposure, calibration.response.levels
-    top = [max((white.value for white in whites if white.channel == c), default=levels - 1) for c in range(3)]
-    ends = np.array([curves[c, top[c]] for c in range(3)])
-    shown = np.array([min(np.percentile(s[:, 1], 99.5), levels - 1) for s in calibration.samples]).astype(int)
-    seen = shown >= OBSERVED * (levels - 1)
-    if not seen.any():
-        # From the highest value that all show to the end, all curves should go on alike.
-        common = curves[:, shown.min()]
-        sure = shown.min() >= GUESSED * (levels - 1) and np.ptp(ends - common) < ALIKE
-        return ends if sure else common
-    for c in np.flatnonzero(~seen):
-        expected = curves[c, shown[c]] + np.mean(ends[seen] - curves[seen, shown[c]])
-        if shown[c] < GUESSED * (levels - 1) or abs(expected - ends[c]) > ALIKE:
-            ends[c] = expected
-    return ends
+    if (
+        levels_of(bracket) != 256
+        or len(bracket.photographs) < 2
+        or bracket.exposures[1] < LONGER * bracket.exposures[0]
+    ):
+        return None
+    first, second = (p.pixels for p in bracket.photographs[:2])
+    found = np.zeros(first.shape, bool)
+    for c in range(3):
+        bright = first[..., c] >= WHITE * 256 - 1
+        if np.count_nonzero(bright) < SMALLEST:
+            continue
+        # Places, over the gaps that noise leaves in them.
+        places = np.zeros(bright.shape, np.int32)
+        label(maximum_filter(bright, 3), output=places)
+        sizes = np.bincount(places[bright])
+        for number, box in enumerate(find_objects(places), 1):
+            if number >= len(sizes) or sizes[number] < SMALLEST:
+                continue
+            here = bright[box] & (places[box] == number)
+            shorter, longer = (uniform_filter(p[(*box, c)].astype(np.float32), 3)[here] for p in (first, second))
+            if np.percentile(shorter, 90) + BRIGHTER < np.median(longer):
+                found[(*box, c)] |= here
+    return found if found.any() else None
