@@ -46,14 +46,14 @@ def merge_stretch(
         w² var(ln E) at each step, white beyond the last
     log_times : (P,) ln of the exposures
     logarithm : (N, 3) float64, written: ln of the radiance
-    variance : (N, 3) float64, written: of ln radiance; negative where no photograph measured, or only in the dark
+    variance : (N, 3) float32, written: of ln radiance; negative where no photograph measured, or only in the dark
     """
     photographs, count, _ = values.shape
     masked = outside.shape[0] > 0
     left = 0
     for i in range(count):
         for c in range(3):
-            near = limits[c, 0]
+            near, white = limits[c, 0], bright[c, 0] + STEPS / bright[c, 1]
             # Sums of eq. 6 over the photographs.
             weighted, total, spread = 0.0, 0.0, 0.0
             longest = near
@@ -63,8 +63,9 @@ def merge_stretch(
                 z = values[p, i, c]
                 longest = z
                 if z >= near:
-                    # White in one is white in every longer exposure, whatever its value.
-                    if total == 0 and tables[c, z, 1] == 0:
+                    # White in one, alone or as the shorter ones predict, is white in every longer exposure, whatever
+                    # its value.
+                    if tables[c, z, 1] == 0 and weighted + log_times[p] * total >= white * total:
                         break
                     if total > 0:
                         # A value that the shorter exposures bear out is believed; else what they predict is weighed.
@@ -118,7 +119,7 @@ def finish(
     bounds : (3, levels) float64, the least ln exposure of a white value, the greatest of a black one
     dark : (3, 1 + 2 STEPS) float64: 1 / the exposure at the table's end; then w and w² var(E Δt) at each step of the
         root of predicted exposure
-    variance : (N, 3) float64, written: of ln radiance; infinite where no photograph measured
+    variance : (N, 3) float32, written: of ln radiance; infinite where no photograph measured
     clipped : (N,) uint8, written where something was left: the marks of `RadianceMap.clipped`
     """
     photographs, count, _ = values.shape

@@ -138,7 +138,7 @@ def merge(
         values = np.stack([frame[part] for frame in frames])
         outside = np.stack([mask[part] for mask in masks]) if masked else np.zeros((0, 0), bool)
         logarithm = np.empty((end - begin, 3))
-        relative = np.empty_like(logarithm)
+        relative = np.empty((end - begin, 3), np.float32)
         clipped[part] = 0
         left = merge_stretch(values, outside, table, curve, limits, bright, log_times, logarithm, relative)
         unmeasured = 0
@@ -154,9 +154,10 @@ def merge(
             )  # fmt: skip
         np.exp(logarithm, out=logarithm)
         radiance[part] = logarithm
-        np.square(logarithm, out=logarithm)
         with np.errstate(invalid="ignore"):  # 0 · ∞ where no photograph shows the pixel
-            np.multiply(logarithm, relative, out=variance[part], casting="same_kind")
+            # In this order neither very dark nor very bright light leaves the range of single precision.
+            np.multiply(radiance[part], relative, out=variance[part])
+            np.multiply(variance[part], radiance[part], out=variance[part])
         if masked:
             variance[part][clipped[part] == OUTSIDE] = np.inf
         return relative.size - unmeasured

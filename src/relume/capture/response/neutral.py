@@ -50,7 +50,7 @@ def tied(calibration: Calibration, whites: Sequence[White]) -> Calibration:
     rise = np.clip((np.arange(levels) - known) / (levels - 1 - known), 0.0, 1.0) ** 2
     moved = np.where(_observed(calibration), ends - own, 0.0)
     bent = np.maximum.accumulate(curves + moved[:, None] * rise, axis=1)
-    bent += np.arange(levels) * 1e-9 * (moved[:, None] != 0)
+    bent += 1e-9 * (np.arange(levels) - (levels - 1)) * (moved[:, None] != 0)
     response = replace(calibration.response, log_exposure=bent)
     return replace(calibration, response=response).balanced_where(ends)
 
