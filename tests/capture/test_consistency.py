@@ -17,7 +17,7 @@ from relume.capture.exposure.comparison import (
     similarity,
     structure,
 )
-from relume.capture.exposure.consistency import Doubt, check
+from relume.capture.exposure.consistency import BracketDoubt, check
 from relume.capture.exposure.folder import expand
 from relume.capture.exposure.validation import compare
 from relume.errors import NotABracket
@@ -78,7 +78,7 @@ def changed(bracket: Bracket, place: int, **fields) -> Bracket:
     return Bracket(tuple(photographs))
 
 
-def only(bracket: Bracket, *words: str, degraded: bool = True, response: Response | None = None) -> Doubt:
+def only(bracket: Bracket, *words: str, degraded: bool = True, response: Response | None = None) -> BracketDoubt:
     """The one doubt about the bracket, besides the order of its files where that is not meant; it holds the words."""
     doubts = check(bracket, response)
     if degraded:
@@ -127,7 +127,7 @@ def test_a_third_of_a_stop_is_found(scene, camera, frame, off):
     assert doubt.frame == f"frame_{frame}.jpg"
 
 
-def stops_in(doubt: Doubt) -> float:
+def stops_in(doubt: BracketDoubt) -> float:
     found = re.search(r"wrong by ([\d.]+) stops", doubt.what)
     assert found is not None, doubt.what
     return float(found[1])

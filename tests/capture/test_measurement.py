@@ -16,7 +16,7 @@ from relume.capture.brackets.one_camera import _warn_of_an_odd_frame
 from relume.capture.brackets.result import MergeResult, clipping_report
 from relume.capture.brackets.settings import MergeSettings
 from relume.capture.exposure.bracket import Bracket
-from relume.capture.exposure.consistency import NOTHING_TO_DO, Doubt
+from relume.capture.exposure.consistency import NOTHING_TO_DO, BracketDoubt
 from relume.capture.ghosts.deghosting import Deghosted
 from relume.capture.lens.glare import Glare, diminish_glare
 from relume.capture.lens.vignetting import Vignetting, corrected
@@ -280,9 +280,9 @@ def test_the_caller_s_own_warnings_stay_his(sound):
 
 def test_what_degrades_is_an_objection_and_what_is_well_to_know_a_note(whole):
     doubts = (
-        Doubt("a.jpg", "is of another scene", "leave it out", True),
-        Doubt("b.jpg", "the ISO varies", "switch it off", False),
-        Doubt("c.jpg", "not in order", NOTHING_TO_DO, False),
+        BracketDoubt("a.jpg", "is of another scene", "leave it out", True),
+        BracketDoubt("b.jpg", "the ISO varies", "switch it off", False),
+        BracketDoubt("c.jpg", "not in order", NOTHING_TO_DO, False),
     )
     doubted = replace(whole, brackets=(replace(whole.brackets[0], doubts=doubts),), messages=("the wall is uneven",))
     assert doubted.warnings == ("a.jpg: is of another scene; leave it out",)

@@ -163,6 +163,7 @@ def test_hues_that_are_not_the_photographs_are_doubted():
     magenta = Response(right.log_exposure + np.array([[0.0], [0.0], [3.1]]), right.noise)
     (doubt,) = hue_doubts(bracket, merge(bracket, magenta))
     assert doubt.degraded and "blue is 4.5 stops brighter beside green than the photographs show it" in doubt.line
+    assert "--neutral, 128 for film, or give the camera's profile" in doubt.remedy
     # Nothing well exposed says nothing.
     dark = replace(bracket.photographs[0], pixels=np.zeros_like(bracket.photographs[0].pixels))
     assert hue_departure(Bracket((dark,)), merge(bracket, right)) is None
@@ -174,5 +175,7 @@ def test_the_doubt_of_a_wrong_hue_reaches_the_result():
     green = Response(right.log_exposure + np.array([[0.0], [1.5], [0.0]]), right.noise)
     plain = MergeSettings(align=False, deghost=False)
     found = merge_brackets(bracket, profile=green, settings=plain)
-    assert any("stops darker beside green" in line for line in found.warnings)
+    (line,) = [line for line in found.warnings if "stops darker beside green" in line]
+    # A profile is what is wrong, and no other one helps but this camera's.
+    assert "the profile is of another camera or picture style" in line and "--neutral" not in line
     assert not any("beside green" in line for line in merge_brackets(bracket, profile=right, settings=plain).warnings)

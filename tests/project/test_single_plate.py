@@ -10,7 +10,7 @@ import pytest
 
 from relume.capture.brackets.settings import MergeSettings
 from relume.capture.exposure.bracket import Bracket
-from relume.capture.exposure.consistency import Doubt
+from relume.capture.exposure.consistency import BracketDoubt
 from relume.errors import DoubtWarning
 from relume.image.colour import decode_srgb
 from relume.image.files import read_photograph, read_radiance, write
@@ -182,7 +182,7 @@ def test_crops_of_a_ball_that_differ_in_size_are_laid_on_one_another(copied_room
 
 
 def test_what_a_single_plate_is_doubted_for_keeps_its_effect(monkeypatch: pytest.MonkeyPatch) -> None:
-    wrong = Doubt("P.jpg", "is doubted", "look at it", True, 0.6)
+    wrong = BracketDoubt("P.jpg", "is doubted", "look at it", True, 0.6)
     monkeypatch.setattr("relume.capture.brackets.one_camera.check", lambda *_: (wrong,))
     with pytest.warns(DoubtWarning, match="is doubted") as caught:
         merge_single(Bracket((ramp(),)), srgb_response(), MergeSettings())

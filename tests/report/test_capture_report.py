@@ -20,7 +20,7 @@ from relume.capture.brackets.merging import merge_brackets
 from relume.capture.brackets.result import ClippingReport, MergedCamera, MergeResult
 from relume.capture.brackets.settings import MergeSettings
 from relume.capture.exposure.bracket import Bracket
-from relume.capture.exposure.consistency import NOTHING_TO_DO, Doubt
+from relume.capture.exposure.consistency import NOTHING_TO_DO, BracketDoubt
 from relume.capture.lens.vignetting import Vignetting
 from relume.capture.noise import Noise
 from relume.capture.response.calibration import Calibration
@@ -54,9 +54,9 @@ def eventful() -> MergeResult:
     photographs[4] = replace(photographs[4], exposure=replace(wrong, seconds=wrong.seconds * 1.3))
     found = merge_brackets(Bracket(tuple(photographs)), settings=MergeSettings(refine=True))
     doubts = (
-        Doubt("frame_9.png", "is <strange>", "leave it out", True),
-        Doubt("frame_8.png", "is late", "wait", False),
-        Doubt("all", "not in order", NOTHING_TO_DO, False),
+        BracketDoubt("frame_9.png", "is <strange>", "leave it out", True),
+        BracketDoubt("frame_8.png", "is late", "wait", False),
+        BracketDoubt("all", "not in order", NOTHING_TO_DO, False),
     )
     one = replace(found.brackets[0], doubts=doubts)
     return replace(found, brackets=(one,), messages=("the wall is uneven",))

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from relume.capture.exposure.bracket import Bracket
-from relume.capture.exposure.consistency import Doubt
+from relume.capture.exposure.consistency import BracketDoubt
 from relume.image.colour import decode_srgb
 from relume.image.radiance import RadianceMap
 
@@ -41,18 +41,23 @@ def hue_departure(bracket: Bracket, picture: RadianceMap) -> np.ndarray | None:
     return np.median(together, axis=0) if len(together) >= FEWEST else None
 
 
-def hue_doubts(bracket: Bracket, picture: RadianceMap) -> tuple[Doubt, ...]:
-    """A doubt where the map's hues are plainly others than those of the photographs."""
+def hue_doubts(bracket: Bracket, picture: RadianceMap, *, given: bool = False) -> tuple[BracketDoubt, ...]:
+    """A doubt where the map's hues are plainly others than those of the photographs.
+
+    given : whether the response is that of a profile, and not recovered from the photographs
+    """
     departure = hue_departure(bracket, picture)
     if departure is None or np.abs(departure).max() < FAR:
         return ()
     channel = int(np.argmax(np.abs(departure)))
     name, side = ("red", "green", "blue")[channel], "brighter" if departure[channel] > 0 else "darker"
     return (
-        Doubt(
+        BracketDoubt(
             bracket.name,
             f"merged, {name} is {abs(departure[channel]):.1f} stops {side} beside green than the photographs show it",
-            "tie the channels at a value that all show with --neutral, 128 for film, or give the camera's profile",
+            "the profile is of another camera or picture style: give this camera's, or none to recover its response"
+            if given
+            else "tie the channels at a value that all show with --neutral, 128 for film, or give the camera's profile",
             degraded=True,
             # One of three channels, by so much.
             effect=float(2.0 ** np.abs(departure[channel]) - 1) / 3,

@@ -10,7 +10,7 @@ from dataclasses import dataclass, field, replace
 from relume.capture.brackets.result import MergedBracket, clipping_report
 from relume.capture.brackets.settings import MergeSettings
 from relume.capture.exposure.bracket import Bracket
-from relume.capture.exposure.consistency import Doubt
+from relume.capture.exposure.consistency import BracketDoubt
 from relume.capture.lens.glare import Glare, diminish_glare
 from relume.capture.lens.vignetting import corrected as without_vignetting
 from relume.capture.raw.merging import RawCalibration
@@ -47,7 +47,7 @@ class LensSteps:
         self._scale: Scale | None = None
 
     def applied(
-        self, picture: RadianceMap, bracket: Bracket, camera: Response | RawCalibration, doubts: Sequence[Doubt]
+        self, picture: RadianceMap, bracket: Bracket, camera: Response | RawCalibration, doubts: Sequence[BracketDoubt]
     ) -> MergedBracket:
         """The bracket's map without glare and vignetting, balanced and scaled, with its origin in its attributes.
 

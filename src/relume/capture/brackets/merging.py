@@ -15,7 +15,7 @@ from relume.capture.brackets.one_camera import merge_photographs, merge_raws
 from relume.capture.brackets.result import MergedBracket, MergedCamera, MergeResult
 from relume.capture.brackets.settings import MergeSettings
 from relume.capture.exposure.bracket import Bracket, FrameFacts, read_bracket
-from relume.capture.exposure.consistency import Doubt
+from relume.capture.exposure.consistency import BracketDoubt
 from relume.capture.lens.vignetting import Vignetting
 from relume.capture.raw.merging import RawCalibration, RawSource
 from relume.capture.response.camera_profile import CameraProfile, profile_of
@@ -165,7 +165,7 @@ def _compared(merged: Sequence[MergedBracket], profile: CameraProfile | None) ->
     first, *others = merged
     if profile is None or not profile.camera or not first.camera or first.camera == profile.camera:
         return [first, *others]
-    doubt = Doubt(
+    doubt = BracketDoubt(
         first.name,
         f"of the camera {first.camera}, and the profile of {profile.camera}",
         "recover a profile of their own camera",

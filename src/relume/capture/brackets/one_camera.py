@@ -17,7 +17,7 @@ from relume.capture.brackets.lens_steps import LensSteps, Steps
 from relume.capture.brackets.result import MergedBracket, MergedCamera
 from relume.capture.brackets.settings import MergeSettings
 from relume.capture.exposure.bracket import Bracket
-from relume.capture.exposure.consistency import Doubt, check
+from relume.capture.exposure.consistency import BracketDoubt, check
 from relume.capture.exposure.white_balance import of_one_white
 from relume.capture.ghosts.deghosting import Deghosted, deghost
 from relume.capture.merging import merge
@@ -90,7 +90,7 @@ def merge_photographs(
         with steps.step("merge"):
             still = deghosted.bracket if deghosted else bracket
             picture = merge(still, response, weighting=settings.weighting, believed=below_white(still))
-            doubt = (*doubt, *hue_doubts(bracket, picture))
+            doubt = (*doubt, *hue_doubts(bracket, picture, given=calibration is None))
             # The response was that of the photographs' own channels, and so were these.
             picture = in_rec709(picture, first)
         found = lens.applied(picture, bracket, response, doubt)
@@ -102,7 +102,10 @@ def merge_photographs(
 
 
 def _recovered(
-    brackets: Sequence[Bracket], whites: Sequence[White], doubts: Sequence[Sequence[Doubt]], settings: MergeSettings
+    brackets: Sequence[Bracket],
+    whites: Sequence[White],
+    doubts: Sequence[Sequence[BracketDoubt]],
+    settings: MergeSettings,
 ) -> Calibration:
     """The calibration, balanced; a grave doubt about the photographs explains best why there is none."""
     try:
@@ -229,7 +232,7 @@ def preview(raw: RawPhotograph, shrunk: int, saturation: float = 1.0) -> Photogr
     return Photograph(pixels, raw.name, raw.exposure, raw.camera, focal_length, settings=raw.settings)
 
 
-def _movement(bracket: Bracket, response: Response, shrunk: int) -> list[Doubt]:
+def _movement(bracket: Bracket, response: Response, shrunk: int) -> list[BracketDoubt]:
     if len(bracket.photographs) == 1:
         return []
     aligned = align(bracket)
@@ -238,9 +241,9 @@ def _movement(bracket: Bracket, response: Response, shrunk: int) -> list[Doubt]:
         moved = motion.displacement(photograph.size) * shrunk
         if moved > MOVED:
             what = f"lies {moved:.1f} pixels off the others, and raws are merged as they lie"
-            doubts.append(Doubt(photograph.name, what, f"{DEVELOP}, or photograph from a tripod", True, 0.3))
+            doubts.append(BracketDoubt(photograph.name, what, f"{DEVELOP}, or photograph from a tripod", True, 0.3))
     share = float(deghost(aligned.bracket, response).ghosts.mean())
     if share > 1e-3:
         what = f"something moved in {100 * share:.2g} % of the picture, and raws are merged without taking it out"
-        doubts.append(Doubt(bracket.name, what, f"{DEVELOP}, or leave out the frames it is in", True, 0.3))
+        doubts.append(BracketDoubt(bracket.name, what, f"{DEVELOP}, or leave out the frames it is in", True, 0.3))
     return doubts

@@ -10,7 +10,7 @@ import numpy as np
 from relume import errors
 from relume.capture.alignment.alignment import Aligned
 from relume.capture.exposure.bracket import FrameFacts
-from relume.capture.exposure.consistency import NOTHING_TO_DO, Doubt
+from relume.capture.exposure.consistency import NOTHING_TO_DO, BracketDoubt
 from relume.capture.ghosts.deghosting import Deghosted
 from relume.capture.raw.sensor import Sensor
 from relume.capture.response.calibration import DOUBTFUL_MISFIT, Calibration
@@ -109,7 +109,7 @@ class MergedBracket:
     name: str
     camera: str
     frames: tuple[FrameFacts, ...]
-    doubts: tuple[Doubt, ...]
+    doubts: tuple[BracketDoubt, ...]
     aligned: Aligned | None
     deghosted: Deghosted | None
     clipping: ClippingReport

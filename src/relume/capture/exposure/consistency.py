@@ -46,8 +46,8 @@ NOTHING_TO_DO = "nothing need be done"
 
 
 @dataclass(frozen=True)
-class Doubt:
-    """Something about a bracket that a photographer should know.
+class BracketDoubt:
+    """Something about a bracket that a photographer should know; `ranked` is the `errors.Doubt` that it becomes.
 
     frame : the file it is about, or the bracket's name where it is about all
     what : is doubtful
@@ -74,7 +74,7 @@ class Doubt:
         return f"{self.frame}: {self.what}; {self.remedy}"
 
 
-def check(bracket: Bracket, response: Response | None = None) -> tuple[Doubt, ...]:
+def check(bracket: Bracket, response: Response | None = None) -> tuple[BracketDoubt, ...]:
     """The doubts about a bracket, drawn from what its files say and from its pixels made small.
 
     response : of the camera, if known; without it a curve is fitted, which cannot find the scale of all exposures, and
@@ -97,7 +97,7 @@ def check(bracket: Bracket, response: Response | None = None) -> tuple[Doubt, ..
     return (*doubts, *_of_order(bracket))
 
 
-def _of_settings(bracket: Bracket) -> Iterator[Doubt]:
+def _of_settings(bracket: Bracket) -> Iterator[BracketDoubt]:
     photographs = bracket.photographs
     # One camera and lens took all; what another one adds is its own response, fall-off or place.
     for what, values, remedy, effect in (
@@ -112,11 +112,11 @@ def _of_settings(bracket: Bracket) -> Iterator[Doubt]:
         ),
     ):
         if len(found := sorted({value for value in values if value})) > 1:
-            yield Doubt(bracket.name, f"taken with different {what}: {', '.join(found)}", remedy, True, effect)
+            yield BracketDoubt(bracket.name, f"taken with different {what}: {', '.join(found)}", remedy, True, effect)
     table = bracket.exposure_table
     if len(apertures := sorted({line.f_number for line in table if line.f_number})) > 1:
         stated = ", ".join(f"f/{value:g}" for value in apertures)
-        yield Doubt(
+        yield BracketDoubt(
             bracket.name,
             f"the aperture varies ({stated}); it is allowed for, but vignetting and depth of field vary with it",
             "varying the aperture is not recommended: vary the time alone",
@@ -125,7 +125,7 @@ def _of_settings(bracket: Bracket) -> Iterator[Doubt]:
         )
     if len(gains := sorted({line.iso for line in table if line.iso})) > 1:
         stated = ", ".join(f"{value:g}" for value in gains)
-        yield Doubt(
+        yield BracketDoubt(
             bracket.name,
             f"the ISO varies ({stated}); it is allowed for, but cameras' ISO steps are inexact, and the standard error "
             "is that of one ISO",
@@ -135,10 +135,10 @@ def _of_settings(bracket: Bracket) -> Iterator[Doubt]:
         )
 
 
-def _of_sources(bracket: Bracket) -> Iterator[Doubt]:
+def _of_sources(bracket: Bracket) -> Iterator[BracketDoubt]:
     estimated = [line.name for line in bracket.exposure_table if line.source == "estimated"]
     if estimated:
-        yield Doubt(
+        yield BracketDoubt(
             bracket.name if len(estimated) == len(bracket.photographs) else ", ".join(estimated),
             "no exposure is known; it was estimated from the pixels",
             "give the exposure times with --times",
@@ -147,7 +147,7 @@ def _of_sources(bracket: Bracket) -> Iterator[Doubt]:
         )
 
 
-def _of_copies(bracket: Bracket) -> Iterator[Doubt]:
+def _of_copies(bracket: Bracket) -> Iterator[BracketDoubt]:
     photographs = bracket.photographs
     for i, second in enumerate(photographs):
         first = next((p for p in photographs[:i] if same_pixels(p, second)), None)
@@ -156,13 +156,13 @@ def _of_copies(bracket: Bracket) -> Iterator[Doubt]:
             continue
         same = abs(_log_exposure(first) - _log_exposure(second)) < _SAME
         stated = "" if same else f", yet given {_stated(second)} and not {_stated(first)}"
-        yield Doubt(
+        yield BracketDoubt(
             second.name, f"pixel for pixel {first.name}{stated}", "take one of them out", True, 0.02 if same else 0.5
         )
 
 
-def _of_levels(bracket: Bracket) -> Iterator[Doubt]:
-    """Doubt a response drawn from photographs that hold but a few of the values they could."""
+def _of_levels(bracket: Bracket) -> Iterator[BracketDoubt]:
+    """BracketDoubt a response drawn from photographs that hold but a few of the values they could."""
     photographs = bracket.photographs
     most = int(np.iinfo(photographs[0].pixels.dtype).max) + 1
     step = max(1, round((photographs[0].pixels[..., 0].size * len(photographs) / _SAMPLES) ** 0.5))
@@ -173,7 +173,7 @@ def _of_levels(bracket: Bracket) -> Iterator[Doubt]:
             seen[channel, sample[:, channel]] = True
     fewest = int(seen.sum(axis=1).min())
     if fewest < _FEWEST_LEVELS:
-        yield Doubt(
+        yield BracketDoubt(
             bracket.name,
             f"too few grey levels to recover a response: a channel holds {fewest} of {most} values",
             "give the camera's own files, or a response recovered before",
@@ -182,8 +182,8 @@ def _of_levels(bracket: Bracket) -> Iterator[Doubt]:
         )
 
 
-def _of_borders(bracket: Bracket) -> Iterator[Doubt]:
-    """Doubt pixels of one pure colour, such as registered scans have at their borders."""
+def _of_borders(bracket: Bracket) -> Iterator[BracketDoubt]:
+    """BracketDoubt pixels of one pure colour, such as registered scans have at their borders."""
     for colour in _PURE:
         shares = [
             float(np.all(p.pixels[::3, ::3] == np.array(colour) * np.iinfo(p.pixels.dtype).max, axis=2).mean())
@@ -192,7 +192,7 @@ def _of_borders(bracket: Bracket) -> Iterator[Doubt]:
         ]
         if shares and max(shares) > _BORDER:
             written = ",".join(str(v * np.iinfo(bracket.photographs[0].pixels.dtype).max) for v in colour)
-            yield Doubt(
+            yield BracketDoubt(
                 bracket.name,
                 f"up to {100 * max(shares):.1f} % of a photograph are exactly the colour {written}, as borders are "
                 "that are no part of the picture",
@@ -202,7 +202,7 @@ def _of_borders(bracket: Bracket) -> Iterator[Doubt]:
             )
 
 
-def _strangers(bracket: Bracket, pictures: Sequence[Reduced]) -> list[Doubt]:
+def _strangers(bracket: Bracket, pictures: Sequence[Reduced]) -> list[BracketDoubt]:
     order = sorted(range(len(pictures)), key=lambda i: pictures[i].mean)
     structures = [structure(picture) for picture in pictures]
     best: dict[int, float] = {}
@@ -216,15 +216,16 @@ def _strangers(bracket: Bracket, pictures: Sequence[Reduced]) -> list[Doubt]:
     names = [bracket.photographs[i].name for i in strange]
     if len(strange) == len(pictures):
         what = "these photographs do not show one scene"
-        return [Doubt(bracket.name, what, "merge photographs of one scene, taken from one place", True, 1.0)]
+        return [BracketDoubt(bracket.name, what, "merge photographs of one scene, taken from one place", True, 1.0)]
     return [
-        Doubt(name, "seems not to be of the scene that the others show", "leave it out", True, 0.5) for name in names
+        BracketDoubt(name, "seems not to be of the scene that the others show", "leave it out", True, 0.5)
+        for name in names
     ]
 
 
 def _of_exposures(
     bracket: Bracket, photographs: Sequence[Photograph], pictures: Sequence[Reduced], response: Response | None
-) -> Iterator[Doubt]:
+) -> Iterator[BracketDoubt]:
     stated = np.array([_log_exposure(p) for p in photographs])
     result = compare(pictures, stated, response)
     yield from _of_white_balance(photographs, result)
@@ -234,7 +235,7 @@ def _of_exposures(
         except NotABracket:
             return
         if shown > 0.5 * _STOP:
-            yield Doubt(
+            yield BracketDoubt(
                 bracket.name,
                 f"all have {_stated(photographs[0])} by {_source(photographs[0])}, yet their brightness differs by "
                 f"about {shown / _STOP:.1f} stops",
@@ -247,7 +248,7 @@ def _of_exposures(
     gross = [i for i in wrong if abs(result.corrections[i]) >= _GROSS]
     turned = compare(pictures, np.sort(stated), response) if _turned(pictures, stated) else None
     if turned is not None and not any(_believed(turned, i) for i in range(len(stated))):
-        yield Doubt(
+        yield BracketDoubt(
             bracket.name,
             "the exposures are in another order than the photographs' brightness",
             "give the times in the order of the files, and as seconds: 1/30, not 30",
@@ -265,13 +266,13 @@ def _of_exposures(
                 yield _of_exposure(photographs[i], float(result.corrections[place]))
 
 
-def _of_exposure(photograph: Photograph, correction: float) -> Doubt:
+def _of_exposure(photograph: Photograph, correction: float) -> BracketDoubt:
     direction = "more" if correction > 0 else "less"
     amount = _amount(abs(correction) / _STOP)
     # Its neighbours measure the same pixels, and hold half of the weight.
     effect = float(np.expm1(abs(correction))) / 2
     if abs(correction) >= _GROSS:
-        return Doubt(
+        return BracketDoubt(
             photograph.name,
             f"{_source(photograph)} seems wrong by {amount}: at {_stated(photograph)}, it shows that much {direction} "
             "light",
@@ -279,7 +280,7 @@ def _of_exposure(photograph: Photograph, correction: float) -> Doubt:
             True,
             effect,
         )
-    return Doubt(
+    return BracketDoubt(
         photograph.name,
         f"given {_stated(photograph)} by {_source(photograph)}, it shows about {amount} {direction} light "
         "beside the others",
@@ -288,8 +289,8 @@ def _of_exposure(photograph: Photograph, correction: float) -> Doubt:
     )
 
 
-def _of_white_balance(photographs: Sequence[Photograph], result: ExposureCorrections) -> Iterator[Doubt]:
-    """Doubt the colours where the channels of neighbours drift apart, if the camera was free to let them."""
+def _of_white_balance(photographs: Sequence[Photograph], result: ExposureCorrections) -> Iterator[BracketDoubt]:
+    """BracketDoubt the colours where the channels of neighbours drift apart, if the camera was free to let them."""
     for first, second, cast, shared in zip(photographs, photographs[1:], result.casts, result.shared, strict=False):
         automatic = first.settings.automatic_white or second.settings.automatic_white
         spread = np.nanmax(cast) - np.nanmin(cast) if np.isfinite(cast).any() else 0.0
@@ -298,7 +299,7 @@ def _of_white_balance(photographs: Sequence[Photograph], result: ExposureCorrect
         channels = ("red", "green", "blue")
         strong, weak = channels[int(np.nanargmax(cast))], channels[int(np.nanargmin(cast))]
         why = "by its automatic white balance" if automatic else "as if by white balance or another light"
-        yield Doubt(
+        yield BracketDoubt(
             second.name,
             f"its colours differ from those of {first.name} {why}: {strong} against {weak} by "
             f"{spread / _STOP:.1f} stops",
@@ -308,11 +309,11 @@ def _of_white_balance(photographs: Sequence[Photograph], result: ExposureCorrect
         )
 
 
-def _of_order(bracket: Bracket) -> Iterator[Doubt]:
+def _of_order(bracket: Bracket) -> Iterator[BracketDoubt]:
     names = [name_order(p.name) for p in bracket.photographs]
     if names not in (sorted(names), sorted(names, reverse=True)):
         what = "the files are not named in the order of their exposures; they were sorted by exposure"
-        yield Doubt(bracket.name, what, NOTHING_TO_DO, False, 0.0)
+        yield BracketDoubt(bracket.name, what, NOTHING_TO_DO, False, 0.0)
 
 
 def _turned(pictures: Sequence[Reduced], stated: np.ndarray) -> bool:
