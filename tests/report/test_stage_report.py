@@ -14,7 +14,7 @@ from relume.lightstage.field.lights import StageLights
 from relume.lightstage.relighting.voronoi_cells import even_directions
 from relume.report.stage_report import doubts_of, levels_of, reduced, square_side, write_stage_report
 from relume.sphere.environment_map import EnvironmentMap
-from small_stages import grid_directions
+from small_stages import chosen, grid_directions
 
 LIGHTS = StageLights.towards(even_directions(60), tuple(f"lamp {i}" for i in range(60)))
 NORMALS = np.stack([*np.meshgrid(np.linspace(-0.6, 0.6, 12), np.linspace(0.6, -0.6, 10)), np.zeros((10, 12))], axis=-1)
@@ -41,7 +41,7 @@ def test_a_light_far_brighter_or_darker_than_those_around_is_named(strength: flo
 
 
 def test_an_unlit_half_is_reported_with_its_middle_and_the_light_nearest_to_it() -> None:
-    above = LIGHTS.chosen(np.flatnonzero(LIGHTS.directions[:, 1] > 0))
+    above = chosen(LIGHTS, np.flatnonzero(LIGHTS.directions[:, 1] > 0))
     field = matte(above)
     (line,) = doubts_of(field, levels_of(field)[0])
     assert len(above) == 30

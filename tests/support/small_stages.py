@@ -11,6 +11,7 @@ import numpy as np
 from relume.image.files import write
 from relume.image.radiance import RadianceMap
 from relume.lightstage.field.field import Pictures
+from relume.lightstage.field.lights import StageLights
 from relume.lightstage.relighting.voronoi_cells import even_directions
 from relume.scene.cameras.camera import Camera
 
@@ -26,6 +27,11 @@ class SeparatedPictures:
 
     diffuse: Pictures
     specular: Pictures
+
+
+def chosen(lights: StageLights, which: np.ndarray) -> StageLights:
+    """The lights of these indices, with cells of their own."""
+    return StageLights.towards(lights.directions[which], tuple(lights.names[i] for i in which))
 
 
 def camera(width: int = SIZE[0], height: int = SIZE[1]) -> Camera:

@@ -55,9 +55,3 @@ def test_lights_on_one_circle_share_the_sphere_by_their_turns():
 def test_impossible_lights_are_refused_by_name(directions, names, said):
     with pytest.raises(ValueError, match=said):
         StageLights.towards(np.array(directions), names)
-
-
-def test_chosen_lights_fill_the_sphere_again():
-    some = StageLights.towards(AXES, tuple("abcdef")).chosen(np.array([0, 3]))
-    assert some.names == ("a", "d")
-    np.testing.assert_allclose(some.solid_angles, 2 * np.pi, rtol=1e-3)

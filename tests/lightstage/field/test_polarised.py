@@ -11,6 +11,7 @@ from relume.lightstage.field.field import Noise, Pictures, whole
 from relume.lightstage.field.lights import StageLights
 from relume.lightstage.field.polarised import PolarisedPair
 from relume.lightstage.relighting.voronoi_cells import even_directions
+from small_stages import chosen
 
 LIGHTS = StageLights.towards(even_directions(12))
 RANDOM = np.random.default_rng(5)
@@ -87,7 +88,7 @@ def test_the_faintest_highlights_of_a_white_body_are_enough() -> None:
 
 PARALLEL, CROSSED = pair()
 BLACK = Pictures(np.zeros((12, 8, 8, 3), np.float32), LIGHTS)
-REVERSED = LIGHTS.chosen(np.array([0, *range(10, 0, -1), 11]))
+REVERSED = chosen(LIGHTS, np.array([0, *range(10, 0, -1), 11]))
 
 
 @pytest.mark.parametrize(
@@ -98,7 +99,7 @@ REVERSED = LIGHTS.chosen(np.array([0, *range(10, 0, -1), 11]))
         (CROSSED, CROSSED, "the crossed take is the parallel one itself"),
         (BLACK, BLACK, "both takes are black"),
         (PARALLEL, replace(CROSSED, values=CROSSED.values[:, :, :40]), "48×48 pixels and the crossed one 40×48"),
-        (PARALLEL, Pictures(CROSSED.values[:11], LIGHTS.chosen(np.arange(11))), "12 lights and the crossed one 11"),
+        (PARALLEL, Pictures(CROSSED.values[:11], chosen(LIGHTS, np.arange(11))), "12 lights and the crossed one 11"),
         (PARALLEL, replace(CROSSED, lights=REVERSED), 'the light "1" of the parallel take is "10"'),
     ],
 )

@@ -15,7 +15,7 @@ from relume.lightstage.relighting.interpolation import (
     unreached_share,
 )
 from relume.lightstage.relighting.voronoi_cells import even_directions
-from small_stages import grid_directions
+from small_stages import chosen, grid_directions
 
 LIGHTS = StageLights.towards(even_directions(60))
 BETWEEN = even_directions(501)
@@ -57,7 +57,7 @@ def test_three_lights_around_a_direction_share_it_by_where_it_crosses_their_tria
     np.testing.assert_allclose(Barycentric().weights(AXES, towards), [[0.5, 0, 0.3, 0, 0.2, 0]], atol=1e-12)
 
 
-@pytest.mark.parametrize("lights", [LIGHTS, HALF, AXES, LIGHTS.chosen(np.array([3, 8]))])
+@pytest.mark.parametrize("lights", [LIGHTS, HALF, AXES, chosen(LIGHTS, np.array([3, 8]))])
 def test_no_barycentric_share_is_below_zero(lights: StageLights) -> None:
     shares = Barycentric().weights(lights, BETWEEN)
     assert shares.min() >= 0

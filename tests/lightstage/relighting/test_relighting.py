@@ -15,6 +15,7 @@ from relume.lightstage.relighting.relighting import (
     weighted_sum_per_pixel,
     weighted_sums,
 )
+from small_stages import chosen
 
 GENERATOR = np.random.default_rng(3)
 COUNT, ROWS, COLUMNS = 13, 11, 300
@@ -22,7 +23,7 @@ LIGHTS = StageLights.towards(GENERATOR.normal(size=(COUNT, 3)))
 VALUES = GENERATOR.random((COUNT, ROWS, COLUMNS, 3), np.float32)
 FIELD = Pictures(VALUES, LIGHTS)
 E1, E2 = GENERATOR.random((2, COUNT, 3))
-FEW = Pictures(GENERATOR.random((9, 20, 30, 3), np.float32), LIGHTS.chosen(np.arange(9)), noise=Noise(1e-4, 1e-3))
+FEW = Pictures(GENERATOR.random((9, 20, 30, 3), np.float32), chosen(LIGHTS, np.arange(9)), noise=Noise(1e-4, 1e-3))
 SEVERAL = GENERATOR.random((7, 9, 3))
 
 

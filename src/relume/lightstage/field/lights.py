@@ -72,12 +72,3 @@ class StageLights:
             raise ValueError(f'the light "{called[odd]}" has the direction {array[odd].tolist()}; give it a length')
         unit = normalised(array)
         return StageLights(unit, voronoi_solid_angles(unit, called), called, positions, grid)
-
-    def chosen(self, which: np.ndarray) -> StageLights:
-        """The lights of these indices (M,), with cells of their own: together they fill the sphere again."""
-        indices = np.asarray(which)
-        if len(indices) == len(self) and np.array_equal(indices, np.arange(len(self))):
-            return self
-        names = tuple(self.names[i] for i in indices)
-        positions = None if self.positions is None else self.positions[indices]
-        return StageLights.towards(self.directions[indices], names, positions=positions)

@@ -8,7 +8,7 @@ sRGB. Every pixel value is read back exactly, so that developing gives the photo
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from pathlib import Path
 from typing import TypeGuard
 
@@ -29,26 +29,13 @@ from relume.image.response import Response
 from relume.probe.clipped_light import WHITE
 from relume.virtual_camera.film.film import srgb_response
 from relume.virtual_camera.film.grain import ROUNDING
+from relume.virtual_camera.film.undeveloping import AllButEnds
 from relume.virtual_camera.plate_matching.grain_measuring import photograph_grain
 
 LOOKED_AT = 1600
 """Pixels across and down of the middle in which the noise of a photograph is measured: some 6000 flat patches."""
 ASSUMED = 0.1
 """By what share a camera's own curve differs from sRGB where objects stand: a tone curve lifts the middle."""
-
-
-@dataclass(frozen=True)
-class EveryValue:
-    """The weights that read every value of a photograph alone as what its curve says, white and black too."""
-
-    @property
-    def predicted(self) -> bool:
-        """Never: no other photograph predicts a value."""
-        return False
-
-    def table(self, response: Response) -> np.ndarray:
-        """Weights (3, levels), all 1."""
-        return np.ones((3, response.levels))
 
 
 def read_single(path: Path, times: Sequence[float] | None) -> Bracket:
@@ -102,7 +89,8 @@ def merge_single(
     # No exposure at all is no doubt of a photograph alone: its scale is found otherwise.
     assert photograph.exposure is not None  # a Bracket has one
     bracket = Bracket((replace(photograph, exposure=replace(photograph.exposure, source="given")),))
-    plain = replace(settings, weighting=EveryValue(), align=False, deghost=False, refine=False)
+    # White and black count as what the curve says, for no other photograph says better.
+    plain = replace(settings, weighting=AllButEnds(guard=-1), align=False, deghost=False, refine=False)
     result = merge_brackets(bracket, profile=known, settings=plain)
     for doubt in result.doubts:
         warn(doubt.line, doubt.effect)

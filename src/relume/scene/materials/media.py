@@ -41,10 +41,6 @@ class Medium:
         extinction = np.asarray(self.extinction)
         return triple(np.asarray(self.scattering) / np.where(extinction > 0, extinction, 1.0))
 
-    def transmittance(self, distance: float) -> Colour:
-        """The share of light that meets nothing over `distance` metres: Beer and Lambert's law."""
-        return triple(np.exp(-np.asarray(self.extinction) * distance))
-
     def diffuse_reflectance(self) -> Colour:
         """The diffuse albedo of a half-space of the medium behind a matched boundary, per channel.
 

@@ -40,11 +40,6 @@ class Halation:
         if not (np.isfinite(self.index) and self.index > 1):
             raise ValueError(f"index is {self.index}; expected more than 1, that of air")
 
-    @property
-    def ring(self) -> float:
-        """Radius of the ring, µm."""
-        return 2 * self.thickness / float(np.sqrt(self.index**2 - 1))
-
     def profile(self, radius: np.ndarray) -> np.ndarray:
         """Exposure h (…) per area, µm⁻², at radii (…) in µm; not normalised."""
         square = (np.asarray(radius, np.float64) / (2 * self.thickness)) ** 2

@@ -24,7 +24,8 @@ from relume.virtual_camera.virtual_camera import VirtualCamera
 class AllButEnds:
     """Every value counts but the first and the last `guard` + 1, for photographs that no JPEG went through.
 
-    guard : values beside the very ends that say nothing either; saturated patches of a JPEG file hold 250 to 254
+    guard : values beside the very ends that say nothing either; saturated patches of a JPEG file hold 250 to 254. −1
+        where the ends count too
     """
 
     guard: int = 0
