@@ -1,6 +1,7 @@
 """What a large plate costs: seconds, memory, and noise in the picture that is looked at, beside the room at its size.
 
     python benchmarks/large_plates.py [megapixels …]        # 24 and 48 unless given
+    python benchmarks/large_plates.py --insert MEGAPIXELS   # the whole job, from photographs to files
 
 The room of examples/room at light at infinity with its five objects, denoised; the plate is the model's own picture of
 the table, even. Each size runs in a process of its own, whose peak of memory it is. Noise is that of a second seed: the
@@ -12,6 +13,7 @@ from __future__ import annotations
 
 import json
 import resource
+import shutil
 import subprocess
 import sys
 import tempfile
@@ -19,8 +21,10 @@ import time
 from pathlib import Path
 
 import numpy as np
-from insert_scenes import REFLECTANCE, room
+from insert_scenes import REFLECTANCE, ROOM, room
+from PIL import Image
 
+import relume as rl
 from relume.project.insertion.render_tiles import change_in_tiles, is_large
 from relume.project.stages import Stages
 from relume.renderers.mitsuba.denoise import denoised
@@ -31,6 +35,8 @@ from relume.renderers.results import Change
 SAMPLES = 64
 OWN = 768
 """Pixels across of examples/room."""
+NOISE = 1.2
+"""Standard deviation of the pixel values' noise that enlarged photographs are given."""
 
 
 def rendered(across: int, seed: int) -> tuple[Change, np.ndarray, float, float]:
@@ -93,8 +99,46 @@ def main(sizes: list[float]) -> None:
                   f"{line['GB']:.1f} GB, {line['rays']} rays a pixel, noise {noise:.2%}", flush=True)  # fmt: skip
 
 
+def enlarged_room(across: int, folder: Path) -> Path:
+    """The shot file of a copy of examples/room whose plate and board are so wide, with noise of their own."""
+    shutil.copytree(ROOM, folder)
+    generator = np.random.default_rng(1)
+    for path in (*(folder / "plate").glob("*.jpg"), folder / "plate_grid.jpg"):
+        with Image.open(path) as photograph:
+            exif = photograph.info["exif"]
+            larger = photograph.resize((across, round(across * photograph.height / photograph.width)), Image.Resampling.BICUBIC)
+        noise = NOISE * generator.standard_normal((larger.height, larger.width, 3), np.float32)
+        values = np.clip(np.rint(np.asarray(larger) + noise), 0, 255).astype(np.uint8)
+        Image.fromarray(values).save(path, quality=95, subsampling=0, exif=exif)
+    return folder / "shot.toml"
+
+
+def insertion(megapixels: float) -> None:
+    """The whole job in this process: a line for each step, its processor time and the most memory so far."""
+    across = round(np.sqrt(megapixels * 1e6 * 1.5))
+    begun: dict[str, float] = {}
+
+    def report(step: str, share: float) -> None:
+        now = time.process_time()
+        spent = now - begun.setdefault(step, now)
+        if share == 1:
+            peak = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 2**20
+            print(f"{step:12} {spent:6.1f} s of processor time, {peak:.2f} GB so far", flush=True)
+
+    with tempfile.TemporaryDirectory() as folder:
+        shot = rl.read_shot(enlarged_room(across, Path(folder) / "room"))
+        start, spent = time.perf_counter(), time.process_time()
+        done = rl.insert(shot, Path(folder) / "out", progress=report)
+        rl.write_report(done, Path(folder) / "out")
+        peak = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 2**20
+        print(f"{done.camera.width}×{done.camera.height}: {time.perf_counter() - start:.0f} s, processor "
+              f"{time.process_time() - spent:.0f} s, {peak:.2f} GB")  # fmt: skip
+
+
 if __name__ == "__main__":
     if len(sys.argv) > 1 and sys.argv[1] == "--one":
         measured(int(sys.argv[2]), int(sys.argv[3]), sys.argv[4])
+    elif len(sys.argv) > 2 and sys.argv[1] == "--insert":
+        insertion(float(sys.argv[2]))
     else:
         main([float(size) for size in sys.argv[1:]] or [24.0, 48.0])

@@ -111,7 +111,9 @@ class Differential(PathTracing):
                 scattered=("objects", "difference"),
                 choose=Neediest(backdrop, even, share) if even < passes else None,
                 target=target,
-                key=self._key(scene, camera, seed, plate, moments, times) if watch.checkpoint is not None else None,
+                key=self._key(still.key or scene, camera, seed, plate, moments, times)
+                if watch.checkpoint is not None
+                else None,
                 watch=watch,
                 progress=progress,
             )
@@ -143,10 +145,13 @@ class Differential(PathTracing):
                 return None
             from relume.renderers.mitsuba.transport.estimator import Estimator
 
-            return Estimator(scene, camera, self.depth)
+            made = Estimator(scene, camera, self.depth)
+            # Taken once: a plate's own pixels may be its table's texture.
+            made.key = fingerprint(scene)
+            return made
 
     def _key(
-        self, scene: Scene, camera: Camera, seed: int, plate: np.ndarray | None, moments: Moments | None,
+        self, scene: Scene | str, camera: Camera, seed: int, plate: np.ndarray | None, moments: Moments | None,
         times: np.ndarray,
     ) -> dict[str, str]:  # fmt: skip
         """All that a pixel depends on: also every moment that is seen, and the plate where it says when to stop or

@@ -36,9 +36,10 @@ def program() -> dict[str, str]:
     return parts | {name: _version(name) for name in LIBRARIES}
 
 
-def render_key(scene: Scene, camera: Camera, settings: object, seed: int) -> dict[str, str]:
+def render_key(scene: Scene | str, camera: Camera, settings: object, seed: int) -> dict[str, str]:
     """What the pixels of a render depend on, part by part, so that a difference can be named.
 
+    scene : itself or its fingerprint
     settings : the renderer, a frozen dataclass; its `threads` count for nothing
     """
     assert is_dataclass(settings)
@@ -65,7 +66,7 @@ def _content(value: object) -> Any:
         return hashlib.sha256(value.read_bytes()).hexdigest()
     if isinstance(value, np.ndarray):
         values = np.ascontiguousarray(value).reshape(-1).view(np.uint8)
-        return [str(value.dtype), value.shape, hashlib.sha256(values).hexdigest()]
+        return [str(value.dtype), value.shape, hashlib.sha256(values.data).hexdigest()]
     if is_dataclass(value):
         return [type(value).__name__, {field.name: getattr(value, field.name) for field in fields(value)}]
     raise TypeError(f"{type(value).__name__} cannot be part of a fingerprint")

@@ -43,7 +43,12 @@ Planes = dict[str, np.ndarray]
 
 
 class Estimator:
-    """A scene and a camera, made ready for passes."""
+    """A scene and a camera, made ready for passes.
+
+    key : the scene's fingerprint, where it was taken
+    """
+
+    key: str | None = None
 
     def __init__(self, scene: Scene, camera: Camera, depth: int) -> None:
         local, objects = _built(scene.local), _built(scene.objects)
