@@ -16,13 +16,14 @@ import pytest
 
 from relume.cli import main
 from relume.export.shot_files import SHOT_FORMATS
-from relume.image.files import read_radiance, write
+from relume.image.files import read_photograph, read_radiance, write
 from relume.image.photograph import Photograph
 from relume.image.radiance import RadianceMap
 from relume.project.insertion import render_change, render_tiles
 from relume.project.insertion.insert import insert
 from relume.project.insertion.outcome import Inserted
 from relume.project.shot_file.shot import Shot, read_shot
+from relume.renderers.progressive.convergence import Sums
 from relume.sphere.environment_files import as_radiance_map
 from relume.sphere.environment_map import EnvironmentMap
 
@@ -209,11 +210,17 @@ def test_a_large_plate_is_rendered_in_tiles_and_leaves_none_behind(
     shot, _, whole = made
     for name, value in {"VIEWED": 1000, "SIDE": 24, "BORDER": 4, "PILOT": 300}.items():
         monkeypatch.setattr(render_tiles, name, value)
-    seen: list[tuple[int, ...]] = []
-    monkeypatch.setattr(render_change.Previews, "show", lambda self, change: seen.append(change.matte.shape))
+    seen: set[tuple[int, ...]] = set()
+    seen_by = render_change.Previews.__call__
+
+    def look(self: render_change.Previews, sums: Sums) -> None:
+        seen_by(self, sums)
+        seen.add(read_photograph(self.folder / "preview.png").pixels.shape[:2])
+
+    monkeypatch.setattr(render_change.Previews, "__call__", look)
     tiled = insert(changed(shot, "render", preview=True, denoise=True), tmp_path / "out")
     # The first picture is a small one; what is not covered or changed stays the plate to the bit.
-    assert seen == [(15, 20)]
+    assert seen == {(15, 20)}
     same = (tiled.change.matte == 0) & np.all(tiled.change.difference == 0, axis=-1)
     assert same.any() and np.array_equal(tiled.composite[same], tiled.plate.radiance[same])
     assert np.abs(tiled.change.matte - whole.change.matte).mean() < 0.02

@@ -14,6 +14,7 @@ from relume.project.stages import Stages
 from relume.renderers.mitsuba.denoise import denoised
 from relume.renderers.mitsuba.differential import Differential
 from relume.renderers.progressive.accumulation import RenderSession
+from relume.renderers.progressive.convergence import Sums
 from relume.renderers.results import Change
 from relume.scene.cameras.camera import Camera
 from relume.scene.materials.materials import Diffuse
@@ -52,10 +53,10 @@ def whole() -> Change:
 
 def test_a_picture_in_tiles_is_the_picture_in_one(tmp_path, whole):
     assert is_large(CAMERA)
-    shown: list[Change] = []
+    shown: list[Sums] = []
     change = in_tiles(tmp_path, first=shown.append)
-    # The small render comes first, of the same aspect.
-    assert [each.matte.shape for each in shown] == [(16, 24)]
+    # The small render comes first, of the same aspect, and after its first pass.
+    assert {each.mean("matte").shape for each in shown} == {(16, 24)} and shown[0].passes == 1 < shown[-1].passes
     # Edges lie where they lie in one picture; the rest agrees to its noise.
     assert np.abs(change.matte - whole.matte).mean() < 0.02
     inside = whole.matte == 1

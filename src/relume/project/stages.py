@@ -24,6 +24,7 @@ from relume.errors import Doubt, GatheredDoubts, OutputNotWritten, warn
 from relume.image import mapped_arrays
 from relume.image.files import replacing
 from relume.image.mapped_arrays import Mapped, give_back_freed
+from relume.renderers.mitsuba.path_tracer import give_back
 from relume.renderers.progressive.fingerprint import fingerprint, program
 
 Result = TypeVar("Result")
@@ -88,6 +89,7 @@ class Steps:
         """Measure and report a step, which begins with next to nothing of the others' results in memory."""
         self.progress(name, 0.0)
         self.stages.mapped.release()
+        give_back()
         give_back_freed()
         start = time.perf_counter()
         yield

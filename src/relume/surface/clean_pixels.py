@@ -34,8 +34,8 @@ def filled_in(values: np.ndarray, known: np.ndarray, parts: np.ndarray) -> np.nd
     for part in np.unique(parts[parts >= 0]):
         inside = parts == part
         if (known & inside).any() and not known[inside].all():
-            spread = _spread(values, known & inside)
-            result[inside & ~known] = spread[inside & ~known]
+            wanted = inside & ~known
+            result[wanted] = _spread(values, known & inside)[wanted]
             done |= inside
     if done.any() and not done.all():
         result[~done] = _spread(result, done)[~done]
@@ -45,7 +45,7 @@ def filled_in(values: np.ndarray, known: np.ndarray, parts: np.ndarray) -> np.nd
 def _spread(values: np.ndarray, known: np.ndarray) -> np.ndarray:
     """Means over ever larger squares where the smaller ones hold nothing known, laid out smoothly again."""
     weight = known.astype(np.float32)[..., None]
-    levels = [(np.where(known[..., None], values, 0).astype(np.float32), weight)]
+    levels = [(np.where(known[..., None], values, 0).astype(np.float32, copy=False), weight)]
     while max(levels[-1][0].shape[:2]) > 1:
         levels.append(_halved(*levels[-1]))
     result = levels.pop()[0]
@@ -86,9 +86,18 @@ def _looked_up(picture: np.ndarray, x: np.ndarray, y: np.ndarray) -> np.ndarray:
 
 def _halved(mean: np.ndarray, weight: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """The weighted mean over squares of four pixels; a square that knows one of its four knows its mean."""
-    odd = [(0, side % 2) for side in mean.shape[:2]]
-    total, share = (np.pad(part, [*odd, (0, 0)]) for part in (mean * weight, weight))
-    total, share = (
-        part.reshape(part.shape[0] // 2, 2, part.shape[1] // 2, 2, -1).sum((1, 3)) for part in (total, share)
-    )
-    return total / np.maximum(share, 1e-6), np.minimum(share, 1)
+    height, width = mean.shape[:2]
+    half = -(-height // 2), -(-width // 2)
+    means, shares = np.empty((*half, mean.shape[2]), mean.dtype), np.empty((*half, 1), weight.dtype)
+
+    def work(rows: slice) -> None:
+        part = slice(2 * rows.start, 2 * rows.stop)
+        odd = [(0, -mean[part].shape[0] % 2), (0, width % 2), (0, 0)]
+        total, share = (np.pad(each, odd) for each in (mean[part] * weight[part], weight[part]))
+        total, share = (
+            each.reshape(each.shape[0] // 2, 2, half[1], 2, -1).sum((1, 3)) for each in (total, share)
+        )  # fmt: skip
+        means[rows], shares[rows] = total / np.maximum(share, 1e-6), np.minimum(share, 1)
+
+    in_bands(*half, work)
+    return means, shares

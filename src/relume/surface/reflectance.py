@@ -10,15 +10,16 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from math import sqrt
+from typing import Any
 
 import numpy as np
 
 from relume.errors import warn
-from relume.image.bands import BAND
+from relume.image.bands import BAND, in_bands
 from relume.image.radiance import RadianceMap
 from relume.image.resizing import resized
 from relume.renderers.mitsuba.denoise import smoothed
-from relume.renderers.mitsuba.path_tracer import Mitsuba
+from relume.renderers.mitsuba.path_tracer import Mitsuba, give_back
 from relume.renderers.raytrace.raycast import RayCaster
 from relume.renderers.renderer import Renderer
 from relume.renderers.results import Render
@@ -76,7 +77,9 @@ class _Work:
         self.parts = _parts(scene, self.camera) if self.smaller else whole
 
     def render(self, local: Sequence[Shape]) -> Render:
-        return self.renderer.render(self.scene.with_local(local), self.camera, seed=self.seed)
+        rendered = self.renderer.render(self.scene.with_local(local), self.camera, seed=self.seed)
+        give_back()  # the plate as the surfaces' texture
+        return rendered
 
     def enlarged(self, picture: np.ndarray, inside: np.ndarray) -> np.ndarray:
         """A smooth picture (h, w, 3) at the plate's size; what is not `inside` (h, w) does not bleed in."""
@@ -161,7 +164,7 @@ def recover_reflectance(
         """π · diffuse radiance / albedo, smoothed, where surfaces are to be recovered; 0 elsewhere."""
         light = np.where(inside[..., None], np.pi * (radiance - dark) / np.maximum(shown, 0.01), 0)
         light = work.enlarged(smoothed(light, first.normal, work.parts), inside)
-        return np.where(recovered[..., None], light, 0).astype(np.float32)
+        return np.where(recovered[..., None], light, 0).astype(np.float32, copy=False)
 
     # Divide the plate by the light that arrives and render again, until that light stops changing.
     light = arriving(first.radiance, 0.5)
@@ -170,7 +173,8 @@ def recover_reflectance(
     while True:
         for index in unknown:
             _require_lit(scene.local, index, light, usable[index])
-        raw = np.pi * (plate.radiance - sheen) / np.maximum(light, 1e-30)
+        raw = _of_rows(lambda shown, gloss, arrives: np.pi * (shown - gloss) / np.maximum(arrives, 1e-30),
+                       plate.radiance, sheen, light)  # fmt: skip
         albedo, colours = _albedo(raw, light, parts, usable, wanted)
         if _alone(scene.local) or iterations >= ITERATIONS or (iterations > 1 and change < STEADY):
             break
@@ -189,7 +193,11 @@ def recover_reflectance(
     # The model's picture, and what was found of each surface.
     shown = _with_even(albedo, parts, wanted, colours)
     elsewhere = work.enlarged(first.radiance, ~inside)
-    without = np.where(recovered[..., None], sheen + shown * light / np.pi, elsewhere).astype(np.float32)
+
+    def model(here: np.ndarray, gloss: np.ndarray, shown: np.ndarray, arrives: np.ndarray, there: np.ndarray) -> Any:
+        return np.where(here, gloss + shown * arrives / np.pi, there)
+
+    without = _of_rows(model, recovered[..., None], sheen, shown, light, elsewhere)
     surfaces = []
     for index, wish in enumerate(wanted):
         shapes = looks.of(index, albedo, colours[index], glosses[index])
@@ -199,7 +207,21 @@ def recover_reflectance(
             lit = usable[index] & _lit(light, usable[index])
             surfaces.append(_surface(raw[lit], colours[index], glosses[index], fits[index], shapes))
     progress(1.0)
-    return RecoveredLocal(tuple(surfaces), albedo, without, light.astype(np.float32), iterations, change, tuple(notes))
+    return RecoveredLocal(
+        tuple(surfaces), albedo, without, light.astype(np.float32, copy=False), iterations, change, tuple(notes)
+    )
+
+
+def _of_rows(work: Callable[..., np.ndarray], *pictures: np.ndarray) -> np.ndarray:
+    """What is computed of each pixel of pictures (H, W, …), (H, W, 3) float32."""
+    height, width = pictures[0].shape[:2]
+    result = np.empty((height, width, 3), np.float32)
+
+    def fill(rows: slice) -> None:
+        result[rows] = work(*(picture[rows] for picture in pictures))
+
+    in_bands(height, width, fill)
+    return result
 
 
 def _lit_by_others(scene: Scene, index: int, camera: Camera, plate: RadianceMap, parts: np.ndarray) -> Scene:
@@ -322,7 +344,7 @@ def _albedo(
         known |= lit
         middle = [np.median(raw[..., channel][lit].astype(np.float64)) for channel in range(3)]
         colours.append(triple(np.clip(middle, 0, 1)))
-    return filled_in(np.clip(raw, 0, 1).astype(np.float32), known, parts), colours
+    return filled_in(np.clip(raw, 0, 1).astype(np.float32, copy=False), known, parts), colours
 
 
 def _with_even(

@@ -94,6 +94,7 @@ def render_change(
         moments = lambda time: (_scene_at(place, motion.shot(time)), place.camera)  # noqa: E731
     # The plate says which pixels are the neediest, and when their noise is low enough.
     made_from.append(calibrated.plate)
+    identity = fingerprint(made_from)
 
     def make() -> Change:
         # The saved state of an interrupted render, and previews beside it.
@@ -121,9 +122,9 @@ def render_change(
         def trace(watch: RenderSession) -> Change:
             if is_large(place.camera) and isinstance(renderer, Differential):
                 return change_in_tiles(
-                    renderer, scene, place.camera, plate.radiance, seed=table.seed, made_from=fingerprint(made_from),
+                    renderer, scene, place.camera, plate.radiance, seed=table.seed, made_from=identity,
                     stages=steps.stages, watch=watch, finish=finish,
-                    first=previews.show if table.preview else None, progress=report, moments=moments, shutter=shutter,
+                    first=previews if table.preview else None, progress=report, moments=moments, shutter=shutter,
                 )  # fmt: skip
             return finish(renderer.change(
                 scene, place.camera, seed=table.seed, progress=report, watch=watch, plate=plate.radiance,
@@ -142,7 +143,7 @@ def render_change(
         return change
 
     # Things from light stages show their own pixels.
-    change = steps.keep("render", made_from, make)
+    change = steps.keep("render", identity, make)
     forget_tiles(steps.stages)
     if any(each.stage is not None for each in shot.objects):
         from relume.project.insertion.light_stage_objects import with_stages
@@ -172,20 +173,18 @@ class Previews:
     film: Film
 
     def __call__(self, sums: Sums) -> None:
-        """Write them; a full disk costs the preview, with a warning, and not the render."""
-        self._write(self.plate.radiance, *(sums.mean(name) for name in ("objects", "difference", "matte")))
+        """Write them, of a render that is smaller than the plate at its own size.
 
-    def show(self, change: Change) -> None:
-        """Write them of a change that was rendered smaller than the plate, at that size."""
-        height, width = change.matte.shape
-        rows, columns = (
-            (np.arange(few) + 0.5) * many / few
-            for few, many in zip((height, width), self.plate.radiance.shape, strict=False)
-        )
-        plate = self.plate.radiance[np.ix_(rows.astype(int), columns.astype(int))]
-        self._write(plate, change.objects, change.difference, change.matte)
-
-    def _write(self, plate: np.ndarray, objects: np.ndarray, difference: np.ndarray, matte: np.ndarray) -> None:
+        A full disk costs the preview, with a warning, and not the render.
+        """
+        objects, difference, matte = (sums.mean(name) for name in ("objects", "difference", "matte"))
+        plate = self.plate.radiance
+        if matte.shape != plate.shape[:2]:
+            rows, columns = (
+                ((np.arange(few) + 0.5) * many / few).astype(int)
+                for few, many in zip(matte.shape, plate.shape, strict=False)
+            )
+            plate = plate[np.ix_(rows, columns)]
         composite = np.asarray(plate * (1 - matte[..., None]) + difference + objects, np.float32)
         try:
             files.write(self.folder / "preview.exr", RadianceMap(composite, unit=self.plate.unit))

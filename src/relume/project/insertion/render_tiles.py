@@ -18,7 +18,7 @@ import numpy as np
 from relume.errors import Doubt, GatheredDoubts, warn
 from relume.project.stages import Stages
 from relume.renderers.mitsuba.differential import Differential
-from relume.renderers.progressive.accumulation import RenderSession, forget, pass_seed
+from relume.renderers.progressive.accumulation import Preview, RenderSession, forget, pass_seed
 from relume.renderers.progressive.allocation import weighed_variance
 from relume.renderers.renderer import Moments
 from relume.renderers.results import Change
@@ -87,7 +87,7 @@ def change_in_tiles(
     stages: Stages,
     watch: RenderSession,
     finish: Callable[[Change], Change],
-    first: Callable[[Change], None] | None,
+    first: Preview | None,
     progress: Callable[[float], None],
     moments: Moments | None = None,
     shutter: Shutter = Shutter(0.0, 0.0),
@@ -98,7 +98,7 @@ def change_in_tiles(
     made_from : what the pixels depend on, for tiles that an interrupted render has put away
     stages : where tiles are kept until all are there
     finish : what is done with each tile: denoising, or nothing
-    first : is shown the small render
+    first : is shown the small render as it grows
     moments, shutter : as in `Differential.change`
     Raises as `Differential.change` does.
     """
@@ -121,9 +121,10 @@ def change_in_tiles(
     side = sqrt(PILOT / (height * width))
     across, down = max(1, round(width * side)), max(1, round(height * side))
     few = replace(renderer, samples=min(PILOT_RAYS, renderer.samples), noise=None)
-    pilot = few.change(scene, **part(lambda its: its.resized(across, down)), seed=pass_seed(seed, len(tiles)))
-    if first is not None:
-        first(pilot)
+    pilot = few.change(
+        scene, **part(lambda its: its.resized(across, down)), seed=pass_seed(seed, len(tiles)),
+        watch=replace(watch, checkpoint=None, preview=first),
+    )  # fmt: skip
     shares = _rays(pilot, plate, camera, tiles, renderer.samples)
     noise = None if renderer.noise is None else renderer.noise * sqrt(height * width / VIEWED)
     # Each tile with its border, put away as soon as it is finished.

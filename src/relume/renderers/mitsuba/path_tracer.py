@@ -6,6 +6,7 @@ Only `render/mitsuba*` imports Mitsuba and Dr.Jit, and only when something is re
 from __future__ import annotations
 
 import os
+import sys
 from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
@@ -172,6 +173,12 @@ def _matte(mi: Any, scene: Scene, camera: Camera, seed: int) -> np.ndarray:
     return np.clip(matte, 0, 1).astype(np.float32)
 
 
+def give_back() -> None:
+    """Free what Dr.Jit keeps for arrays of the same sizes: the next render may have others, and be the last."""
+    if (dr := sys.modules.get("drjit")) is not None:
+        dr.flush_malloc_cache()
+
+
 @contextmanager
 def _mitsuba(variant: str | None, threads: int | None) -> Iterator[Any]:
     """Mitsuba with its variant and threads set for as long as it is used."""
@@ -183,8 +190,7 @@ def _mitsuba(variant: str | None, threads: int | None) -> Iterator[Any]:
         yield mi
     finally:
         dr.set_thread_count(threads_before)
-        # What Dr.Jit keeps for arrays of the same sizes: the next render may have others.
-        dr.flush_malloc_cache()
+        give_back()
         if variant_before is not None and variant_before != chosen:
             mi.set_variant(variant_before)
 
