@@ -106,7 +106,8 @@ def enlarged_room(across: int, folder: Path) -> Path:
     for path in (*(folder / "plate").glob("*.jpg"), folder / "plate_grid.jpg"):
         with Image.open(path) as photograph:
             exif = photograph.info["exif"]
-            larger = photograph.resize((across, round(across * photograph.height / photograph.width)), Image.Resampling.BICUBIC)
+            height = round(across * photograph.height / photograph.width)
+            larger = photograph.resize((across, height), Image.Resampling.BICUBIC)
         noise = NOISE * generator.standard_normal((larger.height, larger.width, 3), np.float32)
         values = np.clip(np.rint(np.asarray(larger) + noise), 0, 255).astype(np.uint8)
         Image.fromarray(values).save(path, quality=95, subsampling=0, exif=exif)
