@@ -10,7 +10,6 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from math import sqrt
-from typing import Any
 
 import numpy as np
 
@@ -167,14 +166,12 @@ def recover_reflectance(
         return np.where(recovered[..., None], light, 0).astype(np.float32, copy=False)
 
     # Divide the plate by the light that arrives and render again, until that light stops changing.
-    light = arriving(first.radiance, 0.5)
+    light, iterations, change = arriving(first.radiance, 0.5), 1, 0.0
     progress(0.5)
-    iterations, change = 1, 0.0
     while True:
         for index in unknown:
             _require_lit(scene.local, index, light, usable[index])
-        raw = _of_rows(lambda shown, gloss, arrives: np.pi * (shown - gloss) / np.maximum(arrives, 1e-30),
-                       plate.radiance, sheen, light)  # fmt: skip
+        raw = _of_rows(_unlit, plate.radiance, sheen, light)
         albedo, colours = _albedo(raw, light, parts, usable, wanted)
         if _alone(scene.local) or iterations >= ITERATIONS or (iterations > 1 and change < STEADY):
             break
@@ -194,22 +191,26 @@ def recover_reflectance(
     shown = _with_even(albedo, parts, wanted, colours)
     elsewhere = work.enlarged(first.radiance, ~inside)
 
-    def model(here: np.ndarray, gloss: np.ndarray, shown: np.ndarray, arrives: np.ndarray, there: np.ndarray) -> Any:
-        return np.where(here, gloss + shown * arrives / np.pi, there)
-
-    without = _of_rows(model, recovered[..., None], sheen, shown, light, elsewhere)
+    without = _of_rows(_lit_again, recovered[..., None], sheen, shown, light, elsewhere)
     surfaces = []
-    for index, wish in enumerate(wanted):
+    for index in range(len(wanted)):
         shapes = looks.of(index, albedo, colours[index], glosses[index])
-        if isinstance(wish.albedo, KnownMaterial):
-            surfaces.append(RecoveredSurface(None, None, None, 0, None, None, shapes))
-        else:
-            lit = usable[index] & _lit(light, usable[index])
-            surfaces.append(_surface(raw[lit], colours[index], glosses[index], fits[index], shapes))
+        lit = raw[usable[index] & _lit(light, usable[index])] if index in unknown else None
+        surfaces.append(_surface(lit, colours[index], glosses[index], fits[index], shapes))
     progress(1.0)
     return RecoveredLocal(
         tuple(surfaces), albedo, without, light.astype(np.float32, copy=False), iterations, change, tuple(notes)
     )
+
+
+def _unlit(shown: np.ndarray, gloss: np.ndarray, arrives: np.ndarray) -> np.ndarray:
+    return np.pi * (shown - gloss) / np.maximum(arrives, 1e-30)
+
+
+def _lit_again(
+    recovered: np.ndarray, gloss: np.ndarray, albedo: np.ndarray, arrives: np.ndarray, elsewhere: np.ndarray
+) -> np.ndarray:
+    return np.where(recovered, gloss + albedo * arrives / np.pi, elsewhere)
 
 
 def _of_rows(work: Callable[..., np.ndarray], *pictures: np.ndarray) -> np.ndarray:
@@ -245,9 +246,11 @@ def _require_seen(
 
 
 def _surface(
-    raw: np.ndarray, colour: Colour, gloss: Gloss | None, fit: FittedGloss | None, shapes: tuple[Shape, ...]
+    raw: np.ndarray | None, colour: Colour, gloss: Gloss | None, fit: FittedGloss | None, shapes: tuple[Shape, ...]
 ) -> RecoveredSurface:  # fmt: skip
-    """What was found of a surface, from the albedos (N, 3) of its pixels."""
+    """What was found of a surface, from the albedos (N, 3) of its pixels; None for one that was given."""
+    if raw is None:
+        return RecoveredSurface(None, None, None, 0, None, None, shapes)
     # A channel at a time: a whole plate's values are copied and ordered for it.
     each = [np.percentile(raw[:, channel].astype(np.float64), [16, 50, 84]) for channel in range(3)]
     low, middle, high = np.stack(each, axis=-1)
