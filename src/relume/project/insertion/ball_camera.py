@@ -169,7 +169,7 @@ def _guessed_rim(plate: RadianceMap, name: str, ball: RadianceMap) -> np.ndarray
     warn(
         f"camera: {name} is not of the plate's size ({ball.size[0]}×{ball.size[1]} against "
         f"{width}×{height}), so where the ball stood in the plate is not known; x,y,radius {x:.0f},{y:.0f},{size:.0f} "
-        "are taken: give [camera] ball = { rim = [x, y, radius] } or --rim, as the plate would show a ball where "
+        "are taken: give [camera] ball = { rim = [x, y, radius] }, as the plate would show a ball where "
         "the objects shall stand",
         effect=CROP_GUESSED,
     )

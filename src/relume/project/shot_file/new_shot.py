@@ -57,7 +57,7 @@ def new_shot_text(
     if radius is None:
         warn(
             f"the ball's radius was not given, and {GUESSED_RADIUS} m are taken: an object in metres comes out too "
-            "large or too small by as much as that is wrong, light and perspective stay; give --radius, metres",
+            "large or too small by as much as that is wrong, light and perspective stay; give radius, metres",
             effect=0.05,
         )
     return _text(folder, plate, balls, objects, radius, foot, rim)
@@ -69,7 +69,7 @@ def write_new_shot(path: Path, text: str, force: bool) -> None:
         if path.is_file() and path.read_text(encoding="utf-8", errors="replace") == text:
             return
         raise OutputNotWritten(
-            f"{path} is there and says something else; give it alone (relume insert {path} …) to use it, or --force "
+            f"{path} is there and says something else; give it alone (relume insert {path} …) to use it, or force "
             "to replace it"
         )
     try:

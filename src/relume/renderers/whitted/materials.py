@@ -131,7 +131,7 @@ def as_whitted(material: AnyMaterial) -> Model:
         return Model(WhittedMaterial(material.reflectance))
     if isinstance(material, Ward):
         raise UnsupportedScene(
-            f"Whitted's model cannot shade the Ward surface {material.name!r}; use rl.Mitsuba (--renderer mitsuba)"
+            f"Whitted's model cannot shade the Ward surface {material.name!r}; use rl.Mitsuba (renderer mitsuba)"
         )
     return _metallic_roughness(material) if isinstance(material, Material) else _of_layers(material)
 
@@ -228,7 +228,7 @@ def _glossiness(lobe: Lobe | Reflectance, alpha: float, normal: np.ndarray, mate
 def _unsupported(material: Reflective, what: str) -> UnsupportedScene:
     return UnsupportedScene(
         f"Whitted's model has no place for {what} in {material.name or 'a Reflective surface'!r}; "
-        "use rl.Prefiltered (--renderer prefiltered), or a mirror, glass, glossy or whitted material"
+        "use rl.Prefiltered (renderer prefiltered), or a mirror, glass, glossy or whitted material"
     )
 
 
