@@ -279,6 +279,27 @@ def test_what_cannot_be_is_refused_in_one_line(words, line, folder, tmp_path, ca
     assert not out.exists()
 
 
+def test_times_are_read_from_names_and_stages_are_printed(tmp_path, capsys):
+    light = ball(FRONT).radiance
+    light = light * (0.9 / np.quantile(light, 0.99))
+    words = ["probe", "--picture", str(tmp_path / "rim.png"), "-o", str(tmp_path / "map.exr"), *PLACE, "--accept"]
+    for seconds in (1, 4, 16):
+        values = np.rint(255 * encode_srgb(np.clip(light * seconds / 4, 0, 1))).astype(np.uint8)
+        name = "1_1.png" if seconds == 1 else f"{seconds}_1.png"
+        write(tmp_path / name, Photograph(values))
+        words.insert(1, str(tmp_path / name))
+    said = printed([*words, "--times-from-names", "-v"], capsys)
+    # Every stage begins and ends, in the order of the work.
+    for stage in ("read", "response", "merge", "ball", "unwrap"):
+        assert f"relume: {stage} …" in said.err and f"relume: {stage}: " in said.err, stage
+    assert said.err.index("relume: read …") < said.err.index("relume: ball …") < said.err.index("relume: unwrap: ")
+    # Names say what times given say.
+    found, times = read_radiance(tmp_path / "map.exr").radiance, ["--times", "16,4,1"]
+    reported([*words, *times], capsys)
+    np.testing.assert_array_equal(read_radiance(tmp_path / "map.exr").radiance, found)
+    assert "choose one of the two" in refused([*words, *times, "--times-from-names"], capsys)
+
+
 def test_a_dry_run_names_the_views(folder, tmp_path, capsys):
     words = ["probe", str(folder / "front"), str(folder / "side"), "-o", str(tmp_path / "out.exr"), "--dry-run"]
     facts = reported(words, capsys)

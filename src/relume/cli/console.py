@@ -188,8 +188,9 @@ def progress(output: OutputOptions) -> Iterator[Callable[[str, float], None]]:
         yield report
 
 
-def one_by_one(advance: Callable[[str, float], None]) -> Callable[[str], None]:
-    """A callback for steps that are only named as they begin: each ends as the next one begins."""
+@contextmanager
+def one_by_one(advance: Callable[[str, float], None]) -> Iterator[Callable[[str], None]]:
+    """A callback for steps that are only named as they begin: each ends as the next one begins, the last at the end."""
     before: list[str] = []
 
     def begin(step: str) -> None:
@@ -198,7 +199,9 @@ def one_by_one(advance: Callable[[str, float], None]) -> Callable[[str], None]:
         before[:] = [step]
         advance(step, 0.0)
 
-    return begin
+    yield begin
+    for name in before:
+        advance(name, 1.0)
 
 
 class _StageLines:

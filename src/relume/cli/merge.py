@@ -195,8 +195,8 @@ def merge(
         if dry_run:
             facts, blocks = rl.report.plan_facts(plan), rl.report.plan_summary(plan)
         else:
-            with progress(output) as advance:
-                shoot = rl.capture.merge_shoot(plan, progress=one_by_one(advance))
+            with progress(output) as advance, one_by_one(advance) as step:
+                shoot = rl.capture.merge_shoot(plan, progress=step)
             doubts += shoot.result.doubts
             if report is not None:
                 rl.report.write_capture_report(shoot.result, report, settings=plan.settings, profile=plan.profile_name)

@@ -12,7 +12,7 @@ from cyclopts import Parameter
 
 import relume as rl
 from relume.cli.arguments import Accept, DryRun, LatLongOut, require_files, require_suffix
-from relume.cli.console import OutputOptions, finish, print_facts, warnings_as_doubts
+from relume.cli.console import OutputOptions, finish, one_by_one, print_facts, progress, warnings_as_doubts
 from relume.cli.option_types import Point, Seconds, TimesFromNames, numbers
 
 Rim = tuple[float, float, float] | tuple[float, ...]
@@ -190,9 +190,11 @@ def probe(
 
         # The work.
         try:
-            result = rl.probe.probe_ball(
-                placed, times=times, times_from_names=times_from_names, profile=known, settings=settings
-            )
+            with progress(output) as advance, one_by_one(advance) as step:
+                result = rl.probe.probe_ball(
+                    placed, times=times, times_from_names=times_from_names, profile=known, settings=settings,
+                    progress=step,
+                )  # fmt: skip
         except rl.errors.BallNotFound as refused:
             if picture is not None and refused.radiance is not None:
                 with rl.files.replacing(picture) as temporary:

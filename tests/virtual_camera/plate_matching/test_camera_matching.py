@@ -10,6 +10,7 @@ from scipy.ndimage import gaussian_filter
 from relume.capture.lens.vignetting import Vignetting
 from relume.capture.response.camera_profile import CameraProfile
 from relume.image.colour import decode_srgb, encode_srgb, luminance
+from relume.image.files.metadata.icc_profile import adobe_rgb
 from relume.image.photograph import Exposure, Photograph
 from relume.image.radiance import RadianceMap
 from relume.image.response import Response
@@ -128,6 +129,11 @@ def test_where_no_exposure_holds_the_picture_is_metered_and_that_is_said(photogr
     fact = next(line for line in camera.facts if line.startswith("exposure"))
     assert fact.startswith("exposure: metered, the picture's log mean becomes 118 of 255") and why in fact
     assert any(line.startswith("response: sRGB, for no profile was given") for line in camera.facts)
+
+
+def test_a_plate_in_another_colour_space_is_matched_as_srgb_with_a_warning():
+    with pytest.warns(UserWarning, match=r"in Adobe RGB .*matched as if it were in sRGB.*convert it to sRGB first"):
+        match_camera(replace(SMALL, name="P.jpg", profile=adobe_rgb()), DIM)
 
 
 def test_a_camera_without_exposure_is_metered_on_its_own_curve():

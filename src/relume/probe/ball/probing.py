@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 import warnings
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -108,6 +108,7 @@ def probe_ball(
     times_from_names: bool = False,
     profile: CameraProfile | None = None,
     settings: ProbeSettings = ProbeSettings(),
+    progress: Callable[[str], None] = lambda step: None,
 ) -> BallProbe:
     """Merge the brackets, find the mirrored ball, unwrap it with the camera's perspective, and blend the views.
 
@@ -116,6 +117,7 @@ def probe_ball(
     times : seconds of all photographs, in their order; they replace the EXIF exposures
     times_from_names : read them from the names instead, as `read_bracket` does, view by view
     profile : of the camera; recovered from the brackets unless given, sRGB for single photographs
+    progress : called with the name of each step as it begins
 
     Raises UnreadableFile, NotABracket, BallNotFound, ValueError.
     """
@@ -129,9 +131,11 @@ def probe_ball(
     with warnings.catch_warnings(record=True) as caught:
         warnings.simplefilter("always", UserWarning)
         read = read_view_pictures(
-            photographs, times=times, times_from_names=times_from_names, profile=profile, settings=settings.merge
-        )
+            photographs, times=times, times_from_names=times_from_names, profile=profile, settings=settings.merge,
+            progress=progress,
+        )  # fmt: skip
         notes = [*read.doubts]
+        progress("ball")
         views = [
             _view(picture, np.array(camera), each, settings, notes)
             for picture, camera, each in zip(read.pictures, cameras, photographs, strict=True)
@@ -146,6 +150,7 @@ def probe_ball(
             notes.append(Doubt(line, 0.1))
         balanced = settings.balance or unscaled
         registration = KnownPlaces() if known else UnknownPlaces()
+        progress("register and blend" if len(views) > 1 else "unwrap")
         probe = blend_views(views, size=settings.size, registration=registration, balanced=balanced)
     disagreeing = (each for each in probe.notes if not (balanced and "times as bright" in each.line))
     notes += [_explained(each, probe, known) for each in disagreeing]

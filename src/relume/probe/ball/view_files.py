@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import glob
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 
@@ -132,11 +132,13 @@ def read_view_pictures(
     times_from_names: bool = False,
     profile: CameraProfile | None = None,
     settings: MergeSettings = MergeSettings(),
+    progress: Callable[[str], None] = lambda step: None,
 ) -> ViewPictures:
     """The radiance of every view; brackets of one camera are merged together and share one scale.
 
     times : seconds of all photographs that are no radiance maps, in their order
     times_from_names : read them from the names instead, view by view
+    progress : called with the name of each step as it begins
     Raises UnreadableFile, NotABracket, BallNotFound.
     """
     if times_from_names:
@@ -144,6 +146,7 @@ def read_view_pictures(
             raise ValueError("times are given and are to be read from the names too; choose one of the two")
         pictures = [view.paths for view in views if kind_of(view.paths[0]) not in MAPS]
         times = [seconds for paths in pictures for seconds in seconds_in_names(paths)]
+    progress("read")
     seconds = None if times is None else list(times)
     notes: list[Doubt] = []
     brackets: dict[int, Bracket | tuple[Path, ...]] = {}
@@ -179,7 +182,9 @@ def read_view_pictures(
 
     # Brackets, together.
     if brackets:
-        merged = merge_brackets(list(brackets.values()), profile=profile, times=raw_times or None, settings=settings)
+        merged = merge_brackets(
+            list(brackets.values()), profile=profile, times=raw_times or None, settings=settings, progress=progress
+        )
         notes += merged.doubts
         for index, bracket in zip(brackets, merged.brackets, strict=True):
             picture, count = in_the_colour_beside(bracket.picture)

@@ -147,12 +147,12 @@ class ChangeError:
         if not held.any():
             return 0.0
         variance = sums.variance("objects") + sums.variance("difference")
+        # Each pixel by how often it was traced itself: those that hardly change are traced least, and are not asked.
+        counts = np.full(held.sum(), sums.passes) if sums.counts is None else sums.counts[held]
+        passes, place = np.unique(counts, return_inverse=True)
+        shortfall = np.array([_shortfall(int(count)) for count in passes])[place]
         # A normal error is √(2/π) of its standard deviation on average.
-        error = (
-            sqrt(2 / pi)
-            * np.sqrt(variance[held]).mean()
-            / _shortfall(sums.passes if sums.counts is None else int(sums.counts.min()))
-        )
+        error = sqrt(2 / pi) * (np.sqrt(variance[held]) / shortfall[:, None]).mean()
         radiance = objects + difference + (1 - matte[..., None]) * self.backdrop
         return float(error / max(radiance[held].mean(), 1e-30))
 

@@ -14,6 +14,7 @@ from relume.capture.response.camera_profile import CameraProfile
 from relume.capture.scale.absolute import Scale, scale_from_exposure
 from relume.errors import NotABracket, warn
 from relume.image.colour import luminance
+from relume.image.colour_space import name_of
 from relume.image.photograph import Exposure, Photograph
 from relume.image.radiance import RadianceMap
 from relume.image.response import Response
@@ -122,6 +123,13 @@ def _known(
     if profile is None or profile.response is None:
         why = "no profile was given" if profile is None else "the profile is that of raws"
         facts.append(f"response: sRGB, for {why}; a camera's own differs in contrast")
+        if (space := name_of(photograph)) != "sRGB":
+            # Its numbers are matched; what is written is sRGB.
+            warn(
+                f"{photograph.name}: it is in {space} and is matched as if it were in sRGB, so colours differ from it; "
+                "convert it to sRGB first, or give the camera's profile",
+                0.1,
+            )
         response = None
     else:
         facts.append(f"response: of the profile of {profile.camera or 'an unnamed camera'}")
