@@ -17,6 +17,7 @@ from relume.errors import warn
 from relume.image.bands import BAND, in_bands
 from relume.image.radiance import RadianceMap
 from relume.image.resizing import resized
+from relume.image.texture import as_rendered
 from relume.renderers.mitsuba.denoise import smoothed
 from relume.renderers.mitsuba.path_tracer import Mitsuba, give_back
 from relume.renderers.raytrace.raycast import RayCaster
@@ -176,7 +177,7 @@ def recover_reflectance(
         if _alone(scene.local) or iterations >= ITERATIONS or (iterations > 1 and change < STEADY):
             break
         picture = work.render(looks.shapes(albedo, colours, glosses))
-        shown = np.stack([_as_rendered(albedo[..., channel]) for channel in range(3)], axis=-1)
+        shown = as_rendered(albedo)
         shown = work.shrunk(_with_even(shown, parts, wanted, colours))
         again = arriving(picture.radiance, shown)
         iterations += 1
@@ -305,15 +306,6 @@ def _parts(scene: Scene, camera: Camera) -> np.ndarray:
 def _alone(local: Sequence[Shape]) -> bool:
     """Whether the surfaces cannot light one another: a single plane, which sees none of itself."""
     return len(local) == 1 and isinstance(local[0], Plane)
-
-
-def _as_rendered(channel: np.ndarray) -> np.ndarray:
-    """A texture of the picture's own pixels as the picture shows it: bilinear, then averaged over each pixel."""
-    from scipy.ndimage import convolve1d
-
-    # ∫ of the tent (1 − |x|) over a pixel: ¾ in the middle and ⅛ at each side.
-    kernel = np.array([0.125, 0.75, 0.125])
-    return convolve1d(convolve1d(channel, kernel, axis=0, mode="nearest"), kernel, axis=1, mode="nearest")
 
 
 def _lit(light: np.ndarray, usable: np.ndarray) -> np.ndarray:

@@ -121,7 +121,7 @@ def composited(
     )  # fmt: skip
     with steps.timed("composite"):
         # Scene-linear, without grain.
-        change = match_to_plate(change, match)
+        change = match_to_plate(change, match, plate.radiance)
         without = plate.radiance if place.recovered is None else place.recovered.without
         occluder = None
         if shot.match.occluder is not None:

@@ -112,12 +112,12 @@ def render_change(
         def report(share: float) -> None:
             steps.progress("render", share)
 
-        def finish(change: Change) -> Change:
+        def finish(change: Change, shown: np.ndarray) -> Change:
             if not table.denoise:
                 return change
             from relume.renderers.mitsuba.denoise import denoised
 
-            return denoised(change)
+            return denoised(change, shown)
 
         def trace(watch: RenderSession) -> Change:
             if is_large(place.camera) and isinstance(renderer, Differential):
@@ -129,7 +129,7 @@ def render_change(
             return finish(renderer.change(
                 scene, place.camera, seed=table.seed, progress=report, watch=watch, plate=plate.radiance,
                 moments=moments, shutter=shutter,
-            ))  # fmt: skip
+            ), plate.radiance)  # fmt: skip
 
         # Render, from the saved state where it is of this render.
         try:

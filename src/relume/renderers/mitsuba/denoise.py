@@ -6,15 +6,19 @@ from dataclasses import replace
 
 import numpy as np
 
+from relume.image.texture import texture
 from relume.renderers.results import Change
 
 FAINT = 0.1
 """Of a pixel: less than that shows more noise than colour."""
 
 
-def denoised(change: Change) -> Change:
+def denoised(change: Change, plate: np.ndarray | None = None) -> Change:
     """The same change with less noise, by Open Image Denoise: the objects, and what they add and take beside them.
 
+    plate : (H, W, 3) radiance that the change is composited with: of what is taken its share of the plate is cleaned,
+        for what the filter rounded of the plate's texture would stand in a shadow several times as strong as beside
+        it. None for a plate without texture
     The light that is added and the light that is taken are cleaned each on its own, as they were traced: neither is
     ever negative, so the filter needs not be given one half of a noisy difference, whose mean would be too bright.
     Only of renderers that know no more than the difference its two signs are cleaned. Albedo and normals guide all,
@@ -31,7 +35,12 @@ def denoised(change: Change) -> Change:
     taken = np.maximum(-difference, 0) if change.taken is None else change.taken
     # What was added up in another order may be below 0 by its rounding.
     layers = (np.maximum(difference + taken, 0), taken)
-    added, taken = (_clean(_unmatted(layer, beside), *guides) for layer in layers)
+    added = _clean(_unmatted(layers[0], beside), *guides)
+    if plate is None:
+        taken = _clean(_unmatted(taken, beside), *guides)
+    else:
+        share = _unmatted(taken / texture(plate, rendered=True), beside)
+        taken = texture(plate) * _clean(share, np.ones_like(change.albedo), change.normal)
     changes = np.any(difference != 0, axis=-1, keepdims=True)
     return replace(
         change,

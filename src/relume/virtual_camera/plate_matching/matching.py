@@ -13,6 +13,7 @@ import numpy as np
 from relume.capture.lens.vignetting import Vignetting
 from relume.image.bands import in_bands
 from relume.image.photograph import Photograph
+from relume.image.texture import texture
 from relume.renderers.results import Change
 from relume.virtual_camera.film.grain import ROUNDING, Grain
 from relume.virtual_camera.plate_matching.sharpness import Sharpness
@@ -37,9 +38,11 @@ class Match:
     seed: int = 0
 
 
-def match_to_plate(change: Change, match: Match) -> Change:
+def match_to_plate(change: Change, match: Match, plate: np.ndarray | None = None) -> Change:
     """The change as the plate's lens would have drawn it, for compositing over that plate.
 
+    plate : (H, W, 3) its radiance: the lens drew its texture already, so of what shadows take only the share is made
+        less sharp. The texture in them too unless given
     Light falls off in front of the sensor and is spread on it, so the fall-off comes first. It dims all that was
     rendered in scene radiance. The reflectance of the real surfaces must then have been recovered from the plate
     divided by the fall-off, and for `Ratio` `without` be dimmed too (`dimmed`): a render from a reflectance that still
@@ -54,7 +57,14 @@ def match_to_plate(change: Change, match: Match) -> Change:
             objects_variance=(change.objects_variance * falloff**2).astype(np.float32),
             difference_variance=(change.difference_variance * falloff**2).astype(np.float32),
         )
-    return change if match.sharpness is None else match.sharpness.apply(change)
+    if match.sharpness is None:
+        return change
+    soft = match.sharpness.apply(change)
+    if plate is None or match.sharpness.sigma == 0:
+        return soft
+    even = texture(plate)
+    shaded = match.sharpness.blurred(np.minimum(change.difference, 0) / even) * even
+    return replace(soft, difference=match.sharpness.blurred(np.maximum(change.difference, 0)) + shaded)
 
 
 def apply_vignetting(radiance: np.ndarray, match: Match) -> np.ndarray:
