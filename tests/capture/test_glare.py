@@ -8,7 +8,7 @@ import pytest
 from relume.capture.lens.glare import Glare, diminish_glare, scatter, without_glare
 from relume.capture.lens.glare_recovery import largest_glare, recover_glare_from_dark, recover_glare_from_lamp
 from relume.capture.scale.regions import disc, rectangle
-from relume.errors import NotABracket
+from relume.errors import DoubtWarning, NotABracket
 from relume.image.radiance import BLACK, OUTSIDE, SATURATED, RadianceMap
 
 LENS = Glare(veil=0.02, halo=0.03, core=0.01, power=1.1)
@@ -139,8 +139,9 @@ def test_the_scattered_light_is_reported():
 
 def test_too_large_a_share_is_bounded_and_said():
     seen = through_the_lens(noise=0.01)
-    with pytest.warns(UserWarning, match="more glare was reckoned than light was seen"):
+    with pytest.warns(DoubtWarning, match="more glare was reckoned than light was seen") as said:
         result = diminish_glare(seen, LENS.scaled(0.07))
+    assert getattr(said[0].message, "effect", None) == pytest.approx(result.bounded.mean())
     assert result.bounded[TRAP].all() and not result.bounded[10:45, 30:60].any()
     assert result.picture.radiance.min() == 0.0
 

@@ -9,7 +9,7 @@ import pytest
 
 import relume.image.files as files
 from other_programs import by_opencv
-from relume.errors import FormatError, UnreadableFile
+from relume.errors import DoubtWarning, FormatError, UnreadableFile
 from relume.image.files import pfm
 from relume.image.files.encodings import PFM
 from relume.image.files.read_options import ReadOptions
@@ -197,8 +197,9 @@ def test_a_file_that_ends_early_is_refused_or_read_as_far_as_it_goes(tmp_path, c
     with pytest.raises(FormatError, match="2 of 4 rows") as refused:
         files.read_radiance(path)
     assert refused.value.where == f"byte {path.stat().st_size}"
-    with pytest.warns(UserWarning, match="the top 2 of 4 rows are missing"):
+    with pytest.warns(DoubtWarning, match="the top 2 of 4 rows are missing") as said:
         found = files.read_radiance(path, ReadOptions(salvage=True))
+    assert [getattr(each.message, "effect", None) for each in said] == [0.5]
     np.testing.assert_array_equal(found.radiance[2:], np.broadcast_to(pixels[1::-1], (2, 2, 3)))
     assert not found.radiance[:2].any()
     assert found.clipped is not None

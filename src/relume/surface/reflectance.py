@@ -377,7 +377,9 @@ def _doubts(local: Sequence[Shape], wanted: Sequence[Recovery], raw: np.ndarray,
             if share < FEW:
                 notes.append(line)
             else:
-                warn(line)
+                # What it is held by, of the light that this surface sends on.
+                held = np.maximum(raw[where] - 1, -raw[where]).clip(0, 1).max(-1)
+                warn(line, float(share * held.mean()))
     return notes
 
 

@@ -141,7 +141,8 @@ def recover_vignetting(
     if unevenness > DOUBTFUL:
         warn(
             f"the flat field varies by {100 * unevenness:.1f} % beyond the vignetting, which is no surer than that; "
-            "photograph a more evenly lit surface"
+            "photograph a more evenly lit surface",
+            unevenness,
         )
     covariance = np.linalg.pinv(fit.jac.T @ fit.jac) * unevenness**2
     sigma = np.sqrt(np.diag(covariance))[2 : 2 + terms]

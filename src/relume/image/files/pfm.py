@@ -86,12 +86,15 @@ def read(path: str | os.PathLike[str], options: ReadOptions = ReadOptions()) -> 
             f"{path}: its scale of {header.scale:g} takes {lost} values beyond float32; set it to 1 in the header"
         )
     if header.scale != 1:
-        warn(f"{path}: its scale is {header.scale:g}; its samples were multiplied by it, which not every program does")
+        warn(
+            f"{path}: its scale is {header.scale:g}; its samples were multiplied by it, which not every program does",
+            0.0,
+        )
     clipped = None
     if missing:
         clipped = np.zeros((height, width), np.uint8)
         clipped[:missing] = OUTSIDE
-        warn(f"{path}: ends early; the top {missing} of {height} rows are missing")
+        warn(f"{path}: ends early; the top {missing} of {height} rows are missing", missing / height)
     attributes = {"comments": header.comments} if header.comments else {}
     return RadianceMap(radiance, clipped=clipped, attributes=attributes)
 

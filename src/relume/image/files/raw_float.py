@@ -72,7 +72,7 @@ def read(path: str | os.PathLike[str], options: ReadOptions = ReadOptions()) -> 
     if rows < height:
         clipped = np.zeros((height, width), np.uint8)
         clipped[rows:] = OUTSIDE
-        warn(f"{path}: ends early; the last {height - rows} of {height} rows are missing")
+        warn(f"{path}: ends early; the last {height - rows} of {height} rows are missing", (height - rows) / height)
     return RadianceMap(radiance, clipped=clipped)
 
 

@@ -164,7 +164,7 @@ def _radiance_map(path: str | os.PathLike[str], parts: list[Part]) -> RadianceMa
     if primaries.is_close(REC709):
         return image
     named = ", ".join(f"{value:.4g}" for value in primaries.values)
-    warn(f"{path}: its primaries are {named} (x, y of R, G, B, white); converted to Rec. 709")
+    warn(f"{path}: its primaries are {named} (x, y of R, G, B, white); converted to Rec. 709", 0.0)
     return _in_rec709(image, primaries, part.header)
 
 
@@ -253,4 +253,7 @@ def _whole(path: str | os.PathLike[str], part: Part) -> bool:
 def _warn_of_missing(path: str | os.PathLike[str], missing: np.ndarray | None) -> None:
     if missing is not None:
         rows = np.count_nonzero(missing.any(1))
-        warn(f"{path}: ends early; pixels of {rows} of {len(missing)} rows are missing, and 0, marked as outside")
+        warn(
+            f"{path}: ends early; pixels of {rows} of {len(missing)} rows are missing, and 0, marked as outside",
+            float(missing.mean()),
+        )

@@ -160,7 +160,7 @@ def warn_of_overscan(path: str | os.PathLike[str], header: Mapping[str, Any]) ->
     """Say how many pixels of the data window lie outside the display window."""
     width, height = extent(header["dataWindow"])
     if outside := width * height - _common(header)[2]:
-        warn(f"{path}: {outside} pixels around the display window (overscan) are left out")
+        warn(f"{path}: {outside} pixels around the display window (overscan) are left out", 0.0)
 
 
 def _warn_of_contradiction(path: str | os.PathLike[str], headers: Headers) -> None:

@@ -101,7 +101,10 @@ def read(path: str | os.PathLike[str], options: ReadOptions = ReadOptions()) -> 
         radiance /= np.float32(scale)
     if not given.gain_primaries.is_close(REC709):
         attributes["primaries"] = given.gain_primaries.text
-        warn(f"{path}: its primaries are {given.gain_primaries.text} (x, y of R, G, B, white); converted to Rec. 709")
+        warn(
+            f"{path}: its primaries are {given.gain_primaries.text} (x, y of R, G, B, white); converted to Rec. 709",
+            0.0,
+        )
     del codes, given
     return RadianceMap(upright(radiance, exif.orientation_of(tags)), unit=unit, attributes=attributes)
 

@@ -75,7 +75,7 @@ def read(path: str | os.PathLike[str], options: ReadOptions = ReadOptions()) -> 
         attributes["primaries"] = given.text
         if not header.xyz:
             what = f"{given.text} (x, y of R, G, B, white)"
-            warn(f"{path}: its primaries are {what}; converted to Rec. 709")
+            warn(f"{path}: its primaries are {what}; converted to Rec. 709", 0.0)
     if header.gamma:
         what = f"a GAMMA of {header.gamma[:20]}"
         warn(f"{path}: its header names {what}; its pixels are taken to be linear all the same")
@@ -84,7 +84,7 @@ def read(path: str | os.PathLike[str], options: ReadOptions = ReadOptions()) -> 
         clipped = np.zeros((height, width), np.uint8)
         along(clipped, header.axes)[whole:] = OUTSIDE
         what = f"{header.lines - whole} of {header.lines} scan lines are missing"
-        warn(f"{path}: ends early; {what}: they are 0 and marked as outside")
+        warn(f"{path}: ends early; {what}: they are 0 and marked as outside", (header.lines - whole) / header.lines)
     return RadianceMap(radiance, clipped=clipped, unit=header.unit, attributes=attributes)
 
 

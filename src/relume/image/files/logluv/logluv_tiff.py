@@ -116,7 +116,7 @@ def to_d65(path: str | os.PathLike[str], folder: Folder, blocks: Blocks) -> tupl
         return np.eye(3), {}
     if np.array_equal(matrix, np.eye(3)):
         return matrix, {}
-    warn(f"{path}: its white is {x:.4g} {y:.4g} (x, y); adapted to D65")
+    warn(f"{path}: its white is {x:.4g} {y:.4g} (x, y); adapted to D65", 0.0)
     return matrix, {"white": f"{x:.6g} {y:.6g}"}
 
 
@@ -125,7 +125,7 @@ def _outside(path: str | os.PathLike[str], rows: logluv_blocks.Rows, folder: Fol
         return None
     missing = rows.missing()
     count = int(np.count_nonzero(missing.any(axis=1)))
-    warn(f"{path}: {count} of its {rows.blocks.layout.height} rows are missing, and marked so")
+    warn(f"{path}: {count} of its {rows.blocks.layout.height} rows are missing, and marked so", float(missing.mean()))
     marks = np.where(missing, np.uint8(OUTSIDE), np.uint8(0))
     return tiff_layout.upright(marks, tiff_layout.orientation_of(folder))
 

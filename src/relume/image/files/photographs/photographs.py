@@ -74,7 +74,7 @@ def read(path: str | os.PathLike[str], options: ReadOptions = ReadOptions()) -> 
         stored, profile = _decoded(path, kind, form, options)
         return _photograph(path, stored, profile, exif.tags(path, kind), gain_map=gain_map)
     missing = found.height - len(found.pixels)
-    warn(f"{path}: ends early; {missing} of {found.height} rows are missing")
+    warn(f"{path}: ends early; {missing} of {found.height} rows are missing", missing / found.height)
     return _photograph(path, found.pixels, found.profile, exif.tags(path, kind), missing, gain_map=gain_map)
 
 

@@ -118,7 +118,9 @@ def warn_of_other_encoding(path: str | os.PathLike[str], header: Header) -> None
         warn(f"{path}: its values are {header.transfer}, not sRGB; not converted")
     if header.gamma is not None and abs(header.gamma - _SRGB_GAMMA) > _SAME_GAMMA:
         exponent = f"1/{1 / header.gamma:.3g}" if header.gamma else "0"
-        warn(f"{path}: its values are encoded by gamma {exponent}, not sRGB; not converted")
+        # What it does to a middle value.
+        effect = abs(0.5 ** (1 / max(header.gamma, 0.1) - 1 / _SRGB_GAMMA) - 1)
+        warn(f"{path}: its values are encoded by gamma {exponent}, not sRGB; not converted", effect)
 
 
 def chunks(path: str | os.PathLike[str]) -> Chunks:

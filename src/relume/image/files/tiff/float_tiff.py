@@ -58,7 +58,10 @@ def read(path: str | os.PathLike[str], options: ReadOptions = ReadOptions()) -> 
         scale_by(path, pixels, scale, "STONITS")
     clipped = None
     if rows < layout.height:
-        warn(f"{path}: ends early; {layout.height - rows} of {layout.height} rows are missing")
+        warn(
+            f"{path}: ends early; {layout.height - rows} of {layout.height} rows are missing",
+            (layout.height - rows) / layout.height,
+        )
         clipped = np.zeros(pixels.shape[:2], np.uint8)
         clipped[rows:] = OUTSIDE
     if (pages := pages_of(folders)) > 1:
