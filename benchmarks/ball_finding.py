@@ -29,6 +29,7 @@ from relume.errors import BallNotFound
 from relume.image.colour import decode_srgb, encode_srgb
 from relume.image.files import read_photograph, read_radiance
 from relume.image.radiance import RadianceMap
+from relume.probe.ball.reflectance import CHROME_STEEL, BallReflectance
 from relume.probe.ball.silhouette import Cone, outline_of
 from relume.probe.ball.unwrapping import unwrap_ball
 from relume.sphere.mappings.mapping import LatLong
@@ -149,12 +150,9 @@ def looked_up(chart: np.ndarray, directions: np.ndarray) -> np.ndarray:
 
 def traced(
     chart: np.ndarray, size: tuple[int, int], focal_length: float, axis: np.ndarray, distance: float, heading: float,
-    shown: Callable[[np.ndarray], np.ndarray] | None = None,
+    reflectance: BallReflectance = BallReflectance(),
 ) -> np.ndarray:  # fmt: skip
-    """A ball at `distance` radii along `axis` (pixel frame) under a lat-long chart, in front of it; nine rays a pixel.
-
-    shown : radiance of a ball that mirrors nothing, from its normals in the pixel frame
-    """
+    """A ball at `distance` radii along `axis` (pixel frame) before a lat-long chart that it mirrors; nine rays a pixel."""
     width, height = size
     total = np.zeros((height, width, 3), np.float32)
     cosine, sine = np.cos(heading), np.sin(heading)
@@ -172,8 +170,8 @@ def traced(
             normal /= np.linalg.norm(normal, axis=-1, keepdims=True)
             seen = np.where(hit[..., None], ray - 2 * (ray * normal).sum(-1, keepdims=True) * normal, ray)
             light = looked_up(chart, seen @ world.T)
-            if shown is not None:
-                light = np.where(hit[..., None], shown(normal), light)
+            cosine_there = np.clip(-(ray * normal).sum(-1), 0, 1)
+            light = np.where(hit[..., None], light * reflectance.at(cosine_there), light)
             total += light.astype(np.float32)
     return total / 9
 
@@ -470,7 +468,12 @@ def beside() -> Iterator[Case]:
             yield around.as_("beside", name, put(around.picture, maker, place, grey), around.truth)
 
 
-def traced_balls() -> Iterator[Case]:
+def chromed_balls() -> Iterator[Case]:
+    """The traced balls as they are bought: chromed, brighter towards the rim by Schlick's formula."""
+    return traced_balls("chrome", CHROME_STEEL)
+
+
+def traced_balls(kind: str = "traced", reflectance: BallReflectance = BallReflectance()) -> Iterator[Case]:
     """Balls of several sizes and places under photographed light, with and without their focal length."""
     generator = np.random.default_rng(7)
     for path in MAPS:
@@ -482,10 +485,10 @@ def traced_balls() -> Iterator[Case]:
             x, y = (float(generator.uniform(radius * 1.15, side - radius * 1.15)) for side in size)
             axis, distance = towards(x, y, radius, size, focal)
             heading = float(generator.uniform(0, 6.28))
-            light = traced(chart, size, focal, axis, distance, heading)
+            light = traced(chart, size, focal, axis, distance, heading, reflectance=reflectance)
             grey = float(generator.choice([0.08, 0.18, 0.35]))
             case = Case(
-                "traced", f"{Path(path).stem} {number}", exposed_to_eight_bits(light, grey, number),
+                kind, f"{Path(path).stem} {number}", exposed_to_eight_bits(light, grey, number),
                 ellipse_of(axis, distance, size, focal), focal,
             )  # fmt: skip
             yield case if number % 2 else replace(case, focal_length=None, name=case.name + " no EXIF")
@@ -516,6 +519,7 @@ def two() -> Iterator[Case]:
 KINDS: dict[str, Callable[[], Iterator[Case]]] = {
     "frames": frames, "sizes": sizes, "crops": crops, "rotations": rotations, "blurs": blurs, "stands": stands,
     "surroundings": surroundings, "exposures": exposures, "beside": beside, "traced": traced_balls,
+    "chrome": chromed_balls,
     "nothing": nothing, "two": two,
 }  # fmt: skip
 

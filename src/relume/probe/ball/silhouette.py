@@ -31,6 +31,7 @@ class Outline:
     semi_axes : pixels, the greater first; None for a circle
     tilt : of the greater one against x, towards y, radians
     rivals : (x, y, radius) of other curves round the same place that are seen about as well; a doubt
+    focal_length : pixels, where the shape of the ellipse gave it; None where it was known, or a circle does as well
     """
 
     points: np.ndarray
@@ -40,6 +41,7 @@ class Outline:
     semi_axes: tuple[float, float] | None = None
     tilt: float = 0.0
     rivals: tuple[tuple[float, float, float], ...] = ()
+    focal_length: float | None = None
 
     def cut(self, size: tuple[float, float]) -> float:
         """The share of the disc that lies outside a picture of `size` (width, height)."""

@@ -197,15 +197,18 @@ def unwrap_ball(
     camera, centre = np.asarray(camera, np.float64), np.asarray(centre, np.float64)
     shown_light = _continued(picture)
     found = find_outline(shown_light, name, focal_length) if outline is None else outline
-    if focal_length is None:
+    lenses = [focal_length or found.focal_length]
+    if lenses[0] is None:
         if radius is None:
             raise ValueError(f"{name}: no focal length in its EXIF; give the ball's radius, so that it can be found")
         sine = radius / float(np.linalg.norm(camera - centre))
         if sine >= 1:
             raise ValueError(f"{name}: the given camera position is inside the ball; radius and places are in metres")
-        focal_length = found.radius * float(np.sqrt(1 - sine**2)) / sine
+        # The tape may be a guess, and the picture a crop: a circle is followed too.
+        lenses = [found.radius * float(np.sqrt(1 - sine**2)) / sine, None]
     if outline is None:
-        found = refined(shown_light, found, focal_length, ())
+        placed = [refined(shown_light, found, lens, ()) for lens in lenses]
+        found = max(placed, key=lambda each: len(each.points))
         cut = found.cut(picture.size)
         if cut > MOST_CUT:
             circle = (*found.centre, found.radius)
@@ -214,6 +217,8 @@ def unwrap_ball(
                 f"with --pick {shown(circle)}, and what is cut off is filled in",
                 (circle,), shown_light,
             )  # fmt: skip
+    focal_length = lenses[0]
+    assert focal_length is not None
     cone = cone_through(found.points, picture.size, focal_length)
     # The camera that looks straight at the ball, then turned in itself so that the ball lies where it is seen.
     straight = look_at(camera, centre) @ CAMERA_FROM_PIXELS

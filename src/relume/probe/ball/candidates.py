@@ -1,0 +1,208 @@
+"""The round things of a picture that might be the ball: sought, fitted as ellipses in perspective, and judged.
+
+Circles are sought in a small picture; the likeliest are fitted and followed, each in a picture in which it has the same
+size, and what reflects is preferred. Pixel coordinates: x right, y down, (0, 0) the outer corner of the first pixel.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import cv2
+import numpy as np
+from scipy.optimize import minimize
+
+from relume.probe.ball.circle_search import SEARCH_SIDE, Circle, gradient, likeliest_circles
+from relume.probe.ball.edge_tracking import LEAST_WITHIN, REACH, evened, follow
+from relume.probe.ball.mirroring import Mirroring, mirroring
+from relume.probe.ball.silhouette import RAYS, Cone, Outline
+from relume.probe.ball.windows import Pyramid, Window, outline_without
+from relume.sphere.directions import normalised
+
+LEAST_SEARCHED = 160
+"""Longer side, in pixels, to which smaller pictures are enlarged before circles are sought."""
+COVERAGE_NEEDED = 1 / 3
+"""The share of the outline that must be seen: below it, curves inside rooms are taken for balls."""
+SPREAD = 0.6
+"""The share of the rim's parts of 30° on which an edge must be seen: a half of them are hidden by no stand."""
+UNSURE = 1.5
+"""Pixels of the picture in which circles are sought, by which they are off."""
+CUT_OUT = (0.92, 0.97, 1.0, 1.04)
+"""Radii, against half of the shorter side, of circles that are tried in the middle of a picture that is nearly square:
+a ball is often cut out along its rim, and little of what is behind it is left to find it by."""
+SQUARE, UNSURE_CUT = 1.3, 0.04
+"""How much longer the longer side of such a picture is at most, and how far off those circles are, in radii."""
+LENSES = (2.2, 1.3, 0.85, 0.6)
+"""Focal lengths, in widths of the picture, that are tried where it is unknown: the longest draws a ball in a corner 2 %
+longer than wide, and the shortest is that of a phone's ultra-wide lens."""
+ROUNDER = 0.01
+"""How much longer than wide the shortest of them must draw a ball, or it is a circle."""
+BENT, NEAREST = 8, 6.0
+"""The likeliest that are tried so, and ball radii from which nobody photographs a ball: a large one lies far off,
+behind a long lens, and is a circle wherever it is."""
+CLEARER = 1.15
+"""Coverage as an ellipse, against that of the circle, from which on a ball is one."""
+
+
+@dataclass(frozen=True, eq=False)
+class Candidate:
+    """A round thing that might be the ball.
+
+    outline : pixels of the whole picture
+    mirror : what speaks for a mirror; see `Mirroring`
+    spread : the share of the parts of 30° that an edge is seen on, 0 to 1, of those in the picture: of arches it is not
+        all round
+    focal_length : pixels, by which it was followed
+    """
+
+    outline: Outline
+    mirror: Mirroring
+    spread: float
+    focal_length: float
+
+    @property
+    def circle(self) -> Circle:
+        """Its (x, y, radius)."""
+        return (*self.outline.centre, self.outline.radius)
+
+    @property
+    def believable(self) -> bool:
+        """Whether it may be taken without anyone looking at it."""
+        return self.outline.coverage >= COVERAGE_NEEDED and self.spread >= SPREAD and self.mirror.likelihood > 0
+
+    @property
+    def worth(self) -> float:
+        """Rooms mirrored in the ball hold smaller circles: among well-seen ones the larger is the ball."""
+        return self.outline.coverage * float(np.sqrt(self.outline.radius)) * (0.1 + self.mirror.likelihood)
+
+
+def candidates(pyramid: Pyramid, at: float, mirrored: bool = True, lens_known: bool = True) -> list[Candidate]:
+    """The round things of a picture that show an edge along a part of their rim, the worthiest first.
+
+    at : radius, in pixels, of the pictures in which they are fitted and judged
+    mirrored : whether they have to show their surroundings
+    lens_known : whether the pyramid's focal length is the picture's; others are tried where it is not
+    """
+    width, height = pyramid.size
+    longer = max(width, height)
+    factor = SEARCH_SIDE / longer if longer > SEARCH_SIDE else max(1.0, LEAST_SEARCHED / longer)
+    whole = pyramid.window((width / 2, height / 2), longer, factor)
+    guesses = [(circle, UNSURE_CUT) for circle in _cut_out(pyramid.size)]
+    for x, y, radius in likeliest_circles(evened(whole.light)):
+        centre = whole.whole(np.array([[x, y]]))[0]
+        guesses.append(((float(centre[0]), float(centre[1]), radius / whole.factor), UNSURE / radius))
+    found: list[Candidate] = []
+    for circle, unsure in guesses:
+        window = pyramid.about(circle, at)
+        fitted = _fitted(window, circle, unsure)
+        outline = None if fitted is None else follow(
+            evened(window.light), fitted, window.focal_length, REACH[:2], window.size)  # fmt: skip
+        if outline is None:
+            continue
+        candidate = _judged(pyramid, window, outline, mirrored)
+        x, y, radius = candidate.circle
+        if 0 < x < width and 0 < y < height and 4 < radius < 0.7 * longer and not _known(candidate, found):
+            found.append(candidate)
+    found.sort(key=lambda each: -each.worth)
+    if not lens_known:
+        found = [_in_perspective(pyramid, each, at, mirrored) for each in found[:BENT]] + found[BENT:]
+        found.sort(key=lambda each: -each.worth)
+    return found
+
+
+def cone_at(circle: Circle, size: tuple[float, float], focal_length: float) -> Cone:
+    """The cone whose silhouette lies round (x, y), `radius` pixels away across the line to the principal point.
+
+    size : twice the principal point, pixels
+    """
+    x, y, radius = circle
+    axis = np.array([x - size[0] / 2, y - size[1] / 2, focal_length])
+    return Cone(normalised(axis), float(np.hypot(1, np.linalg.norm(axis) / max(radius, 1e-6))))
+
+
+def _cut_out(size: tuple[int, int]) -> list[Circle]:
+    """Circles in the middle of a picture that is nearly square."""
+    shorter, longer = sorted(size)
+    if longer > SQUARE * shorter:
+        return []
+    return [(size[0] / 2, size[1] / 2, share * shorter / 2) for share in CUT_OUT]
+
+
+def _judged(pyramid: Pyramid, window: Window, outline: Outline, mirrored: bool) -> Candidate:
+    """What speaks for an outline of the window."""
+    mirror = mirroring(window, outline) if mirrored else Mirroring.taken_for_granted()
+    whole = outline_without(window, outline, pyramid)
+    middle, (width, height) = np.array(whole.centre), pyramid.size
+    turns = 2 * np.pi * (np.arange(RAYS) + 0.5) / RAYS
+    x, y = middle[:, None] + whole.radius * np.stack([np.cos(turns), np.sin(turns)])
+    within = (x > 0) & (x < width) & (y > 0) & (y < height)
+    parts = [np.bincount((angle % (2 * np.pi) * 6 / np.pi).astype(int) % 12, minlength=12) for angle in (
+        np.arctan2(*(whole.points - middle).T[::-1]), turns[within])]  # fmt: skip
+    counted = parts[1] > 0.5 * RAYS / 12
+    spread = float((parts[0] > 0.2 * RAYS / 12)[counted].sum() / max(counted.sum(), 6))
+    return Candidate(whole, mirror, spread, pyramid.focal_length)
+
+
+def _in_perspective(pyramid: Pyramid, candidate: Candidate, at: float, mirrored: bool) -> Candidate:
+    """A candidate followed as an ellipse where a lens of some focal length explains its rim better than a circle."""
+    x, y, _ = candidate.circle
+    width, height = pyramid.size
+    aside = np.hypot(x - width / 2, y - height / 2) / width
+    best: tuple[Pyramid, Window, Outline] | None = None
+    for lens in LENSES:
+        if np.hypot(1, aside / lens) < 1 + ROUNDER or lens * width < NEAREST * candidate.circle[2]:
+            continue
+        bent = replace(pyramid, focal_length=lens * width)
+        window = bent.about(candidate.circle, at)
+        place = window.part(np.array([x, y])).tolist()
+        cone = cone_at((place[0], place[1], candidate.circle[2] * window.factor), window.size, window.focal_length)
+        outline = follow(evened(window.light), cone, window.focal_length, (0.04, *REACH[:2]), window.size)
+        least = CLEARER * candidate.outline.coverage if best is None else best[2].coverage
+        if outline is not None and outline.coverage > least:
+            best = bent, window, outline
+    return candidate if best is None else _judged(*best, mirrored)
+
+
+def _known(candidate: Candidate, found: Sequence[Candidate]) -> bool:
+    """Whether the same circle was found before."""
+    x, y, radius = candidate.circle
+    return any(np.hypot(x - a, y - b) + abs(radius - r) < 0.02 * radius for a, b, r in (f.circle for f in found))
+
+
+def _fitted(window: Window, circle: Circle, unsure: float) -> Cone | None:
+    """The ball near a guess, in pixels of the window: its rim, across which the picture changes on most of it.
+
+    circle : the guess, pixels of the whole picture
+    unsure : how far the rim may be from it, in radii: farther off are other curves
+    """
+    x, y = window.part(np.array(circle[:2]))
+    guess = np.array([x, y, circle[2] * window.factor])
+    picture = evened(window.light)
+    turns = 2 * np.pi * np.arange(RAYS // 4) / (RAYS // 4)
+    ring = np.stack([np.cos(turns), np.sin(turns)], axis=1)
+    for share in (1, 1 / 2, 1 / 4):
+        blur = max(share * unsure * guess[2], 0.8)
+        gx, gy = gradient(picture, blur)
+        noise = float(np.median(np.abs(gx))) + 1e-6
+        both = np.dstack([gx, gy]) / np.float32(noise)
+
+        def unseen(c: np.ndarray, both: np.ndarray = both) -> float:
+            # A ball aside of the middle is longer towards it.
+            aside = c[:2] - np.array(window.size) / 2
+            longer = np.hypot(1, np.hypot(*aside) / window.focal_length) - 1
+            way = aside / max(np.hypot(*aside), 1e-9)
+            rim = c[:2] + c[2] * (ring + longer * (ring @ way)[:, None] * way)
+            at = (rim - 0.5).astype(np.float32)
+            change = cv2.remap(both, at[None, :, 0], at[None, :, 1], cv2.INTER_LINEAR, borderMode=cv2.BORDER_REPLICATE)
+            within = np.all((rim > 0) & (rim < picture.shape[::-1]), axis=1)
+            # The logarithm lets a long weak edge outweigh a short strong one.
+            seen = np.log1p((change[0] * ring).sum(1) ** 2)
+            return -float(seen[within].sum() / max(within.sum(), LEAST_WITHIN * len(rim)))
+
+        simplex = guess + np.vstack([np.zeros(3), np.eye(3) * blur])
+        options = {"initial_simplex": simplex, "xatol": 0.05, "fatol": 1e-3, "maxiter": 50}
+        guess = minimize(unseen, guess, method="Nelder-Mead", options=options).x
+    if not 4 < guess[2] < 2 * max(picture.shape):
+        return None
+    return cone_at((guess[0], guess[1], guess[2]), window.size, window.focal_length)
