@@ -22,8 +22,11 @@ from relume.sphere.directions import normalised
 
 LEAST_SEARCHED = 160
 """Longer side, in pixels, to which smaller pictures are enlarged before circles are sought."""
-COVERAGE_NEEDED = 1 / 3
-"""The share of the outline that must be seen: below it, curves inside rooms are taken for balls."""
+COVERAGE_NEEDED, BY_CHANCE = 0.31, 0.7
+"""The share of a large outline that must be seen: below it, curves inside rooms are taken for balls; and how much more
+of a small one, over the root of its length in pixels: noise alone shows 0.27 of a rim at 30 pixels' radius."""
+MOST_BEYOND = 0.1
+"""The share of a ball that may lie beyond the picture: arcs along its edge are found in noise."""
 SPREAD = 0.6
 """The share of the rim's parts of 30° on which an edge must be seen: a half of them are hidden by no stand."""
 UNSURE = 1.5
@@ -54,12 +57,14 @@ class Candidate:
     spread : the share of the parts of 30° that an edge is seen on, 0 to 1, of those in the picture: of arches it is not
         all round
     focal_length : pixels, by which it was followed
+    at : its radius where it was judged, pixels
     """
 
     outline: Outline
     mirror: Mirroring
     spread: float
     focal_length: float
+    at: float
 
     @property
     def circle(self) -> Circle:
@@ -69,7 +74,8 @@ class Candidate:
     @property
     def believable(self) -> bool:
         """Whether it may be taken without anyone looking at it."""
-        return self.outline.coverage >= COVERAGE_NEEDED and self.spread >= SPREAD and self.mirror.likelihood > 0
+        seen = self.outline.coverage >= coverage_needed(min(self.outline.radius, self.at)) and self.spread >= SPREAD
+        return seen and self.mirror.likelihood > 0
 
     @property
     def worth(self) -> float:
@@ -100,15 +106,21 @@ def candidates(pyramid: Pyramid, at: float, mirrored: bool = True, lens_known: b
             evened(window.light), fitted, window.focal_length, REACH[:2], window.size)  # fmt: skip
         if outline is None:
             continue
-        candidate = _judged(pyramid, window, outline, mirrored)
-        x, y, radius = candidate.circle
-        if 0 < x < width and 0 < y < height and 4 < radius < 0.7 * longer and not _known(candidate, found):
+        candidate = _judged(pyramid, window, outline, at, mirrored)
+        radius = candidate.outline.radius
+        whole_enough = 4 < radius < 0.7 * longer and candidate.outline.cut(pyramid.size) < MOST_BEYOND
+        if whole_enough and not _known(candidate, found):
             found.append(candidate)
     found.sort(key=lambda each: -each.worth)
     if not lens_known:
         found = [_in_perspective(pyramid, each, at, mirrored) for each in found[:BENT]] + found[BENT:]
         found.sort(key=lambda each: -each.worth)
     return found
+
+
+def coverage_needed(radius: float) -> float:
+    """The share of an outline that must be seen where it has this radius, pixels."""
+    return COVERAGE_NEEDED + BY_CHANCE / float(np.sqrt(2 * np.pi * radius))
 
 
 def cone_at(circle: Circle, size: tuple[float, float], focal_length: float) -> Cone:
@@ -129,7 +141,7 @@ def _cut_out(size: tuple[int, int]) -> list[Circle]:
     return [(size[0] / 2, size[1] / 2, share * shorter / 2) for share in CUT_OUT]
 
 
-def _judged(pyramid: Pyramid, window: Window, outline: Outline, mirrored: bool) -> Candidate:
+def _judged(pyramid: Pyramid, window: Window, outline: Outline, at: float, mirrored: bool) -> Candidate:
     """What speaks for an outline of the window."""
     mirror = mirroring(window, outline) if mirrored else Mirroring.taken_for_granted()
     whole = outline_without(window, outline, pyramid)
@@ -141,7 +153,7 @@ def _judged(pyramid: Pyramid, window: Window, outline: Outline, mirrored: bool) 
         np.arctan2(*(whole.points - middle).T[::-1]), turns[within])]  # fmt: skip
     counted = parts[1] > 0.5 * RAYS / 12
     spread = float((parts[0] > 0.2 * RAYS / 12)[counted].sum() / max(counted.sum(), 6))
-    return Candidate(whole, mirror, spread, pyramid.focal_length)
+    return Candidate(whole, mirror, spread, pyramid.focal_length, at)
 
 
 def _in_perspective(pyramid: Pyramid, candidate: Candidate, at: float, mirrored: bool) -> Candidate:
@@ -161,7 +173,7 @@ def _in_perspective(pyramid: Pyramid, candidate: Candidate, at: float, mirrored:
         least = CLEARER * candidate.outline.coverage if best is None else best[2].coverage
         if outline is not None and outline.coverage > least:
             best = bent, window, outline
-    return candidate if best is None else _judged(*best, mirrored)
+    return candidate if best is None else _judged(*best, at, mirrored)
 
 
 def _known(candidate: Candidate, found: Sequence[Candidate]) -> bool:

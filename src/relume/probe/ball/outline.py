@@ -14,7 +14,7 @@ from dataclasses import replace
 import numpy as np
 
 from relume.errors import BallNotFound
-from relume.probe.ball.candidates import COVERAGE_NEEDED, Candidate, candidates
+from relume.probe.ball.candidates import Candidate, candidates, coverage_needed
 from relume.probe.ball.circle_search import Circle
 from relume.probe.ball.rim_selection import settled
 from relume.probe.ball.silhouette import TELEPHOTO, Outline
@@ -33,6 +33,9 @@ SAME = 0.03
 """Radii within which a rim that was followed finely is the one that was judged roughly."""
 CROSSING = 0.85
 """How well, against the best, a circle that overlaps it must be seen to make the choice a doubt."""
+TAPE, UNEXPECTED = 0.08, 0.5
+"""Standard deviation of the size that tape measure and lens predict, as a share of it: 5 % each of the tape, the lens
+and the ball's own size. What is of another size keeps this much of its worth: EXIF of a crop predicts a wrong one."""
 OFFERED = 4
 """The most round things that a refusal offers as picks."""
 LEAST_OFFERED = 0.25
@@ -40,11 +43,17 @@ LEAST_OFFERED = 0.25
 
 
 def find_outline(
-    radiance: np.ndarray, name: str = "picture", focal_length: float | None = None, *, mirrored: bool = True
+    radiance: np.ndarray,
+    name: str = "picture",
+    focal_length: float | None = None,
+    *,
+    mirrored: bool = True,
+    expected: float | None = None,
 ) -> Outline:
     """Find the ball's silhouette in a radiance map (H, W, 3).
 
     focal_length : pixels; where it is unknown the silhouette is taken for a circle, unless an ellipse is seen plainly
+    expected : its radius in pixels by tape measure and lens; what is as large is preferred, and nothing else refused
     mirrored : whether it has to show its surroundings; not where lamps alone light it, as on a light stage
     Raises BallNotFound, with the candidates, when no outline shows an edge along a third of its length and mirrors what
     is around it, and when two that lie apart are seen about equally well. The outline's `rivals` are curves round the
@@ -56,8 +65,9 @@ def find_outline(
     for at in JUDGED_AT:
         found = candidates(pyramid, at, mirrored, focal_length is not None) or found
         seen = [each for each in found if each.believable and not any(_outdone(each, other) for other in found)]
-        _require_one(seen, name, radiance, mirrored)
-        result = _chosen(pyramid, seen, at / JUDGED_AT[0])
+        seen.sort(key=lambda each: -_worth(each, expected))
+        _require_one(seen, expected, name, radiance, mirrored)
+        result = _chosen(pyramid, seen, expected, at / JUDGED_AT[0])
         if result is not None:
             return result
     what = "mirrored ball found; it must be" if mirrored else "ball found; it must be"
@@ -82,10 +92,20 @@ def shown(circle: Circle) -> str:
     return ",".join(f"{value:.{figures}f}" for value in circle)
 
 
-def _require_one(seen: Sequence[Candidate], name: str, radiance: np.ndarray, mirrored: bool) -> None:
+def _worth(candidate: Candidate, expected: float | None) -> float:
+    """How much speaks for a candidate, with what is known of its size."""
+    if expected is None:
+        return candidate.worth
+    off = np.log(candidate.outline.radius / expected) / TAPE
+    return candidate.worth * (UNEXPECTED + (1 - UNEXPECTED) * float(np.exp(-0.5 * off**2)))
+
+
+def _require_one(
+    seen: Sequence[Candidate], expected: float | None, name: str, radiance: np.ndarray, mirrored: bool
+) -> None:
     """Refuse a picture in which two things that lie apart are seen about equally well."""
     for best, other in ((seen[0], other) for other in seen[1:]):
-        if _apart(best, other) > 0.9 and other.worth > RIVAL * best.worth:
+        if _apart(best, other) > 0.9 and _worth(other, expected) > RIVAL * _worth(best, expected):
             places = " and ".join(shown(each.circle) for each in (best, other))
             raise refusal(
                 f"{name}: two balls, at x,y,radius {places} pixels; pick the one that is meant", (best, other),
@@ -93,9 +113,10 @@ def _require_one(seen: Sequence[Candidate], name: str, radiance: np.ndarray, mir
             )  # fmt: skip
 
 
-def _chosen(pyramid: Pyramid, seen: Sequence[Candidate], sharpness: float) -> Outline | None:
+def _chosen(pyramid: Pyramid, seen: Sequence[Candidate], expected: float | None, sharpness: float) -> Outline | None:
     """The rim of the worthiest candidate that has one.
 
+    seen : the worthiest first
     sharpness : share of the usual size at which rims are followed
     """
     for chosen in seen[:TRIED]:
@@ -105,12 +126,12 @@ def _chosen(pyramid: Pyramid, seen: Sequence[Candidate], sharpness: float) -> Ou
         near = _off(result, chosen.circle) < SAME * result.radius
         coverage = max(result.coverage, chosen.outline.coverage if near else 0)
         # A short circle is met by chance more easily than a long one.
-        if coverage < COVERAGE_NEEDED + 0.5 / np.sqrt(2 * np.pi * result.radius):
+        if coverage < coverage_needed(min(result.radius, chosen.at)):
             continue
         # Circles across it that are seen as well say that it may be the wrong one.
         doubts = [
             each.circle for each in seen
-            if _apart(chosen, each) <= 0.9 and each.worth > CROSSING * chosen.worth
+            if _apart(chosen, each) <= 0.9 and _worth(each, expected) > CROSSING * _worth(chosen, expected)
             and _off(result, each.circle) > NESTED * result.radius
         ]  # fmt: skip
         focal_length = None if chosen.focal_length == pyramid.focal_length else chosen.focal_length

@@ -204,6 +204,7 @@ def _view(
         return unwrap_ball(
             picture.picture, camera=camera, centre=np.zeros(3), focal_length=focal_length, radius=radius,
             outline=outline, reflectance=settings.reflectance, name=picture.name,
+            measured=settings.radius is not None and (settings.distance or photographs.camera) is not None,
         )  # fmt: skip
 
     if focal_length is not None:

@@ -183,6 +183,7 @@ def unwrap_ball(
     outline: Outline | None = None,
     reflectance: BallReflectance = BallReflectance(),
     name: str = "picture",
+    measured: bool = False,
 ) -> BallView:
     """Find the ball in a radiance map and place its view in the world.
 
@@ -192,11 +193,16 @@ def unwrap_ball(
     outline : taken exactly as given, as from `outline_through` or `outline_of_circle`; the rim is sought and followed
         as an ellipse unless given. Only a ball that is picked so may be cut by the picture's edge
     reflectance : of the ball, divided out of what it shows; 1 unless given
+    measured : whether radius and places are by tape measure, so that they say how large the ball is in the picture
     Raises BallNotFound; ValueError when neither focal length nor radius is given.
     """
     camera, centre = np.asarray(camera, np.float64), np.asarray(centre, np.float64)
     shown_light = _continued(picture)
-    found = find_outline(shown_light, name, focal_length) if outline is None else outline
+    expected = None
+    if measured and focal_length is not None and radius is not None:
+        sine = min(radius / max(float(np.linalg.norm(camera - centre)), 1e-9), 0.99)
+        expected = focal_length * sine / float(np.sqrt(1 - sine**2))
+    found = find_outline(shown_light, name, focal_length, expected=expected) if outline is None else outline
     lenses = [focal_length or found.focal_length]
     if lenses[0] is None:
         if radius is None:

@@ -63,6 +63,7 @@ def blended(shot: Shot, merged: Sequence[MergedBracket], stood: BallCamera | Non
             picture, camera=np.array(place), centre=np.array(centre), focal_length=focal_length,
             radius=ball.radius, outline=outline, name=bracket.name,
             reflectance=CHROME_STEEL if chrome else BallReflectance(),
+            measured=table.camera is not None and ball.centre is not None,
         )  # fmt: skip
         if view.outline.rivals:
             doubt = rim_doubt(view, bracket.name, "`relume probe --picture` draws it; choose it with light.balls.pick")
