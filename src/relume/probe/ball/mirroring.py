@@ -34,6 +34,11 @@ LEAST_EVIDENCE, SURE_EVIDENCE = 0.095, 0.2
 """Evidence below which nothing is mirrored, and from which on it surely is: 0.03 to 0.09 of fruit, billiard balls,
 globes, clocks and matte balls, 0.11 and more of mirrored balls unless most of the ball is white or black."""
 
+WHITEST, COLOURED, LEAST_AROUND = 97, 0.75, 100
+"""Percentile of a channel's share inside the ball, against the median around it, below which the ball is coloured, and
+the fewest places around it: 0.33 to 0.66 of red, green and blue balls, 0.87 and more of neutral ones. Gold, 0.83 to
+1.16, is not noticed."""
+
 LEAST_RANGE, MOST_RAISED = 1.5, 8.0
 """Range of ln luminance to which flatter surroundings are stretched, and how much at most."""
 
@@ -73,6 +78,34 @@ def mirroring(window: Window, outline: Outline) -> Mirroring:
         _detail(polar, shown & (depth > 0.1) & (depth < 0.92)),
         across / max(across + along, 1e-9),
     )
+
+
+def missing_colour(radiance: np.ndarray, outline: Outline) -> tuple[int, float] | None:
+    """The channel that a coloured ball swallows, and how much of it is left against the surroundings; None without one.
+
+    radiance : (H, W, 3)
+
+    A neutral ball shows white things somewhere, whatever the place; of a coloured one nothing is.
+    """
+    height, width = radiance.shape[:2]
+    turn = 2 * np.pi * np.arange(0, TURNS, 2)[:, None] / TURNS
+    shares = []
+    for depth in (np.arange(0.1, 0.85, 0.05), np.arange(1.2, 2.0, 0.05)):
+        x, y = (
+            np.floor(at + outline.radius * depth * wave(turn)).astype(int)
+            for at, wave in zip(outline.centre, (np.cos, np.sin), strict=True)
+        )
+        shown = (x >= 0) & (x < width) & (y >= 0) & (y < height)
+        light = np.maximum(np.nan_to_num(radiance[y[shown], x[shown]].astype(np.float64)), 0)
+        # In the dark noise has every colour.
+        light = light[light.sum(1) > 0.5 * np.median(light.sum(1))] if len(light) else light
+        shares.append(light / np.maximum(light.sum(1, keepdims=True), 1e-12))
+    inside, around = shares
+    if len(around) < LEAST_AROUND or not len(inside):
+        return None
+    left = np.percentile(inside, WHITEST, axis=0) / np.maximum(np.median(around, axis=0), 1e-6)
+    channel = int(np.argmin(left))
+    return (channel, float(left[channel])) if left[channel] < COLOURED else None
 
 
 def _polar(window: Window, outline: Outline) -> tuple[np.ndarray, np.ndarray]:

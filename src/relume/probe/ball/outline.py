@@ -13,8 +13,8 @@ from dataclasses import replace
 
 import numpy as np
 
-from relume.errors import BallNotFound
-from relume.probe.ball.candidates import Candidate, candidates, coverage_needed
+from relume.errors import BallNotFound, warn
+from relume.probe.ball.candidates import SPREAD, Candidate, candidates, coverage_needed
 from relume.probe.ball.circle_search import Circle
 from relume.probe.ball.rim_selection import settled
 from relume.probe.ball.silhouette import TELEPHOTO, Outline
@@ -23,6 +23,8 @@ from relume.probe.ball.windows import Pyramid
 JUDGED_AT = (96.0, 40.0)
 """Radius, in pixels, of the pictures in which round things are judged: where nothing is seen in the first, lens or
 motion may have blurred it, and the second is sharp again."""
+BLURRED = 0.02
+"""How precisely a rim is found in the second, in radii: 1 to 2.3 % where defocus is 1 to 3 % of the radius."""
 RIVAL = 0.75
 """How well, against the best, another outline beside it must be seen to make the choice a guess."""
 TRIED = 3
@@ -33,6 +35,8 @@ SAME = 0.03
 """Radii within which a rim that was followed finely is the one that was judged roughly."""
 CROSSING = 0.85
 """How well, against the best, a circle that overlaps it must be seen to make the choice a doubt."""
+PLAIN = 0.5
+"""Coverage from which on a round thing is one that a photographer meant."""
 TAPE, UNEXPECTED = 0.08, 0.5
 """Standard deviation of the size that tape measure and lens predict, as a share of it: 5 % each of the tape, the lens
 and the ball's own size. What is of another size keeps this much of its worth: EXIF of a crop predicts a wrong one."""
@@ -69,9 +73,22 @@ def find_outline(
         _require_one(seen, expected, name, radiance, mirrored)
         result = _chosen(pyramid, seen, expected, at / JUDGED_AT[0])
         if result is not None:
+            if at < JUDGED_AT[0]:
+                warn(
+                    f"{name}: the ball's rim is blurred or lost in noise, and was placed to about "
+                    f"{100 * BLURRED:.0f} % of its radius only; photograph it sharp, or pick its rim",
+                    effect=2 * BLURRED,
+                )
             return result
     what = "mirrored ball found; it must be" if mirrored else "ball found; it must be"
-    raise refusal(f"{name}: no {what} round, whole in the picture and sharp", found, radiance, mirrored)
+    words = f"{name}: no {what} round, whole in the picture and sharp"
+    dull = [each for each in found if each.spread >= SPREAD and each.outline.coverage >= PLAIN]
+    if dull and not dull[0].mirror.likelihood:
+        words += (
+            f", and what is round at {shown(dull[0].circle)} shows nothing of the place, as what is matte or scratched, "
+            "fruit and lamps do"
+        )
+    raise refusal(words, found, radiance, mirrored)
 
 
 def refusal(words: str, found: Sequence[Candidate], radiance: np.ndarray, offered: bool = True) -> BallNotFound:

@@ -13,10 +13,11 @@ from dataclasses import dataclass, replace
 import numpy as np
 from scipy.ndimage import distance_transform_edt
 
-from relume.errors import BallNotFound
+from relume.errors import BallNotFound, warn
 from relume.image.bilinear import bilinear
 from relume.image.radiance import OUTSIDE, SATURATED, RadianceMap
 from relume.probe.ball.edge_tracking import refined
+from relume.probe.ball.mirroring import missing_colour
 from relume.probe.ball.outline import find_outline, shown
 from relume.probe.ball.reflectance import BallReflectance
 from relume.probe.ball.silhouette import Outline, cone_through
@@ -24,6 +25,8 @@ from relume.sphere.directions import angle_between, look_at, normalised, rotatio
 
 MOST_CUT = 0.02
 """The share of the ball that may lie beyond the picture's edge: crops drawn along the rim cut that much."""
+NEUTRAL = 1.2
+"""Largest reflectance of a channel, against the smallest, below which a ball is taken for grey."""
 MIXED = 1.0
 """Pixels inside the silhouette that a pixel cut by it reaches when the picture is looked up between its pixels."""
 CAMERA_FROM_PIXELS = np.diag([1.0, -1.0, -1.0])
@@ -225,6 +228,14 @@ def unwrap_ball(
             )  # fmt: skip
     focal_length = lenses[0]
     assert focal_length is not None
+    missing = missing_colour(shown_light, found)
+    if missing is not None and max(reflectance.normal) < NEUTRAL * min(reflectance.normal):
+        channel = ("red", "green", "blue")[missing[0]]
+        warn(
+            f"{name}: nothing in the ball is as {channel} as most of what is around it ({missing[1]:.2f} of it at most): "
+            "a coloured ball colours the light; use a chromed one, or give its reflectance R,G,B",
+            effect=1 - missing[1],
+        )
     cone = cone_through(found.points, picture.size, focal_length)
     # The camera that looks straight at the ball, then turned in itself so that the ball lies where it is seen.
     straight = look_at(camera, centre) @ CAMERA_FROM_PIXELS
