@@ -152,7 +152,7 @@ def traced(
     chart: np.ndarray, size: tuple[int, int], focal_length: float, axis: np.ndarray, distance: float, heading: float,
     reflectance: BallReflectance = BallReflectance(),
 ) -> np.ndarray:  # fmt: skip
-    """A ball at `distance` radii along `axis` (pixel frame) before a lat-long chart that it mirrors; nine rays a pixel."""
+    """A ball at `distance` radii along `axis` (pixel frame) before a lat-long chart that it mirrors; 9 rays a pixel."""
     width, height = size
     total = np.zeros((height, width, 3), np.float32)
     cosine, sine = np.cos(heading), np.sin(heading)
@@ -237,9 +237,9 @@ def about_the_ball(case: Case, radii: float) -> Case:
     height, width = case.picture.shape[:2]
     beyond = int(max(0, reach - min(x, y, width - x, height - y))) + 1
     if beyond < 0.1 * r:
-        wide = cv2.copyMakeBorder(case.picture, *[beyond] * 4, cv2.BORDER_REPLICATE)
+        wide = cv2.copyMakeBorder(case.picture, beyond, beyond, beyond, beyond, cv2.BORDER_REPLICATE)
     else:
-        own = cv2.copyMakeBorder(case.picture, *[beyond] * 4, cv2.BORDER_REPLICATE)
+        own = cv2.copyMakeBorder(case.picture, beyond, beyond, beyond, beyond, cv2.BORDER_REPLICATE)
         behind = ground(own.shape[1], own.shape[0])
         behind = behind * (float(np.median(case.picture)) / max(float(np.median(behind)), 1e-6))
         cover = inside(own.shape, (x + beyond, y + beyond, r - 0.5))

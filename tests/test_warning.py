@@ -13,6 +13,8 @@ from relume.capture.brackets.merging import merge_brackets
 from relume.errors import Doubt, DoubtWarning, GatheredDoubts, NotABracket, RelumeError, doubt_of, warn
 from relume.image.files import write
 from relume.image.radiance import RadianceMap
+from relume.probe.ball.probing import probe_ball
+from relume.probe.ball.view_files import BallPhotographs
 from relume.project.insertion.insert import insert
 from relume.report.shot_check import check_shot
 from toml_files import shot_of
@@ -57,12 +59,14 @@ def test_where_warnings_are_errors_a_failed_job_raises_its_own() -> None:
         raise NotABracket("no exposure")
 
 
-def test_merge_and_insert_that_fail_say_what_they_warned_of(tmp_path: Path) -> None:
+def test_merge_probe_and_insert_that_fail_say_what_they_warned_of(tmp_path: Path) -> None:
     for name in ("a", "b"):
         pixels = np.full((16, 16, 4), 128, np.uint8)
         (tmp_path / f"{name}.png").write_bytes(imagecodecs.png_encode(pixels))
     with pytest.warns(DoubtWarning, match="alpha is left out"), pytest.raises(NotABracket):
         merge_brackets([tmp_path / "a.png", tmp_path / "b.png"])
+    with pytest.warns(DoubtWarning, match="alpha is left out"), pytest.raises(NotABracket):
+        probe_ball([BallPhotographs((tmp_path / "a.png", tmp_path / "b.png"))])
     shot = shot_of(tmp_path, SHOT)
     for job in (lambda: insert(shot, tmp_path / "out"), lambda: check_shot(shot)):
         with pytest.warns(DoubtWarning, match="alpha is left out"), pytest.raises(RelumeError):

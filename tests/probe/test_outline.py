@@ -12,6 +12,9 @@ from relume.capture.response.calibration import recover_response
 from relume.errors import BallNotFound
 from relume.image.colour import decode_srgb
 from relume.image.files import read_photograph
+from relume.probe.ball.candidates import cone_at
+from relume.probe.ball.edge_tracking import follow
+from relume.probe.ball.mirroring import missing_colour
 from relume.probe.ball.outline import find_outline
 from relume.probe.ball.rim_selection import picked_rim, settled
 from relume.probe.ball.silhouette import Outline, outline_of_circle
@@ -231,6 +234,64 @@ def test_a_ball_is_found_alike_at_every_size(factor):
     picture = cv2.resize(drawing(320, 240, (150.0, 120.0), 70.0), size, interpolation=cv2.INTER_AREA)
     outline = find_outline(picture)
     assert (*outline.centre, outline.radius) == pytest.approx((150 * factor, 120 * factor, 70 * factor), rel=0.01)
+
+
+@pytest.mark.parametrize("beyond", [0.0, 0.03])
+def test_a_ball_cut_out_along_its_rim_and_into_it_is_found(beyond):
+    side = round(2 * 90.0 * (1 - beyond))
+    outline = find_outline(drawing(side, side, (side / 2 + 0.7, side / 2 - 0.4), 90.0))
+    assert (*outline.centre, outline.radius) == pytest.approx((side / 2 + 0.7, side / 2 - 0.4, 90), abs=0.9)
+
+
+def test_a_blurred_ball_is_found_roughly_and_said_to_be_blurred():
+    picture = cv2.GaussianBlur(drawing(320, 240, (170.0, 118.0), 75.0), (0, 0), 3.0)
+    with pytest.warns(
+        UserWarning, match=r"^it: the ball's rim is blurred or lost in noise, and was placed to about 2 %"
+    ):
+        outline = find_outline(picture, "it")
+    assert (*outline.centre, outline.radius) == pytest.approx((170, 118, 75), abs=0.03 * 75)
+
+
+def test_an_edge_that_does_not_last_along_the_rim_is_none():
+    noise = np.random.default_rng(96).normal(0.5, 0.2, (288, 288))
+    rim = follow(noise, cone_at((144.0, 144.0, 96.0), (288.0, 288.0), 57600.0), 57600.0)
+    # As many edges as before lie near by chance, 0.4 of the rim and more; few of them go on beside themselves.
+    assert rim is None or rim.coverage < 0.25
+    y, x = np.mgrid[:288, :288] + 0.5
+    disc = noise + 0.25 * (np.hypot(x - 144, y - 144) < 96)
+    found = follow(disc, cone_at((144.5, 143.5, 96.5), (288.0, 288.0), 57600.0), 57600.0)
+    assert found is not None and found.coverage > 0.5 and found.radius == pytest.approx(96, abs=0.5)
+
+
+def test_what_is_as_large_as_tape_and_lens_say_is_preferred():
+    left, right = drawing(520, 260, (130.0, 130.0), 60.0), drawing(520, 260, (390.0, 128.0), 72.0)
+    both = np.concatenate([left[:, :260], right[:, 260:]], axis=1)
+    with pytest.raises(BallNotFound, match="two balls"):
+        find_outline(both)
+    for expected, centre in ((60.0, (130, 130)), (72.0, (390, 128))):
+        outline = find_outline(both, expected=expected)
+        assert (*outline.centre, outline.radius) == pytest.approx((*centre, expected), abs=0.5)
+    # What the tape says of one ball refuses no other.
+    assert find_outline(left, expected=200.0).radius == pytest.approx(60, abs=0.5)
+
+
+def test_a_dull_ball_is_named_in_the_refusal():
+    picture = peach(drawing(320, 240, (900.0, 900.0), 10.0), (170.0, 120.0), 70.0)
+    with pytest.raises(BallNotFound, match=r"what is round at 170,120,70 shows nothing of the place, as matte and scr"):
+        find_outline(picture)
+
+
+def test_a_coloured_ball_is_noticed_and_a_neutral_one_is_not():
+    picture, rim = drawing(320, 240, (150.0, 120.0), 70.0), outline_of_circle(150.0, 120.0, 70.0)
+    assert missing_colour(picture, rim) is None
+    y, x = np.mgrid[:240, :320] + 0.5
+    ball = (np.hypot(x - 150, y - 120) < 70)[..., None]
+    red = np.where(ball, picture * np.array([0.8, 0.2, 0.2]), picture)
+    missing = missing_colour(red, rim)
+    # A third of the light around is green, a sixth of that in the ball: 0.2/1.2.
+    assert missing is not None and missing == pytest.approx((1, 0.5), abs=0.02)
+    # Light that is warm everywhere colours no ball.
+    assert missing_colour(picture * np.array([1.0, 0.7, 0.35]), rim) is None
 
 
 BANDED = ((151.4, 148.6), 100.0)

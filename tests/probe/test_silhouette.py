@@ -68,6 +68,18 @@ def test_the_ellipse_is_followed_to_a_tenth_of_a_pixel(size, focal_length, targe
     assert too_large < 0.1 and misplaced < 0.1
 
 
+def test_the_ellipse_of_a_ball_beside_the_middle_is_found_without_its_focal_length():
+    size, focal_length = (640, 420), 520.0
+    target = np.array((0.14, 0.1, 0.0))
+    picture = photograph_ball(lobes, CAMERA, width=size[0], height=size[1], focal_length=focal_length, target=target)
+    wanted = outline_of(true_cone(CAMERA, target), size, focal_length)
+    found = find_outline(picture.radiance if isinstance(picture, RadianceMap) else picture)
+    assert wanted.semi_axes is not None and wanted.semi_axes[0] > 1.04 * wanted.semi_axes[1]
+    assert found.centre == pytest.approx(wanted.centre, abs=0.01 * wanted.radius)
+    assert found.semi_axes == pytest.approx(wanted.semi_axes, rel=0.01)
+    assert found.focal_length == pytest.approx(focal_length, rel=0.35)
+
+
 @pytest.mark.parametrize("inside", ["level", "root"])
 def test_a_rim_is_placed_where_it_is_and_not_where_it_is_steepest(inside):
     # A ball that reflects all shows no step at its rim: the brightness starts there as the root of the depth.

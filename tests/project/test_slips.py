@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 from relume.capture.exposure.bracket import Bracket
-from relume.errors import InvalidShot
+from relume.errors import DoubtWarning, InvalidShot
 from relume.image.photograph import Exposure, Photograph, Settings
 from relume.image.radiance import RadianceMap
 from relume.probe.ball.silhouette import outline_of_circle
@@ -103,7 +103,13 @@ def test_rim_and_focal_length_are_held_against_the_tape() -> None:
         "ball's diameter?"
     )
     assert held(view, 0.0005)[1][0].endswith("by tape 2e+03; lengths are metres: 5 cm are 0.05")
-    assert held(view, 0.03)[1][0].endswith("by tape 33.3; check camera, ball.radius and focal_length")
+    assert held(view, 0.029)[1][0].endswith("by tape 34.5; check camera, ball.radius and focal_length")
+    # 20 radii away by a rim that may have been missed, 15 by tape: it shows 0.56 of the ball.
+    with pytest.warns(DoubtWarning, match="by tape 15; check .* or the rim was missed") as caught:
+        held_to_tape(
+            view, 0, BallPhotographs(photographs=["a.jpg"], camera=(0, 0, 1)), Ball(centre=(0, 0, 0), radius=1 / 15)
+        )
+    assert caught[0].message.effect == pytest.approx(1 - (15 / 20) ** 2, abs=0.01)
 
 
 def test_a_crop_whose_exif_has_the_whole_pictures_focal_length_is_placed_by_tape() -> None:

@@ -27,8 +27,9 @@ COVERAGE_NEEDED, BY_CHANCE = 0.31, 0.7
 of a small one, over the root of its length in pixels: noise alone shows 0.27 of a rim at 30 pixels' radius."""
 MOST_BEYOND = 0.1
 """The share of a ball that may lie beyond the picture: arcs along its edge are found in noise."""
-SPREAD = 0.6
-"""The share of the rim's parts of 30° on which an edge must be seen: a half of them are hidden by no stand."""
+SPREAD, LEAST_PARTS = 0.6, 4
+"""The share of the rim's parts of 30° on which an edge must be seen: a half of them are hidden by no stand; and of how
+many parts at least: all that lies in a picture cut from inside the rim."""
 UNSURE = 1.5
 """Pixels of the picture in which circles are sought, by which they are off."""
 CUT_OUT = (0.92, 0.97, 1.0, 1.04)
@@ -152,7 +153,7 @@ def _judged(pyramid: Pyramid, window: Window, outline: Outline, at: float, mirro
     parts = [np.bincount((angle % (2 * np.pi) * 6 / np.pi).astype(int) % 12, minlength=12) for angle in (
         np.arctan2(*(whole.points - middle).T[::-1]), turns[within])]  # fmt: skip
     counted = parts[1] > 0.5 * RAYS / 12
-    spread = float((parts[0] > 0.2 * RAYS / 12)[counted].sum() / max(counted.sum(), 6))
+    spread = float((parts[0] > 0.2 * RAYS / 12)[counted].sum() / max(counted.sum(), LEAST_PARTS))
     return Candidate(whole, mirror, spread, pyramid.focal_length, at)
 
 

@@ -71,7 +71,7 @@ def find_outline(
         seen = [each for each in found if each.believable and not any(_outdone(each, other) for other in found)]
         seen.sort(key=lambda each: -_worth(each, expected))
         _require_one(seen, expected, name, radiance, mirrored)
-        result = _chosen(pyramid, seen, expected, at / JUDGED_AT[0])
+        result = _chosen(pyramid, seen, found, expected, at / JUDGED_AT[0])
         if result is not None:
             if at < JUDGED_AT[0]:
                 warn(
@@ -85,7 +85,7 @@ def find_outline(
     dull = [each for each in found if each.spread >= SPREAD and each.outline.coverage >= PLAIN]
     if dull and not dull[0].mirror.likelihood:
         words += (
-            f", and what is round at {shown(dull[0].circle)} shows nothing of the place, as what is matte or scratched, "
+            f", and what is round at {shown(dull[0].circle)} shows nothing of the place, as matte and scratched balls, "
             "fruit and lamps do"
         )
     raise refusal(words, found, radiance, mirrored)
@@ -130,10 +130,17 @@ def _require_one(
             )  # fmt: skip
 
 
-def _chosen(pyramid: Pyramid, seen: Sequence[Candidate], expected: float | None, sharpness: float) -> Outline | None:
+def _chosen(
+    pyramid: Pyramid,
+    seen: Sequence[Candidate],
+    found: Sequence[Candidate],
+    expected: float | None,
+    sharpness: float,
+) -> Outline | None:
     """The rim of the worthiest candidate that has one.
 
-    seen : the worthiest first
+    seen : what may be taken, the worthiest first
+    found : all that is round, among which those seen as well raise doubts
     sharpness : share of the usual size at which rims are followed
     """
     for chosen in seen[:TRIED]:
@@ -146,9 +153,10 @@ def _chosen(pyramid: Pyramid, seen: Sequence[Candidate], expected: float | None,
         if coverage < coverage_needed(min(result.radius, chosen.at)):
             continue
         # Circles across it that are seen as well say that it may be the wrong one.
+        worth = CROSSING * _worth(chosen, expected)
         doubts = [
-            each.circle for each in seen
-            if _apart(chosen, each) <= 0.9 and _worth(each, expected) > CROSSING * _worth(chosen, expected)
+            each.circle for each in found
+            if each.mirror.likelihood > 0 and _apart(chosen, each) <= 0.9 and _worth(each, expected) > worth
             and _off(result, each.circle) > NESTED * result.radius
         ]  # fmt: skip
         focal_length = None if chosen.focal_length == pyramid.focal_length else chosen.focal_length

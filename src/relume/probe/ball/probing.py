@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-import warnings
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -13,7 +12,7 @@ import numpy as np
 
 from relume.capture.brackets.settings import MergeSettings
 from relume.capture.response.camera_profile import CameraProfile
-from relume.errors import WRONG, Doubt, doubt_of, ranked
+from relume.errors import WRONG, Doubt, GatheredDoubts, ranked
 from relume.image import files
 from relume.image.radiance import OUTSIDE, SATURATED
 from relume.probe.ball.blending import Probe, blend_views
@@ -127,9 +126,8 @@ def probe_ball(
     stand = photographs[0].camera or (0.0, 0.0, 1.0)
     cameras = [_at_distance(each.camera or stand, settings.distance) for each in photographs]
 
-    # Radiance of each view, with every warning kept as a note.
-    with warnings.catch_warnings(record=True) as caught:
-        warnings.simplefilter("always", UserWarning)
+    # Radiance of each view, with every warning kept as a note, or said where the job fails.
+    with GatheredDoubts() as gathered:
         read = read_view_pictures(
             photographs, times=times, times_from_names=times_from_names, profile=profile, settings=settings.merge,
             progress=progress,
@@ -165,7 +163,7 @@ def probe_ball(
     if measured.clipped > 0:
         line = f"{measured.clipped:.3g} sr are saturated in every photograph; add shorter exposures"
         notes.append(Doubt(line, probe.share(SATURATED)))
-    doubts = ranked([*(doubt_of(each.message) for each in caught), *notes])
+    doubts = ranked([*gathered.doubts, *notes])
     lesser, wrong = (tuple(each.line for each in doubts if each.wrong is kind) for kind in (False, True))
     return BallProbe(probe, tuple(views), names, known, lesser, wrong, doubts)
 

@@ -232,8 +232,8 @@ def unwrap_ball(
     if missing is not None and max(reflectance.normal) < NEUTRAL * min(reflectance.normal):
         channel = ("red", "green", "blue")[missing[0]]
         warn(
-            f"{name}: nothing in the ball is as {channel} as most of what is around it ({missing[1]:.2f} of it at most): "
-            "a coloured ball colours the light; use a chromed one, or give its reflectance R,G,B",
+            f"{name}: nothing in the ball is as {channel} as most of what is around it ({missing[1]:.2f} of it at "
+            "most): a coloured ball colours the light; use a chromed one, or give its reflectance R,G,B",
             effect=1 - missing[1],
         )
     cone = cone_through(found.points, picture.size, focal_length)

@@ -26,6 +26,8 @@ REMOTE = 300.0
 OFF = 1.25
 """Times by which the distance by rim and focal length may differ from that by tape: EXIF rounds its focal lengths, and
 lenses shorten them where they focus near."""
+LOST = 1.7
+"""Times by which it may differ where a rim that was missed is as likely as a slip of the tape."""
 FULL = 0.6
 """Of the picture's shorter side that a ball covers from which on the picture is a crop."""
 SUNK = 0.1
@@ -121,7 +123,11 @@ def held_to_tape(view: BallView, index: int, table: BallPhotographs, ball: Ball)
         advice = METRES
     else:
         advice = "check camera, ball.radius and focal_length"
-    warn(f"{seen}, by tape {by_tape:.3g}; {advice}", MISPLACED)
+    # A rim that was lost takes light from a wrong area; what it is off by, where no slip of the tape explains it.
+    lost = not full and 1 / LOST < quotient < LOST
+    if lost:
+        advice += "; or the rim was missed: `relume probe --picture` draws it, and light.balls.pick or rim gives it"
+    warn(f"{seen}, by tape {by_tape:.3g}; {advice}", max(MISPLACED, 1 - min(quotient, 1 / quotient) ** 2) if lost else MISPLACED)
     return view
 
 
