@@ -39,6 +39,10 @@ def test_a_warm_lamp_is_not_red():
             [469, 2719, 2709], [False, True, True], [400.0, 480.0, 560.0], [469, 562.8, 656.6], 0.01, id="a window"
         ),
         pytest.param([2710, 445, 222], [True, False, False], [900.0, 90.0, 45.0], [2710, 445, 222], 0, id="as red"),
+        # Adobe RGB's red, as Rec. 709's: the bounds of the others took it below 0. The least that blue's bound shows.
+        pytest.param(
+            [-950, 2719, 2708], [False, True, True], [400.0, 480.0, 560.0], [2708 / 1.4, 2719, 2708], 0.01, id="spoilt"
+        ),
         # Red is no darker than green, which was not white yet.
         pytest.param([2710, 445, 222], [True, False, False], [100.0, 500.0, 250.0], [445, 445, 222], 1e-6, id="bluish"),
     ],

@@ -75,10 +75,15 @@ def in_the_colour_beside(picture: RadianceMap) -> tuple[RadianceMap, int]:
     measured = np.where(unmeasured, 0, bounds)
     level = (measured / colour[known]).max(-1, keepdims=True)
     wanted = np.maximum(level * colour[known], measured.max(-1, keepdims=True))
-    lowered = np.where(unmeasured, np.minimum(bounds, wanted), bounds)
+    # A conversion from wide primaries takes the bounds of the others from a measured channel, down to 0 and below: it
+    # says nothing then, and has the colour beside it as well.
+    spoilt = ~unmeasured & (bounds <= 0)
+    least = np.where(unmeasured, bounds / colour[known], np.inf).min(-1, keepdims=True)
+    lowered = np.where(unmeasured & (level > 0), np.minimum(bounds, wanted), bounds)
+    lowered = np.where(spoilt, np.minimum(least * colour[known], bounds.max(-1, keepdims=True)), lowered)
     radiance = picture.radiance.copy()
     radiance[rows, columns] = lowered
-    return replace(picture, radiance=radiance), int(np.any(lowered < bounds, axis=-1).sum())
+    return replace(picture, radiance=radiance), int(np.any(lowered != bounds, axis=-1).sum())
 
 
 def _colour_beside(picture: RadianceMap, some: np.ndarray) -> tuple[np.ndarray, np.ndarray]:

@@ -32,10 +32,10 @@ SPREAD, LEAST_PARTS = 0.6, 4
 many parts at least: all that lies in a picture cut from inside the rim."""
 UNSURE = 1.5
 """Pixels of the picture in which circles are sought, by which they are off."""
-CUT_OUT = (0.92, 0.97, 1.0, 1.04)
+CUT_OUT = (0.92, 0.95, 0.97, 0.985, 1.0, 1.02, 1.04)
 """Radii, against half of the shorter side, of circles that are tried in the middle of a picture that is nearly square:
 a ball is often cut out along its rim, and little of what is behind it is left to find it by."""
-SQUARE, UNSURE_CUT = 1.3, 0.04
+SQUARE, UNSURE_CUT = 1.3, 0.015
 """How much longer the longer side of such a picture is at most, and how far off those circles are, in radii."""
 LENSES = (2.2, 1.3, 0.85, 0.6)
 """Focal lengths, in widths of the picture, that are tried where it is unknown: the longest draws a ball in a corner 2 %
