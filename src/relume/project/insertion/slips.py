@@ -127,7 +127,8 @@ def held_to_tape(view: BallView, index: int, table: BallPhotographs, ball: Ball)
     lost = not full and 1 / LOST < quotient < LOST
     if lost:
         advice += "; or the rim was missed: `relume probe --picture` draws it, and light.balls.pick or rim gives it"
-    warn(f"{seen}, by tape {by_tape:.3g}; {advice}", max(MISPLACED, 1 - min(quotient, 1 / quotient) ** 2) if lost else MISPLACED)
+    effect = 1 - min(quotient, 1 / quotient) ** 2 if lost else MISPLACED
+    warn(f"{seen}, by tape {by_tape:.3g}; {advice}", effect)
     return view
 
 
