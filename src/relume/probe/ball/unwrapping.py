@@ -200,6 +200,7 @@ def unwrap_ball(
     Raises BallNotFound; ValueError when neither focal length nor radius is given.
     """
     camera, centre = np.asarray(camera, np.float64), np.asarray(centre, np.float64)
+    # The ball, where tape and lens expect it or anywhere.
     shown_light = _continued(picture)
     expected = None
     if measured and focal_length is not None and radius is not None:
@@ -228,6 +229,7 @@ def unwrap_ball(
             )  # fmt: skip
     focal_length = lenses[0]
     assert focal_length is not None
+    # What it does to colours.
     missing = missing_colour(shown_light, found)
     if missing is not None and max(reflectance.normal) < NEUTRAL * min(reflectance.normal):
         channel = ("red", "green", "blue")[missing[0]]
