@@ -9,8 +9,9 @@ from itertools import combinations
 import numpy as np
 
 from relume.errors import BallNotFound
+from relume.probe.ball.candidates import candidates, coverage_needed
 from relume.probe.ball.circle_search import SEARCH_SIDE
-from relume.probe.ball.outline import COVERAGE_NEEDED, candidates, find_outline
+from relume.probe.ball.outline import JUDGED_AT, find_outline
 from relume.probe.ball.rim_selection import settled
 from relume.probe.ball.silhouette import TELEPHOTO, Outline
 from relume.probe.ball.windows import Pyramid
@@ -97,7 +98,7 @@ def _round_things(
     focal = float(TELEPHOTO * picture.shape[1]) if focal_length is None else focal_length
     pyramid = Pyramid.of(picture.astype(np.float32), focal)
     found: list[tuple[Outline, np.ndarray, bool]] = []
-    for candidate in candidates(pyramid, mirrored=False):
+    for candidate in candidates(pyramid, JUDGED_AT[0], mirrored=False):
         if candidate.outline.coverage < _FAINT or len(found) == _TRIED:
             continue
         sharp = candidate.believable
@@ -105,7 +106,8 @@ def _round_things(
         if any(_touch(outline, other) for other, _, _ in found):
             continue
         try:
-            found.append((outline, lamps(outline), sharp and outline.coverage >= COVERAGE_NEEDED))
+            needed = coverage_needed(min(outline.radius, JUDGED_AT[0]))
+            found.append((outline, lamps(outline), sharp and outline.coverage >= needed))
         except BallNotFound:  # round, and no ball
             continue
     return found

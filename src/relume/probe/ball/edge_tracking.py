@@ -109,7 +109,7 @@ def placed(bright: np.ndarray, outline: Outline, focal_length: float, size: tupl
     focal_length : pixels
     size : twice the principal point
     """
-    cone, found = cone_through(outline.points, size, focal_length), outline
+    cone, found, bright = cone_through(outline.points, size, focal_length), outline, np.asarray(bright, np.float64)
     start, _ = cone.silhouette(size, focal_length)
     for _ in range(2):
         rim, normals = cone.silhouette(size, focal_length)
