@@ -66,7 +66,8 @@ def find_outline(
     focal = float(TELEPHOTO * radiance.shape[1]) if focal_length is None else focal_length
     pyramid = Pyramid.of(radiance, focal)
     found: list[Candidate] = []
-    for at in JUDGED_AT:
+    # Of a light stage other pictures are tried in its place.
+    for at in JUDGED_AT if mirrored else JUDGED_AT[:1]:
         found = candidates(pyramid, at, mirrored, focal_length is not None) or found
         seen = [each for each in found if each.believable and not any(_outdone(each, other) for other in found)]
         seen.sort(key=lambda each: -_worth(each, expected))
