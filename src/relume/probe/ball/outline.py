@@ -66,15 +66,15 @@ def find_outline(
     focal = float(TELEPHOTO * radiance.shape[1]) if focal_length is None else focal_length
     pyramid = Pyramid.of(radiance, focal)
     found: list[Candidate] = []
-    # Of a light stage other pictures are tried in its place.
-    for at in JUDGED_AT if mirrored else JUDGED_AT[:1]:
+    for at in JUDGED_AT:
         found = candidates(pyramid, at, mirrored, focal_length is not None) or found
         seen = [each for each in found if each.believable and not any(_outdone(each, other) for other in found)]
         seen.sort(key=lambda each: -_worth(each, expected))
         _require_one(seen, expected, name, radiance, mirrored)
         result = _chosen(pyramid, seen, found, expected, at / JUDGED_AT[0])
         if result is not None:
-            if at < JUDGED_AT[0]:
+            # The mean of a stage's pictures is as sharp as they are, though lamps light little of its rim.
+            if at < JUDGED_AT[0] and mirrored:
                 warn(
                     f"{name}: the ball's rim is blurred or lost in noise, and was placed to about "
                     f"{100 * BLURRED:.0f} % of its radius only; photograph it sharp, or pick its rim",
