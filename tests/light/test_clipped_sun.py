@@ -11,9 +11,9 @@ from relume.image import files
 from relume.image.radiance import BLACK, OUTSIDE, SATURATED, RadianceMap
 from relume.light.suns.clipped_regions import ClippedPixels, SunDisc, clipped_pixels, plateau, sources
 from relume.light.suns.clipped_sun import recover_sun
-from relume.light.suns.matte_readings import ChartPatch, MatteReadings, measure_chart, read_grey_ball
+from relume.light.suns.matte_readings import ChartPatch, MatteReadings, measure_chart, measure_grey_ball, read_grey_ball
 from relume.probe.ball.silhouette import outline_of_circle
-from relume.probe.ball.unwrapping import CAMERA_FROM_PIXELS, BallView, unwrap_ball
+from relume.probe.ball.unwrapping import CAMERA_FROM_PIXELS, BallView
 from relume.sphere.directions import look_at, normalised
 from relume.sphere.environment_files import as_environment, as_radiance_map
 from relume.sphere.environment_map import EnvironmentMap
@@ -290,15 +290,12 @@ def test_noise_becomes_a_deviation_and_clipped_pixels_are_left_out():
     assert np.median(readings.deviation) == pytest.approx(0.1 / 3 * np.pi / 0.18, rel=1e-5)
 
 
-@pytest.mark.slow
+@pytest.mark.long
 def test_a_photographed_matte_ball_is_found_as_a_mirrored_one_is():
     truth, lights = made()
     view = photographed(lights, side=240)
-    found = unwrap_ball(
-        view.picture, camera=12 * normalised([0.2, 0.3, 1.0]), centre=np.zeros(3), focal_length=1200.0, name="grey"
-    )
-    recovered = recover_sun(cut(truth), read_grey_ball(found, 0.18))
-    assert worst(recovered.light, lights) < 0.01
+    found = measure_grey_ball(view.picture, 0.18, camera=12 * normalised([0.2, 0.3, 1.0]), radius=1.0, name="grey")
+    assert worst(recover_sun(cut(truth), found).light, lights) < 0.01
 
 
 def test_the_file_says_how_the_sun_was_recovered(tmp_path):

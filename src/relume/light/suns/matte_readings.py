@@ -10,6 +10,7 @@ from numpy.typing import ArrayLike
 
 from relume.errors import UnreadableFile
 from relume.image.radiance import BLACK, OUTSIDE, SATURATED, RadianceMap
+from relume.probe.ball.outline import find_outline
 from relume.probe.ball.silhouette import outline_of_circle
 from relume.probe.ball.unwrapping import BallView, unwrap_ball
 from relume.sphere.directions import normalised
@@ -99,10 +100,12 @@ def measure_grey_ball(
     radius : of the ball, metres
     circle : the ball's rim, column, row and radius in pixels; found in the picture unless given
     name : of the picture, for messages
+    Raises BallNotFound.
     """
-    outline = None if circle is None else outline_of_circle(*circle)
+    # A matte ball mirrors nothing that would show it among other round things.
+    found = find_outline(picture.radiance, name, mirrored=False) if circle is None else outline_of_circle(*circle)
     view = unwrap_ball(
-        picture, camera=np.asarray(camera, np.float64), centre=np.zeros(3), radius=radius, outline=outline, name=name
+        picture, camera=np.asarray(camera, np.float64), centre=np.zeros(3), radius=radius, outline=found, name=name
     )
     return read_grey_ball(view, albedo)
 
