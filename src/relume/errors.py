@@ -273,7 +273,11 @@ class GatheredDoubts:
 
     def __exit__(self, kind: type[BaseException] | None, error: BaseException | None, at: TracebackType | None) -> None:
         self._catching.__exit__(kind, error, at)
-        self.doubts = tuple(doubt_of(each.message) for each in self._caught or ())
+        caught = self._caught or ()
+        self.doubts = tuple(doubt_of(each.message) for each in caught if issubclass(each.category, UserWarning))
+        for each in caught:
+            if not issubclass(each.category, UserWarning):  # of other libraries: it says nothing of the light
+                warnings.warn_explicit(each.message, each.category, each.filename, each.lineno)
         if not isinstance(error, Exception):
             return
         for doubt in ranked(self.doubts):

@@ -115,8 +115,13 @@ def test_a_fault_of_ours_is_one_line_too(monkeypatch, capsys):
     assert "Traceback" in printed(["info", PLATE[0], "-v"], capsys, 1).err
 
 
-def test_bad_input_has_no_traceback_with_verbose_either(capsys):
+def test_bad_input_has_no_traceback_with_verbose_but_a_value_error_may_be_a_fault(monkeypatch, capsys):
+    import relume.cli.info
+
     refused(["info", "absent.exr", "-v"], capsys)
+    monkeypatch.setattr(relume.cli.info, "print_facts", lambda *_, **__: np.zeros(2) + np.zeros(3))
+    assert "could not be broadcast" in refused(["info", PLATE[0]], capsys)
+    assert "Traceback" in printed(["info", PLATE[0], "-v"], capsys, 2).err
 
 
 def test_the_installed_command_runs_and_loads_nothing_heavy_for_help():

@@ -215,6 +215,9 @@ translate = [1.0, 0.0, -2.0]
         ('shape = "sphere"\nradius = 0.1', "a sphere needs centre"),
         ('shape = "sphere"\ncentre = [0, 0, 0]\nradius = 0.1\nrotate = [0, 10, 0]', "placed by its centre"),
         ('shape = "sphere"\ncentre = [0, 0, 0]\nradius = 0', "radius"),
+        ('shape = "sphere"\ncentre = [0, 0, 0]\nradius = 0.1\nheight = 1', "height: not of a sphere"),
+        ('shape = "plane"\ncentre = [0, 0, 0]\nradius = 0.1', "centre, radius: not of a plane"),
+        ('shape = "box"\nlow = [0, 0, 0]\nhigh = [1, 1, 1]\nmesh = "hall.glb"', "mesh: not of a box"),
     ],
 )
 def test_a_sphere_that_is_none_is_refused_in_a_line(folder, table, line):

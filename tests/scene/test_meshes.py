@@ -194,16 +194,22 @@ def with_a_corner_at(value):
 SQUARE = gltf_files.CORNERS.astype(np.float32)
 
 
-def draco_of(corners):
-    return DracoPy.encode(corners, gltf_files.TRIANGLES.reshape(-1, 3), preserve_order=True)
+def draco_of(corners, **attributes):
+    return DracoPy.encode(corners, gltf_files.TRIANGLES.reshape(-1, 3), preserve_order=True, **attributes)
 
 
-def draco_square(data):
-    """The square of gltf_files as KHR_draco_mesh_compression stores it: accessors without a buffer view."""
+def draco_square(data, **attributes):
+    """The square of gltf_files as KHR_draco_mesh_compression stores it: accessors without a buffer view.
+
+    attributes : their numbers in the compressed data; POSITION's is 0 unless given
+    """
     header, _ = gltf_files.parts_of(gltf_files.square_glb())
     primitive = header["meshes"][0]["primitives"][0]
-    del primitive["attributes"]["TEXCOORD_0"]
-    primitive["extensions"] = {"KHR_draco_mesh_compression": {"bufferView": 0, "attributes": {"POSITION": 0}}}
+    if "TEXCOORD_0" not in attributes:
+        del primitive["attributes"]["TEXCOORD_0"]
+    compressed = {"bufferView": 0, "attributes": {"POSITION": 0} | attributes}
+    primitive["extensions"] = {"KHR_draco_mesh_compression": compressed}
+    header["accessors"][1] |= {"componentType": 5123, "normalized": True}
     for accessor in header["accessors"]:
         del accessor["bufferView"]
     header["bufferViews"] = [{"buffer": 0, "byteLength": len(data)}]
@@ -230,11 +236,12 @@ def requiring(extension):
         (gltf_files.square_glb(node={"scale": [1, 0, 1]}), "thing.glb", "has no extent"),
         (draco_square(b"DRACO and then nothing"), "thing.glb", "its Draco data is damaged"),
         (draco_square(draco_of(SQUARE)[:-9]), "thing.glb", "its Draco data is damaged"),
+        (draco_square(draco_of(SQUARE), TEXCOORD_0=7), "thing.glb", "TEXCOORD_0 is not of the mesh that Draco"),
         (requiring("EXT_meshopt_compression"), "thing.glb", "it requires EXT_meshopt_compression, which is not read"),
     ],
     ids=[
         "another kind", "another kind of that name", "no triangles", "no buffer", "NaN", "infinite", "no extent",
-        "scaled to nothing", "scaled to a line", "draco", "draco cut short", "meshopt",
+        "scaled to nothing", "scaled to a line", "draco", "draco cut short", "an attribute missing", "meshopt",
     ],
 )  # fmt: skip
 def test_what_cannot_be_read_is_refused_by_what_is_wrong(written, data, name, words):
@@ -285,6 +292,15 @@ def test_a_mesh_compressed_by_draco_is_the_mesh(written):
     corners = mesh.vertices[mesh.faces].reshape(-1, 3)
     np.testing.assert_allclose(corners, SQUARE[gltf_files.TRIANGLES].reshape(-1, 3), atol=1e-4)
     assert material.name == "paint"
+
+
+def test_whole_numbers_that_draco_compressed_are_shares_where_they_are_normalised(written):
+    points = (gltf_files.TEXTURE_POINTS * 65535).astype(np.uint16)
+    data = draco_of(SQUARE, generic_attributes={7: points})
+    (mesh,) = read_meshes(written(draco_square(data, POSITION=8, TEXCOORD_0=7), "thing.glb"))
+    assert mesh.uv is not None
+    place, turned = mesh.vertices / 2 + 0.5, mesh.uv
+    np.testing.assert_allclose(turned, place[:, :2], atol=1e-4)
 
 
 @needs_shared

@@ -57,12 +57,14 @@ def refuse_error(error: Exception, *, verbose: bool) -> int:
         return refuse(str(error), 4)
     if isinstance(error, rl.errors.Interrupted):
         return refuse(str(error), error.exit_code)
-    if isinstance(error, rl.errors.RelumeError | ValueError):
+    if isinstance(error, rl.errors.RelumeError):
         return refuse(str(error), 2)
     if isinstance(error, MemoryError):
         return refuse("not enough memory; use smaller pictures or fewer at a time", 2)
-    if verbose:
+    if verbose:  # a ValueError may be one of another library, met by a fault of ours
         traceback.print_exc()
+    if isinstance(error, ValueError):
+        return refuse(str(error), 2)
     return refuse(
         f"a fault in relume itself, please report it: {type(error).__name__}: {error}", 1, "-v shows where it arose"
     )

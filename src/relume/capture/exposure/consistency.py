@@ -162,7 +162,7 @@ def _of_copies(bracket: Bracket) -> Iterator[BracketDoubt]:
 
 
 def _of_levels(bracket: Bracket) -> Iterator[BracketDoubt]:
-    """BracketDoubt a response drawn from photographs that hold but a few of the values they could."""
+    """Doubt a response drawn from photographs that hold but a few of the values they could."""
     photographs = bracket.photographs
     most = int(np.iinfo(photographs[0].pixels.dtype).max) + 1
     step = max(1, round((photographs[0].pixels[..., 0].size * len(photographs) / _SAMPLES) ** 0.5))
@@ -183,7 +183,7 @@ def _of_levels(bracket: Bracket) -> Iterator[BracketDoubt]:
 
 
 def _of_borders(bracket: Bracket) -> Iterator[BracketDoubt]:
-    """BracketDoubt pixels of one pure colour, such as registered scans have at their borders."""
+    """Doubt pixels of one pure colour, such as registered scans have at their borders."""
     for colour in _PURE:
         shares = [
             float(np.all(p.pixels[::3, ::3] == np.array(colour) * np.iinfo(p.pixels.dtype).max, axis=2).mean())
@@ -290,7 +290,7 @@ def _of_exposure(photograph: Photograph, correction: float) -> BracketDoubt:
 
 
 def _of_white_balance(photographs: Sequence[Photograph], result: ExposureCorrections) -> Iterator[BracketDoubt]:
-    """BracketDoubt the colours where the channels of neighbours drift apart, if the camera was free to let them."""
+    """Doubt the colours where the channels of neighbours drift apart, if the camera was free to let them."""
     for first, second, cast, shared in zip(photographs, photographs[1:], result.casts, result.shared, strict=False):
         automatic = first.settings.automatic_white or second.settings.automatic_white
         spread = np.nanmax(cast) - np.nanmin(cast) if np.isfinite(cast).any() else 0.0

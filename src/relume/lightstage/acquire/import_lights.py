@@ -103,7 +103,7 @@ def stage_of_balls(
     names = [path.name for path in paths]
     # Each ball reads its own pictures.
     shown = _pictures_of_balls(len(balls), elsewhere, paths)
-    metres = in_metres(balls, radii)
+    metres = radii_of(balls, radii)
     mirrors = _placed(balls, shown, metres, field_of_view, encoding)
     readings = [_read(pictures, mirror, encoding) for mirror, pictures in zip(mirrors, shown, strict=True)]
     found = BallFindings(
@@ -197,7 +197,7 @@ def _read(paths: Sequence[Path], ball: MirrorBall, encoding: PhotographEncoding)
     return BallReadings(np.tile(ball.centre, (len(paths), 1)), np.array([towards for towards, _ in found]), matte=True)
 
 
-def in_metres(balls: Sequence[Ball], radii: Sequence[float] = ()) -> tuple[float | None, ...]:
+def radii_of(balls: Sequence[Ball], radii: Sequence[float] = ()) -> tuple[float | None, ...]:
     """The own radius of each ball in metres, None where it is unknown.
 
     radii : of those that do not say it themselves; one for all, or one for each
@@ -312,4 +312,5 @@ def _light(path: Path, encoding: PhotographEncoding) -> np.ndarray:
 
 
 def pixels_of(path: Path) -> np.ndarray:
+    """The values of a picture as it stores them: radiance, or a photograph's codes."""
     return files.read_radiance(path).radiance if files.has_radiance(path) else files.read_photograph(path).pixels

@@ -20,8 +20,8 @@ from relume.lightstage.acquire.import_lights import (
     Ball,
     BallFindings,
     camera_ahead,
-    in_metres,
     masks_in,
+    radii_of,
     stage_of_balls,
     stage_of_list,
 )
@@ -93,7 +93,7 @@ class ImportSettings:
                 raise ValueError(f"the camera's distance is {self.camera_distance}; give metres above 0")
             if self.field_of_view is None:
                 raise ValueError("the camera's distance without its field of view; give both")
-            if self.balls and not film_ball and None not in in_metres(self.balls, self.ball_radii):
+            if self.balls and not film_ball and None not in radii_of(self.balls, self.ball_radii):
                 raise ValueError("balls in metres place the camera; leave the camera's distance or the metres out")
         elif self.field_of_view is not None and not self.balls:
             raise ValueError("the field of view without balls or the camera's distance; give the distance too")

@@ -99,7 +99,8 @@ def find_place(
             even = replace(plate, radiance=(plate.radiance / fall_off).astype(np.float32))
         ball = shot.light.ball
         made_from = [
-            even, camera, bare, calibrated.probe.confidence, [table.model_dump() for table in shot.surfaces()],
+            even, camera, bare, calibrated.probe.confidence, calibrated.probe.mirrored_at, calibrated.probe.nearness,
+            [table.model_dump() for table in shot.surfaces()],
             ball and ball.model_dump(), shot.render.seed, without_threads(renderer),
         ]  # fmt: skip
         progress: Progress = lambda share: steps.progress("reflectance", share)  # noqa: E731

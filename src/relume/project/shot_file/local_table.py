@@ -24,6 +24,10 @@ GREY = Diffuse((0.5, 0.5, 0.5))
 """What a surface is made of until its reflectance is recovered."""
 
 
+_LOCAL_NEEDS = {"plane": (), "box": ("low", "high"), "sphere": ("centre", "radius"), "mesh": ("mesh",)}
+_LOCAL_MAY = {"plane": ("size", "height"), "box": (), "sphere": (), "mesh": ()}
+_SHAPES = {name for names in (*_LOCAL_NEEDS.values(), *_LOCAL_MAY.values()) for name in names}
+"""What gives a real surface its shape; each belongs to one."""
 _DISTANT_NEEDS = {"infinite": set(), "dome": {"radius"}, "box": {"low", "high"}, "mesh": {"mesh"}}
 _DISTANT_MAY = {"dome": {"centre"}}
 
@@ -64,9 +68,13 @@ class LocalTable(Placement):
 
     @model_validator(mode="after")
     def _what_the_shape_needs(self) -> LocalTable:
-        needs = {"plane": (), "box": ("low", "high"), "sphere": ("centre", "radius"), "mesh": ("mesh",)}[self.shape]
+        needs = _LOCAL_NEEDS[self.shape]
         if lacking := [name for name in needs if getattr(self, name) is None]:
             raise ValueError(f"a {self.shape} needs {' and '.join(lacking)}")
+        if foreign := [
+            name for name in _SHAPES & self.model_fields_set if name not in (*needs, *_LOCAL_MAY[self.shape])
+        ]:
+            raise ValueError(f"{', '.join(sorted(foreign))}: not of a {self.shape}; leave it out")
         _require_box(self.low, self.high)
         if self.shape == "plane" and self.size is None and self._is_placed:
             raise ValueError("a plane that is scaled, rotated or moved needs a size = [x, z]")

@@ -17,7 +17,8 @@ import numpy as np
 from relume.errors import UnreadableFile
 from relume.scene.motion.animation import matrix_of
 
-_NUMBERS = {5120: "<i1", 5121: "<u1", 5122: "<i2", 5123: "<u2", 5126: "<f4"}
+NUMBERS = {5120: "<i1", 5121: "<u1", 5122: "<i2", 5123: "<u2", 5126: "<f4"}
+"""How numbers of each component type are stored (§3.6.2.2)."""
 AT_REST = {"translation": (0.0, 0.0, 0.0), "rotation": (0.0, 0.0, 0.0, 1.0), "scale": (1.0, 1.0, 1.0)}
 """What a node has that says nothing of itself (§5.25)."""
 _WIDTHS = {"SCALAR": 1, "VEC2": 2, "VEC3": 3, "VEC4": 4}
@@ -55,14 +56,11 @@ class GltfDocument:
         if "sparse" in table or "bufferView" not in table:
             raise ValueError("sparse numbers are not read")
         view = self.header["bufferViews"][table["bufferView"]]
-        kind, width = np.dtype(_NUMBERS[table["componentType"]]), _WIDTHS[table["type"]]
+        kind, width = np.dtype(NUMBERS[table["componentType"]]), _WIDTHS[table["type"]]
         stride = view.get("byteStride", kind.itemsize * width)
         start = view.get("byteOffset", 0) + table.get("byteOffset", 0)
-        values = np.ndarray(
-            (table["count"], width), kind, self.buffer(view["buffer"]), start, (stride, kind.itemsize)
-        ).astype(np.float64)
-        as_stored = kind.kind == "f" or not table.get("normalized")
-        return values if as_stored else np.maximum(values / np.iinfo(kind).max, -1.0)
+        values = np.ndarray((table["count"], width), kind, self.buffer(view["buffer"]), start, (stride, kind.itemsize))
+        return shares_of(values) if table.get("normalized") else values.astype(np.float64)
 
     def fetched(self, uri: str) -> bytes:
         """What a URI of the file holds. Raises ValueError for a file outside of this one's folder."""
@@ -79,6 +77,12 @@ class GltfDocument:
     @cached_property
     def _buffers(self) -> dict[int, bytes]:
         return {}
+
+
+def shares_of(stored: np.ndarray) -> np.ndarray:
+    """Whole numbers as shares of their largest, float64 (§3.11); floats as they are."""
+    values = stored.astype(np.float64)
+    return values if stored.dtype.kind == "f" else np.maximum(values / np.iinfo(stored.dtype).max, -1.0)
 
 
 def read_document(path: Path) -> GltfDocument:

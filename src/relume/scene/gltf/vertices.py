@@ -8,11 +8,13 @@ from typing import Any
 
 import numpy as np
 
-from relume.scene.gltf.document import GltfDocument
+from relume.scene.gltf.document import NUMBERS, GltfDocument, shares_of
 
 DRACO = "KHR_draco_mesh_compression"
 _FLOAT, _TRIANGLES = 5126, 4
-_KINDS = {"u1": 5121, "i1": 5120, "u2": 5123, "i2": 5122, "u4": 5125, "f4": _FLOAT}
+_KINDS = {kind[1:]: number for number, kind in NUMBERS.items()} | {"u4": 5125}
+_SCALED = ("POSITION", "NORMAL", "TEXCOORD_")
+"""Attributes that are numbers of their own; colours stay as stored, their reader scales them."""
 _TYPES = {1: "SCALAR", 2: "VEC2", 3: "VEC3", 4: "VEC4"}
 
 
@@ -29,13 +31,18 @@ def plain_vertices(document: GltfDocument) -> None:
         attributes = primitive["attributes"]
         if compressed := primitive.get("extensions", {}).pop(DRACO, None):
             faces, decoded = _decompressed(document.view(compressed["bufferView"]), compressed["attributes"])
-            for name in [name for name in attributes if name not in decoded]:
-                del attributes[name]
-            attributes.update({name: appended.accessor(values) for name, values in decoded.items()})
+            for name in list(attributes):  # what is not compressed lies beside, in the order of the compressed
+                stored = header["accessors"][attributes[name]]
+                if name in decoded:
+                    values = decoded[name].astype(NUMBERS[stored["componentType"]])  # the decoder widens some
+                    scaled = stored.get("normalized") and name.startswith(_SCALED)
+                    attributes[name] = appended.accessor(shares_of(values).astype(np.float32) if scaled else values)
+                elif "bufferView" not in stored or stored["count"] != len(decoded["POSITION"]):
+                    raise ValueError(f"its {name} is not of the mesh that Draco compressed")
             primitive["indices"] = appended.accessor(faces.reshape(-1, 1))
             primitive["mode"] = _TRIANGLES  # Draco has unrolled a strip
         else:
-            for name in [name for name in attributes if name.startswith(("POSITION", "NORMAL", "TEXCOORD_"))]:
+            for name in [name for name in attributes if name.startswith(_SCALED)]:
                 if header["accessors"][attributes[name]]["componentType"] != _FLOAT:
                     values = document.accessor(attributes[name]).astype(np.float32)
                     attributes[name] = appended.accessor(values)
