@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import warnings
+import weakref
 from pathlib import Path
 
 import numpy as np
@@ -10,7 +11,7 @@ import pytest
 
 from relume.image.files import read_photograph
 from relume.lightstage.acquire.ball_highlights import MirrorBall, outline_of_mask, read_ball
-from relume.lightstage.field.field import Pictures
+from relume.lightstage.field.field import Pictures, ReflectanceField
 from relume.lightstage.field.lights import StageLights
 from relume.lightstage.relight import RelightSettings, SubjectMesh, relight, relight_per_pixel, relight_sequence
 from relume.lightstage.relighting import diffuse_fit
@@ -162,6 +163,23 @@ def test_the_fit_does_not_depend_on_memory() -> None:
     middle = tuple(np.array(BALL.shape) // 2)
     np.testing.assert_allclose(np.linalg.norm(whole.lobes[middle]), ALBEDO.mean() / np.pi, rtol=0.02)
     np.testing.assert_allclose(whole.colours[seen].mean(axis=0), ALBEDO / ALBEDO.mean(), rtol=1e-3)
+
+
+def test_no_band_outlives_its_turn(monkeypatch: pytest.MonkeyPatch) -> None:
+    bands: list[weakref.ref[np.ndarray]] = []
+    alive: list[int] = []
+
+    def block(self: ReflectanceField, lights: slice, rows: slice) -> np.ndarray:
+        alive.append(sum(each() is not None for each in bands))
+        read = original(self, lights, rows).copy()
+        bands.append(weakref.ref(read))
+        return read
+
+    original = type(BALL).block
+    monkeypatch.setattr(type(BALL), "block", block)
+    fit_diffuse(BALL, 1 << 17)
+    assert len(bands) >= 3
+    assert max(alive) <= 1  # the one before, until it is replaced
 
 
 def test_remainders_are_the_lights_own_and_nothing_far_from_all() -> None:

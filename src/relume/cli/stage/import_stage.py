@@ -153,7 +153,11 @@ def import_stage(
     ] = None,
     ball_radius: Annotated[
         list[float] | None,
-        Parameter(negative="", help="The ball's own radius in metres, where --ball does not say it; again for each."),
+        Parameter(
+            negative="",
+            help="The ball's own radius in metres, where --ball does not say it; again for each, sought ones from left "
+            "to right.",
+        ),
     ] = None,
     lights: Annotated[
         Path | None,

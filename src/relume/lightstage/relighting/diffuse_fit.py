@@ -111,7 +111,8 @@ def fit_diffuse(field: ReflectanceField, memory: int, progress: Progress | None 
         values = field.block(slice(0, count), band).reshape(count, -1, 3)
         step = max(1, min(_PIXELS, memory // 2 // (count * _BYTES)))
         found += [fitted(values[:, part], field.lights.directions) for part in cut(values.shape[1], step)]
-        sample.append(values[:, -(band.start * width) % apart :: apart])
+        # A copy: a view would keep the whole band.
+        sample.append(values[:, -(band.start * width) % apart :: apart].copy())
         if progress:
             progress(band.stop / height)
     lobes, constants, colours = (np.concatenate(each) for each in zip(*found, strict=True))
