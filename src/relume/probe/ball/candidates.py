@@ -27,6 +27,8 @@ COVERAGE_NEEDED, BY_CHANCE = 0.31, 0.7
 of a small one, over the root of its length in pixels: noise alone shows 0.27 of a rim at 30 pixels' radius."""
 MOST_BEYOND = 0.1
 """The share of a ball that may lie beyond the picture: arcs along its edge are found in noise."""
+MUCH_BEYOND, LEAST_CUT, PLAINLY_SEEN = 0.4, 20.0, 0.45
+"""The same for a ball of more pixels' radius whose rim is seen on more of it, so that a cut one is named as that."""
 SPREAD, LEAST_PARTS = 0.6, 4
 """The share of the rim's parts of 30° on which an edge must be seen: a half of them are hidden by no stand; and of how
 many parts at least: all that lies in a picture cut from inside the rim."""
@@ -109,8 +111,13 @@ def candidates(pyramid: Pyramid, at: float, mirrored: bool = True, lens_known: b
             continue
         candidate = _judged(pyramid, window, outline, at, mirrored)
         radius = candidate.outline.radius
-        whole_enough = 4 < radius < 0.7 * longer and candidate.outline.cut(pyramid.size) < MOST_BEYOND
-        if whole_enough and not _known(candidate, found):
+        beyond = candidate.outline.cut(pyramid.size)
+        plain = radius > LEAST_CUT and candidate.outline.coverage > PLAINLY_SEEN
+        if (
+            4 < radius < 0.7 * longer
+            and beyond < (MUCH_BEYOND if plain else MOST_BEYOND)
+            and not _known(candidate, found)
+        ):
             found.append(candidate)
     found.sort(key=lambda each: -each.worth)
     if not lens_known:
