@@ -126,3 +126,20 @@ def test_a_window_sees_what_the_picture_shows_there():
     window = CAMERA.window(30, 20, 25, 15)
     assert (window.width, window.height) == (25, 15)
     assert window.rays() == pytest.approx(CAMERA.rays()[20:35, 30:55], abs=1e-12)
+
+
+def test_what_another_render_left_of_a_part_costs_that_part_alone(tmp_path):
+    class Stopped(Exception):
+        pass
+
+    def stop(share: float) -> None:
+        if share > 0.55:
+            raise Stopped
+
+    with pytest.raises(Stopped):
+        in_tiles(tmp_path, Differential(samples=64), progress=stop)
+    (left,) = tmp_path.glob("render.tile_*")
+    made: list[Change] = []
+    with pytest.warns(UserWarning, match="cannot resume the saved render: .*that part of the picture starts over"):
+        in_tiles(tmp_path, Differential(samples=32), finish=lambda change, plate: made.append(change) or change)
+    assert len(made) == 6 and not left.exists()

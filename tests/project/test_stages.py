@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import gc
 import warnings
+import weakref
 from dataclasses import dataclass, fields, is_dataclass
 from datetime import datetime
 from pathlib import Path
@@ -91,6 +93,19 @@ def test_an_array_that_stands_twice_is_packed_once() -> None:
     assert sum(array.shape == ALBEDO.shape for array in arrays.values()) == 3
     back = unpacked(arrays)
     assert back.surfaces[1].shapes[0].material.base_color is back.albedo
+
+
+def test_arrays_are_given_up_at_once_when_they_were_kept() -> None:
+    array = np.zeros(5)
+    held = weakref.ref(array)
+    gc.disable()
+    try:
+        kept = packed((1, {"a": array}))
+        assert unpacked(kept)[1]["a"] is array
+        del array, kept
+        assert held() is None
+    finally:
+        gc.enable()
 
 
 @dataclass(frozen=True)

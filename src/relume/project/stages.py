@@ -119,49 +119,52 @@ def packed(value: object) -> dict[str, np.ndarray]:
     Raises TypeError for a value that is none of relume's dataclasses and no plain value.
     """
     arrays: dict[str, np.ndarray] = {}
-    names: dict[int, str] = {}
-
-    def form(value: Any) -> Any:
-        if value is None or isinstance(value, bool | int | float | str):
-            return value
-        if isinstance(value, np.generic):
-            return value.item()
-        if isinstance(value, np.ndarray):
-            name = names.setdefault(id(value), str(len(names)))
-            arrays[name] = value
-            return {"array": name}
-        if isinstance(value, list | tuple):
-            return {type(value).__name__: [form(each) for each in value]}
-        if isinstance(value, dict):
-            return {"dict": [[form(key), form(each)] for key, each in value.items()]}
-        if isinstance(value, datetime):
-            return {"datetime": value.isoformat()}
-        if is_dataclass(value) and not isinstance(value, type):
-            parts = {each.name: form(getattr(value, each.name)) for each in fields(value) if each.init}
-            return {"class": f"{type(value).__module__}:{type(value).__qualname__}", "fields": parts}
-        raise TypeError(f"{type(value).__name__} cannot be kept")
-
-    text = json.dumps(form(value))
+    text = json.dumps(_form(value, arrays, {}))
     return {_FORM: np.array(text), **arrays}
+
+
+# Neither of these is a function within the one above: such a one, calling itself, would hold the arrays of a large
+# plate until Python next looks for what holds itself.
+def _form(value: Any, arrays: dict[str, np.ndarray], names: dict[int, str]) -> Any:
+    if value is None or isinstance(value, bool | int | float | str):
+        return value
+    if isinstance(value, np.generic):
+        return value.item()
+    if isinstance(value, np.ndarray):
+        name = names.setdefault(id(value), str(len(names)))
+        arrays[name] = value
+        return {"array": name}
+    if isinstance(value, list | tuple):
+        return {type(value).__name__: [_form(each, arrays, names) for each in value]}
+    if isinstance(value, dict):
+        return {"dict": [[_form(key, arrays, names), _form(each, arrays, names)] for key, each in value.items()]}
+    if isinstance(value, datetime):
+        return {"datetime": value.isoformat()}
+    if is_dataclass(value) and not isinstance(value, type):
+        parts = {each.name: _form(getattr(value, each.name), arrays, names) for each in fields(value) if each.init}
+        return {"class": f"{type(value).__module__}:{type(value).__qualname__}", "fields": parts}
+    raise TypeError(f"{type(value).__name__} cannot be kept")
 
 
 def unpacked(arrays: dict[str, np.ndarray]) -> Any:
     """The value that `packed` packed."""
+    return _value(json.loads(str(arrays[_FORM])), arrays)
 
-    def value(form: Any) -> Any:
-        if not isinstance(form, dict):
-            return form
-        if "array" in form:
-            return arrays[form["array"]]
-        if "class" in form:
-            return _class(form["class"])(**{name: value(each) for name, each in form["fields"].items()})
-        if "datetime" in form:
-            return datetime.fromisoformat(form["datetime"])
-        if "dict" in form:
-            return {value(key): value(each) for key, each in form["dict"]}
-        return tuple(map(value, form["tuple"])) if "tuple" in form else [value(each) for each in form["list"]]
 
-    return value(json.loads(str(arrays[_FORM])))
+def _value(form: Any, arrays: dict[str, np.ndarray]) -> Any:
+    if not isinstance(form, dict):
+        return form
+    if "array" in form:
+        return arrays[form["array"]]
+    if "class" in form:
+        return _class(form["class"])(**{name: _value(each, arrays) for name, each in form["fields"].items()})
+    if "datetime" in form:
+        return datetime.fromisoformat(form["datetime"])
+    if "dict" in form:
+        return {_value(key, arrays): _value(each, arrays) for key, each in form["dict"]}
+    if "tuple" in form:
+        return tuple(_value(each, arrays) for each in form["tuple"])
+    return [_value(each, arrays) for each in form["list"]]
 
 
 def _class(name: str) -> Any:

@@ -15,7 +15,7 @@ from typing import Any
 
 import numpy as np
 
-from relume.errors import Doubt, GatheredDoubts, warn
+from relume.errors import CannotResume, Doubt, GatheredDoubts, warn
 from relume.project.stages import Stages
 from relume.renderers.mitsuba.differential import Differential
 from relume.renderers.progressive.accumulation import Preview, RenderSession, forget, pass_seed
@@ -142,10 +142,11 @@ def change_in_tiles(
             low, high = begun[index : index + 2]
             # Its warnings are put away with it, for a render that goes on.
             with GatheredDoubts() as gathered:
-                change = finish(own.change(
-                    scene, **part(larger.window), seed=pass_seed(seed, index), watch=session,
+                change = _begun_anew_if_another(session, lambda watch: own.change(
+                    scene, **part(larger.window), seed=pass_seed(seed, index), watch=watch,
                     plate=plate[larger.place], progress=lambda share: progress(float(low + share * (high - low))),
-                ), plate[larger.place])  # fmt: skip
+                ))  # fmt: skip
+                change = finish(change, plate[larger.place])
             return change, gathered.doubts
 
         (change, said), _ = stages.get(f"render_tile_{index:03d}", [made_from, index, samples], make)
@@ -160,6 +161,16 @@ def change_in_tiles(
         progress(float(begun[index + 1]))
     _warn_once(doubts, len(tiles), renderer)
     return replace(whole, samples=ceil(traced / (height * width)))
+
+
+def _begun_anew_if_another(session: RenderSession, render: Callable[[RenderSession], Change]) -> Change:
+    """A part of the picture, without what another render left of it; the parts that are done stay."""
+    try:
+        return render(session)
+    except CannotResume as error:
+        what = str(error).partition(";")[0]
+        warn(f"cannot resume the saved render: {what}; that part of the picture starts over")
+        return render(replace(session, restart=True))
 
 
 def _warn_once(doubts: list[Doubt], tiles: int, renderer: Differential) -> None:
