@@ -114,6 +114,8 @@ def test_surfaces_that_light_one_another_are_iterated_until_the_light_stays(monk
     # What one of them receives does not bleed into the other where it hides it.
     rays = CAMERA.rays()
     parts = RayCaster.of([BARE, wall]).nearest(CAMERA.position, rays.reshape(-1, 3)).shape.reshape(64, 96)
+    # The table alone shows the plate's own pixels; the wall is one colour.
+    assert np.array_equal(found.textured, parts == 0)
     for part in (0, 1):
         sure = trustworthy(parts == part, None)
         error = np.abs(found.without[sure] / plate.radiance[sure] - 1)

@@ -61,6 +61,43 @@ def test_a_lens_softens_the_edge_of_a_shadow_and_not_the_texture_in_it():
     assert np.array_equal(kept.difference[:8], 0 * kept.difference[:8])
 
 
+def grouted() -> np.ndarray:
+    """A plate of tiles with joints 25 times as dark, and on its left half the texture of PLATE."""
+    tiles = np.full_like(PLATE, 0.5)
+    tiles[::12], tiles[:, ::12] = 0.02, 0.02
+    tiles[:, : WIDTH // 2] = PLATE[:, : WIDTH // 2]
+    return tiles
+
+
+def test_a_shadow_on_an_even_colour_knows_nothing_of_the_plate_below_it():
+    """What is taken has none of the plate in it, and none of it may be divided out: its mean and evenness stay."""
+    even = np.full_like(PLATE, 0.4)
+    change, nowhere = in_shadow(even), np.zeros((HEIGHT, WIDTH), bool)
+    match = Match(sharpness=Sharpness(0.8))
+    for plate in (PLATE, grouted()):
+        for made in (denoised(change, plate, nowhere), match_to_plate(change, match, plate, nowhere)):
+            assert -made.difference[DEEP].mean() == pytest.approx((1 - LEFT) * 0.4, rel=0.01)
+            assert np.ptp(made.difference[DEEP]) < 0.02
+    plain = denoised(change)
+    assert denoised(change, PLATE, nowhere).difference == pytest.approx(plain.difference, abs=1e-6)
+
+
+def test_a_textured_and_an_even_surface_in_one_picture_each_keep_their_shadow():
+    plate, textured = grouted(), np.zeros((HEIGHT, WIDTH), bool)
+    textured[:, : WIDTH // 2] = True
+    left, right = (slice(26, 38), slice(30, 44)), (slice(26, 38), slice(52, 66))
+    match = Match(sharpness=Sharpness(0.8))
+    rendered = np.where(textured[..., None], as_rendered(plate), 0.4).astype(np.float32)
+    exact = np.where(textured[..., None], plate, 0.4).astype(np.float32)
+    pairs = (denoised(in_shadow(rendered), plate, textured), match_to_plate(in_shadow(exact), match, plate, textured))
+    for made in pairs:
+        shown = -made.difference
+        assert shown[right] == pytest.approx((1 - LEFT) * 0.4, rel=0.06)
+        assert shown[right].mean() == pytest.approx((1 - LEFT) * 0.4, rel=0.02)
+        assert shown[left].mean() == pytest.approx((1 - LEFT) * plate[left].mean(), rel=0.03)
+        assert (shown[left] / plate[left]).std() < 0.05
+
+
 def test_nothing_is_divided_by_black():
     black = np.zeros((20, 30, 3), np.float32)
     assert (texture(black) > 0).all() and np.isfinite(texture(black)).all()

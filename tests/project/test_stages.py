@@ -37,7 +37,7 @@ LOCAL = RecoveredLocal(
             FittedGloss(GLOSS, 0.003, 0.02, 1234, 0.04, 2, ("a note",)), (MESH,),
         ),
     ),
-    ALBEDO, WITHOUT, LIGHT, 3, 0.0012, ("one", "two"),
+    ALBEDO, WITHOUT, np.eye(5, 7, dtype=bool), LIGHT, 3, 0.0012, ("one", "two"),
 )  # fmt: skip
 PROBE = Probe(EnvironmentMap(np.ones((4, 8, 3), np.float32)), (0.0, 0.1), 0.2, 0.3, np.ones((4, 8), np.float32))
 

@@ -18,10 +18,12 @@ TENT = np.array([0.125, 0.75, 0.125])
 """∫ of the tent (1 − |x|) over a pixel: ¾ in the middle and ⅛ at each side."""
 
 
-def texture(picture: np.ndarray, *, rendered: bool = False) -> np.ndarray:
+def texture(picture: np.ndarray, textured: np.ndarray | None = None, *, rendered: bool = False) -> np.ndarray:
     """What a picture (H, W, 3) shows, float32, nowhere 0.
 
-    rendered : as surfaces look that are rendered with its own pixels as their texture: a little softer
+    textured : (H, W) bool, where surfaces are rendered with the picture's own pixels as their texture; elsewhere the
+        light on them knows nothing of the picture, and one even value stands, the mean of the texture. All unless given
+    rendered : as such surfaces look: a little softer
     """
     least, reach = max(1e-6 * float(picture.max()), 1e-30), round(4 * AROUND)
     result = np.empty(picture.shape, np.float32)
@@ -33,6 +35,9 @@ def texture(picture: np.ndarray, *, rendered: bool = False) -> np.ndarray:
         floor = np.maximum(DARK * gaussian_filter(part, (AROUND, AROUND, 0), mode="nearest")[own], least)
         shown = as_rendered(part)[own] if rendered else part[own]
         result[top:bottom] = np.maximum(shown, 0) + floor
+    if textured is not None and not textured.all():
+        # The level of the texture, so that what is filtered does not leap where the one surface meets the other.
+        result[~textured] = result[textured].mean(0, dtype=np.float64) if textured.any() else 1.0
     return result
 
 

@@ -72,6 +72,7 @@ class RecoveredLocal:
     surfaces : one for each real surface, in the order given
     albedo : (H, W, 3) float32 diffuse reflectance in the plate's pixels, 0 to 1
     without : (H, W, 3) float32, the model's picture without objects, nearly free of noise, in the plate's unit
+    textured : (H, W) bool, where the model shows the plate's own pixels as its texture: surfaces of TexturedAlbedo
     irradiance : (H, W, 3) float32, π times the diffuse radiance of an albedo of 1; of a matte surface, what arrives
     iterations : how often the light was rendered
     change : by how much it changed at last, as a share
@@ -81,6 +82,7 @@ class RecoveredLocal:
     surfaces: tuple[RecoveredSurface, ...]
     albedo: np.ndarray
     without: np.ndarray
+    textured: np.ndarray
     irradiance: np.ndarray
     iterations: int
     change: float

@@ -38,6 +38,7 @@ from relume.surface.recovery import (
     RecoveredLocal,
     RecoveredSurface,
     Recovery,
+    TexturedAlbedo,
 )
 from relume.surface.two_views import ViewOfProbe
 
@@ -199,9 +200,9 @@ def recover_reflectance(
         lit = raw[usable[index] & _lit(light, usable[index])] if index in unknown else None
         surfaces.append(_surface(lit, colours[index], glosses[index], fits[index], shapes))
     progress(1.0)
-    return RecoveredLocal(
-        tuple(surfaces), albedo, without, light.astype(np.float32, copy=False), iterations, change, tuple(notes)
-    )
+    textured = np.isin(parts, [i for i, wish in enumerate(wanted) if isinstance(wish.albedo, TexturedAlbedo)])
+    light = light.astype(np.float32, copy=False)
+    return RecoveredLocal(tuple(surfaces), albedo, without, textured, light, iterations, change, tuple(notes))
 
 
 def _unlit(shown: np.ndarray, gloss: np.ndarray, arrives: np.ndarray) -> np.ndarray:

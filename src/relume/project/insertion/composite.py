@@ -121,8 +121,9 @@ def composited(
     )  # fmt: skip
     with steps.timed("composite"):
         # Scene-linear, without grain.
-        change = match_to_plate(change, match, plate.radiance)
-        without = plate.radiance if place.recovered is None else place.recovered.without
+        real = place.recovered
+        change = match_to_plate(change, match, plate.radiance, None if real is None else real.textured)
+        without = plate.radiance if real is None else real.without
         occluder = None
         if shot.match.occluder is not None:
             occluder = read_matte(shot.folder / shot.match.occluder, plate.size)

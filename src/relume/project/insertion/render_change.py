@@ -112,12 +112,13 @@ def render_change(
         def report(share: float) -> None:
             steps.progress("render", share)
 
-        def finish(change: Change, shown: np.ndarray) -> Change:
+        def finish(change: Change, part: tuple[slice, slice]) -> Change:
             if not table.denoise:
                 return change
             from relume.renderers.mitsuba.denoise import denoised
 
-            return denoised(change, shown)
+            real = place.recovered
+            return denoised(change, plate.radiance[part], None if real is None else real.textured[part])
 
         def trace(watch: RenderSession) -> Change:
             if is_large(place.camera) and isinstance(renderer, Differential):
@@ -129,7 +130,7 @@ def render_change(
             return finish(renderer.change(
                 scene, place.camera, seed=table.seed, progress=report, watch=watch, plate=plate.radiance,
                 moments=moments, shutter=shutter,
-            ), plate.radiance)  # fmt: skip
+            ), (slice(None), slice(None)))  # fmt: skip
 
         # Render, from the saved state where it is of this render.
         try:

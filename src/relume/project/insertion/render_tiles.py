@@ -86,7 +86,7 @@ def change_in_tiles(
     made_from: object,
     stages: Stages,
     watch: RenderSession,
-    finish: Callable[[Change, np.ndarray], Change],
+    finish: Callable[[Change, tuple[slice, slice]], Change],
     first: Preview | None,
     progress: Callable[[float], None],
     moments: Moments | None = None,
@@ -97,7 +97,7 @@ def change_in_tiles(
     plate : (H, W, 3) what is seen without them
     made_from : what the pixels depend on, for tiles that an interrupted render has put away
     stages : where tiles are kept until all are there
-    finish : what is done with each tile and the plate there: denoising, or nothing
+    finish : what is done with each tile, its rows and columns in the plate given: denoising, or nothing
     first : is shown the small render as it grows
     moments, shutter : as in `Differential.change`
     Raises as `Differential.change` does.
@@ -146,7 +146,7 @@ def change_in_tiles(
                     scene, **part(larger.window), seed=pass_seed(seed, index), watch=watch,
                     plate=plate[larger.place], progress=lambda share: progress(float(low + share * (high - low))),
                 ))  # fmt: skip
-                change = finish(change, plate[larger.place])
+                change = finish(change, larger.place)
             return change, gathered.doubts
 
         (change, said), _ = stages.get(f"render_tile_{index:03d}", [made_from, index, samples], make)

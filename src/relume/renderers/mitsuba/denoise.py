@@ -13,12 +13,14 @@ FAINT = 0.1
 """Of a pixel: less than that shows more noise than colour."""
 
 
-def denoised(change: Change, plate: np.ndarray | None = None) -> Change:
+def denoised(change: Change, plate: np.ndarray | None = None, textured: np.ndarray | None = None) -> Change:
     """The same change with less noise, by Open Image Denoise: the objects, and what they add and take beside them.
 
     plate : (H, W, 3) radiance that the change is composited with: of what is taken its share of the plate is cleaned,
         for what the filter rounded of the plate's texture would stand in a shadow several times as strong as beside
         it. None for a plate without texture
+    textured : (H, W) bool, where real surfaces were rendered with the plate as their texture; all unless given.
+        Elsewhere, as for an even colour, what is taken has none of the plate in it and is cleaned as it is
     The light that is added and the light that is taken are cleaned each on its own, as they were traced: neither is
     ever negative, so the filter needs not be given one half of a noisy difference, whose mean would be too bright.
     Only of renderers that know no more than the difference its two signs are cleaned. Albedo and normals guide all,
@@ -39,8 +41,9 @@ def denoised(change: Change, plate: np.ndarray | None = None) -> Change:
     if plate is None:
         taken = _clean(_unmatted(taken, beside), *guides)
     else:
-        share = _unmatted(taken / texture(plate, rendered=True), beside)
-        taken = texture(plate) * _clean(share, np.ones_like(change.albedo), change.normal)
+        share = _unmatted(taken / texture(plate, textured, rendered=True), beside)
+        albedo = np.where(True if textured is None else textured[..., None], 1, guides[0])
+        taken = texture(plate, textured) * _clean(share, albedo, change.normal)
     changes = np.any(difference != 0, axis=-1, keepdims=True)
     return replace(
         change,

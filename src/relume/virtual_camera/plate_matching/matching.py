@@ -38,11 +38,15 @@ class Match:
     seed: int = 0
 
 
-def match_to_plate(change: Change, match: Match, plate: np.ndarray | None = None) -> Change:
+def match_to_plate(
+    change: Change, match: Match, plate: np.ndarray | None = None, textured: np.ndarray | None = None
+) -> Change:
     """The change as the plate's lens would have drawn it, for compositing over that plate.
 
     plate : (H, W, 3) its radiance: the lens drew its texture already, so of what shadows take only the share is made
         less sharp. The texture in them too unless given
+    textured : (H, W) bool, where real surfaces were rendered with the plate as their texture; all unless given.
+        Elsewhere what is taken has none of the plate in it and is made less sharp as it is
     Light falls off in front of the sensor and is spread on it, so the fall-off comes first. It dims all that was
     rendered in scene radiance. The reflectance of the real surfaces must then have been recovered from the plate
     divided by the fall-off, and for `Ratio` `without` be dimmed too (`dimmed`): a render from a reflectance that still
@@ -62,7 +66,7 @@ def match_to_plate(change: Change, match: Match, plate: np.ndarray | None = None
     soft = match.sharpness.apply(change)
     if plate is None or match.sharpness.sigma == 0:
         return soft
-    even = texture(plate)
+    even = texture(plate, textured)
     shaded = match.sharpness.blurred(np.minimum(change.difference, 0) / even) * even
     return replace(soft, difference=match.sharpness.blurred(np.maximum(change.difference, 0)) + shaded)
 
