@@ -11,7 +11,7 @@ import pytest
 
 from relume.image.files import read_photograph
 from relume.lightstage.acquire.ball_highlights import MirrorBall, outline_of_mask, read_ball
-from relume.lightstage.field.field import Pictures, ReflectanceField
+from relume.lightstage.field.field import Pictures
 from relume.lightstage.field.lights import StageLights
 from relume.lightstage.relight import RelightSettings, SubjectMesh, relight, relight_per_pixel, relight_sequence
 from relume.lightstage.relighting import diffuse_fit
@@ -169,7 +169,7 @@ def test_no_band_outlives_its_turn(monkeypatch: pytest.MonkeyPatch) -> None:
     bands: list[weakref.ref[np.ndarray]] = []
     alive: list[int] = []
 
-    def block(self: ReflectanceField, lights: slice, rows: slice) -> np.ndarray:
+    def block(self: Pictures, lights: slice, rows: slice) -> np.ndarray:
         alive.append(sum(each() is not None for each in bands))
         read = original(self, lights, rows).copy()
         bands.append(weakref.ref(read))
