@@ -116,6 +116,20 @@ def test_a_value_of_the_top_two_per_cent_is_saturated() -> None:
     assert (moved[29:31, 59:61] == 255).all()
 
 
+@pytest.mark.parametrize("motion", [Motion(0.3, 0.4), Motion(-2.4, 1.45), Motion(0.3, 0.2, 0.01)])
+def test_beside_white_the_nearest_pixel_is_taken_whole_where_that_is_asked(motion: Motion) -> None:
+    pixels = np.full((HEIGHT, WIDTH, 3), (20, 30, 50), np.uint8)
+    pixels[30:33, 40:43] = (200, 255, 255)
+    leant = move(photograph(pixels), motion).pixels
+    moved = move(photograph(pixels), motion, whole_beside_white=True).pixels
+    # A lamp stays as large as it is, and what lies beside it as dark, in all channels.
+    assert (leant[..., 1] == 255).sum() >= 25
+    assert (moved[..., 1] == 255).sum() == 9
+    colours = {tuple(colour) for colour in moved.reshape(-1, 3).tolist()}
+    assert {colour for colour in colours if max(colour) >= 250} == {(200, 255, 255)}
+    assert (np.abs(moved.astype(int) - (20, 30, 50)).max(axis=2) <= 3).sum() == moved[..., 0].size - 9
+
+
 def test_what_is_not_clipped_does_not_become_clipped() -> None:
     # Checks of 1 and 249: interpolation overshoots both ends.
     pixels = np.full((HEIGHT, WIDTH, 3), 1, np.uint8)

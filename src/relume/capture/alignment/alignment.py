@@ -87,7 +87,10 @@ def align(bracket: Bracket, *, rotation: bool = True) -> Aligned:
                 f"{photograph.name}: too little in common with the other frames to align it; it is moved as its "
                 "neighbour is; leave it out if edges are doubled"
             )
-    frames = tuple(move(photograph, motion) for photograph, motion in zip(photographs, motions, strict=True))
+    frames = tuple(
+        move(photograph, motion, whole_beside_white=index == 0)
+        for index, (photograph, motion) in enumerate(zip(photographs, motions, strict=True))
+    )
     return Aligned(
         replace(bracket, photographs=frames),
         motions,

@@ -41,10 +41,12 @@ class Motion:
         return float(np.sqrt(self.dx**2 + self.dy**2 + chord**2 * (width**2 + height**2) / 12))
 
 
-def move(photograph: Photograph, motion: Motion) -> Photograph:
+def move(photograph: Photograph, motion: Motion, *, whole_beside_white: bool = False) -> Photograph:
     """The photograph as the reference sees it: every pixel fetched from where `motion` says it is.
 
     motion : of this photograph; all zero gives the same object back
+    whole_beside_white : where a channel leans on a saturated value, take the nearest pixel as it is. For the shortest
+        exposure of a bracket: no other measures what lies beside its lamps, which would be as bright as white there
 
     Encoded values are interpolated (bicubic, Catmull–Rom), channel by channel. A value that leans on a saturated one
     (the top 2 %) becomes white and one that leans on 0 becomes 0: what was clipped stays clipped. Pixels that come
@@ -61,7 +63,7 @@ def move(photograph: Photograph, motion: Motion) -> Photograph:
         return replace(photograph, outside=np.ones((height, width), bool))
     if motion.angle == 0 and motion.dx == round(motion.dx) and motion.dy == round(motion.dy):
         return _copied(photograph, round(motion.dx), round(motion.dy))
-    return _interpolated(photograph, motion)
+    return _interpolated(photograph, motion, whole_beside_white)
 
 
 def _copied(photograph: Photograph, dx: int, dy: int) -> Photograph:
@@ -74,7 +76,7 @@ def _copied(photograph: Photograph, dx: int, dy: int) -> Photograph:
     return replace(photograph, pixels=photograph.pixels[places], outside=outside)
 
 
-def _interpolated(photograph: Photograph, motion: Motion) -> Photograph:
+def _interpolated(photograph: Photograph, motion: Motion, whole_beside_white: bool) -> Photograph:
     # Numba is imported only where a kernel is used.
     from relume._kernel import in_threads
     from relume.capture.alignment.warping_kernel import _lean_outside, _move
@@ -96,4 +98,10 @@ def _interpolated(photograph: Photograph, motion: Motion) -> Photograph:
         _lean_outside(before, cosine, sine, x_start, y_start, begin, end, outside)
 
     in_threads(work, height, chunk=128)
-    return replace(photograph, pixels=moved.reshape(height, width, 3), outside=outside)
+    moved = moved.reshape(height, width, 3)
+    if whole_beside_white:
+        y, x = np.nonzero((moved.max(axis=2) >= white) & ~outside)
+        row = np.rint(y_start + cosine * y + sine * x).astype(np.intp).clip(0, height - 1)
+        column = np.rint(x_start - sine * y + cosine * x).astype(np.intp).clip(0, width - 1)
+        moved[y, x] = photograph.pixels[row, column]
+    return replace(photograph, pixels=moved, outside=outside)
