@@ -19,7 +19,7 @@ from relume.surface.clean_pixels import filled_in, trustworthy
 from relume.surface.gloss import Gloss, glossy
 from relume.surface.projection import box_mesh
 from relume.surface.recovery import ConstantAlbedo, KnownMaterial, RecoveredLocal, Recovery
-from relume.surface.reflectance import recover_reflectance
+from relume.surface.reflectance import _Work, recover_reflectance
 
 CAMERA = Camera.looking_at(np.array([0.1, 0.6, 1.2]), np.zeros(3), width=96, height=64, focal_length=90.0)
 QUICK = Mitsuba(samples=64, depth=6)
@@ -197,3 +197,13 @@ def test_pixels_at_outlines_are_not_trusted_and_are_filled_from_their_own_surfac
     known = sure | trustworthy(~shown, None)
     spoiled = np.where(known[..., None], values, 5.0).astype(np.float32)
     assert filled_in(spoiled, known, parts) == pytest.approx(values, abs=1e-5)
+
+
+def test_a_surface_too_thin_for_the_small_render_gets_the_light_beside_it() -> None:
+    work = object.__new__(_Work)
+    work.smaller, work.apart = True, True
+    work.parts = np.zeros((8, 12), np.int32)
+    work.whole = np.zeros((80, 120), np.int32)
+    work.whole[:, 55] = 1
+    light = work.enlarged(np.full((8, 12, 3), 2.0, np.float32), np.ones((8, 12), bool))
+    np.testing.assert_allclose(light, 2.0, rtol=1e-5)

@@ -89,8 +89,10 @@ class _Work:
         height, width = self.whole.shape
         if not self.apart:
             return enlarged(filled_in(picture, inside, np.zeros(inside.shape, int)), height, width)
-        # Nor does a surface into one that hides it.
+        # Nor does a surface into one that hides it. One too thin for the small picture gets what is beside it.
         result = np.zeros((height, width, 3), np.float32)
+        if np.setdiff1d(self.whole, self.parts).size:
+            result = enlarged(filled_in(picture, inside, np.zeros(inside.shape, int)), height, width)
         for part in np.unique(self.parts[inside]):
             known = inside & (self.parts == part)
             mine = enlarged(filled_in(picture, known, np.zeros(inside.shape, int)), height, width)
