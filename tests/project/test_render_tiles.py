@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 from pathlib import Path
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
 
-from relume.errors import DoubtWarning, warn
+from relume.errors import DoubtWarning, OutputNotWritten, warn
 from relume.project.insertion import render_tiles
 from relume.project.insertion.render_tiles import change_in_tiles, forget_tiles, is_large
 from relume.project.stages import Stages
@@ -124,6 +125,13 @@ def test_what_tiles_warned_of_is_said_again_by_a_render_that_goes_on(tmp_path):
         with pytest.warns(DoubtWarning, match="the light is doubtful") as said:
             in_tiles(tmp_path, Differential(samples=16), finish=finish)
         assert [getattr(each.message, "effect", None) for each in said] == [0.3]
+
+
+def test_a_disk_without_room_is_said_before_anything_is_traced(tmp_path, monkeypatch):
+    monkeypatch.setattr(render_tiles, "disk_usage", lambda folder: SimpleNamespace(free=2 * 80 * 60 * 90 - 1))
+    with pytest.raises(OutputNotWritten, match=r"0.0 GB are needed .* make room"):
+        in_tiles(tmp_path)
+    assert not list(tmp_path.glob("render_tile*"))
 
 
 def test_a_window_sees_what_the_picture_shows_there():

@@ -11,11 +11,13 @@ from __future__ import annotations
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, fields, replace
 from math import ceil, sqrt
+from pathlib import Path
+from shutil import disk_usage
 from typing import Any
 
 import numpy as np
 
-from relume.errors import CannotResume, Doubt, GatheredDoubts, warn
+from relume.errors import CannotResume, Doubt, GatheredDoubts, OutputNotWritten, warn
 from relume.project.stages import Stages
 from relume.renderers.mitsuba.differential import Differential
 from relume.renderers.progressive.accumulation import Preview, RenderSession, forget, pass_seed
@@ -38,6 +40,9 @@ PILOT, PILOT_RAYS = 200_000, 16
 FEWEST, LEAST = 4, 2
 """Rays a pixel of a tile in which anything changes: edges are then steps of a quarter before the denoiser. And of one
 in which the small render met no change at all, for its depth, and for what is too small to be met."""
+
+KEPT = 2
+"""Times the picture's planes that the disk holds beside them: the tiles, and the whole as a kept step."""
 
 
 @dataclass(frozen=True)
@@ -230,6 +235,17 @@ def _rays(pilot: Change, plate: np.ndarray, camera: Camera, tiles: list[Tile], s
     return [int(np.clip(round(n), low, samples)) for n, low in zip(each, fewest, strict=True)]
 
 
+def _require_room(folder: Path, needed: int) -> None:
+    """Raise OutputNotWritten where the disk would be full after hours of tracing."""
+    # What an earlier run left counts as room: it is part of what is needed.
+    free = disk_usage(folder).free + sum(path.stat().st_size for path in folder.glob("render_tile_*.npz"))
+    if free < needed:
+        raise OutputNotWritten(
+            f"{folder}: {needed / 1e9:.1f} GB are needed while a picture of this size is rendered, and "
+            f"{free / 1e9:.1f} are free; make room, or choose another place"
+        )
+
+
 def _empty(height: int, width: int, stages: Stages) -> Change:
     """A change of nothing, whose planes are beside the stages on disk and not in memory."""
     stages.folder.mkdir(parents=True, exist_ok=True)
@@ -237,4 +253,5 @@ def _empty(height: int, width: int, stages: Stages) -> Change:
         stages.folder, [(height, width, 3)] * 6
     )
     matte, depth = stages.mapped.zeros(stages.folder, [(height, width)] * 2)
+    _require_room(stages.folder, KEPT * (6 * 3 + 2) * 4 * height * width)
     return Change(objects, difference, matte, depth, normal, albedo, objects_variance, difference_variance)
