@@ -19,6 +19,7 @@ from relume.capture.exposure.comparison import (
 )
 from relume.capture.exposure.consistency import BracketDoubt, check
 from relume.capture.exposure.folder import expand
+from relume.capture.exposure.nearly_white import darkest_alike, share_shown
 from relume.capture.exposure.validation import compare
 from relume.errors import NotABracket
 from relume.image.photograph import Exposure, Photograph, Settings
@@ -195,9 +196,51 @@ def test_a_photograph_of_another_scene_is_found_wherever_it_stands(scene, sound)
         assert photograph.exposure is not None
         wrong = NOISY.photograph(strange, photograph.exposure).pixels
         doubt = only(changed(sound, place, pixels=wrong), "not to be of the scene that the others show", "leave it out")
-        assert doubt.frame == photograph.name
+        assert doubt.frame == photograph.name and doubt.effect == 0.5
     two = Bracket((sound.photographs[2], NOISY.photograph(strange, Exposure(SEVEN[3]))))
     only(two, "these photographs do not show one scene")
+
+
+def paving(seed: int) -> np.ndarray:
+    """Stones of like brightness, and four dark holes in them: a long exposure shows the holes alone."""
+    generator = np.random.default_rng(seed)
+    stones = 0.5 * generator.uniform(0.5, 1.3, (12, 18, 1)).astype(np.float32)
+    scene = stones.repeat(20, axis=0).repeat(20, axis=1).repeat(3, axis=2)
+    for _ in range(4):
+        y, x = generator.integers(20, 190), generator.integers(20, 310)
+        scene[y : y + 22, x : x + 22] *= 0.04
+    return scene
+
+
+def of_another_scene(bracket: Bracket) -> list[BracketDoubt]:
+    return [doubt for doubt in check(bracket) if "not to be of the scene" in doubt.what or "one scene" in doubt.what]
+
+
+def test_a_photograph_that_is_white_nearly_everywhere_is_judged_by_what_it_shows():
+    """Its white hides what the others show, so few ranks agree however right it is."""
+    times = (0.5, 1, 2, 8)
+    right = NOISY.bracket(paving(1), times)
+    darker, last = (reduced(photograph) for photograph in right.photographs[-2:])
+    assert 0.03 < share_shown(last) < 0.1
+    assert (similarity(structure(darker), structure(last)) or 0.0) < STRANGE
+    assert (darkest_alike(darker, last) or 0.0) > 0.9
+    assert of_another_scene(right) == []
+    # Only what it shows is merged, and no more can be wrong.
+    for seed in range(2, 6):
+        wrong = changed(right, 3, pixels=NOISY.photograph(paving(seed), Exposure(8)).pixels)
+        (doubt,) = of_another_scene(wrong)
+        assert doubt.frame == right.photographs[3].name
+        assert doubt.effect == pytest.approx(0.06, abs=0.03) and not doubt.ranked.wrong
+
+
+def test_nothing_is_said_of_a_photograph_that_shows_next_to_nothing():
+    scene = paving(1)
+    scene[scene < 0.1] = 0.5
+    scene[100:112, 100:112] = 0.02
+    bracket = NOISY.bracket(scene, (0.5, 1, 2, 8))
+    assert 0 < share_shown(reduced(bracket.photographs[3])) < 0.01
+    assert of_another_scene(bracket) == []
+    assert of_another_scene(changed(bracket, 3, pixels=np.full_like(bracket.photographs[3].pixels, 255))) == []
 
 
 def test_real_photographs_of_other_scenes_are_strange_and_those_of_one_scene_are_not(shared):

@@ -22,6 +22,7 @@ from relume.capture.exposure.comparison import (
     structure,
 )
 from relume.capture.exposure.folder import name_order
+from relume.capture.exposure.nearly_white import NEARLY, STRANGE_WHITE, darkest_alike, share_shown
 from relume.capture.exposure.validation import ExposureCorrections, compare
 from relume.errors import NotABracket
 from relume.image.photograph import Photograph
@@ -204,22 +205,31 @@ def _of_borders(bracket: Bracket) -> Iterator[BracketDoubt]:
 
 def _strangers(bracket: Bracket, pictures: Sequence[Reduced]) -> list[BracketDoubt]:
     order = sorted(range(len(pictures)), key=lambda i: pictures[i].mean)
-    structures = [structure(picture) for picture in pictures]
+    structures, shares = [structure(picture) for picture in pictures], [share_shown(picture) for picture in pictures]
+    # By how much each is more alike to another than photographs of different scenes may be.
     best: dict[int, float] = {}
     # The photograph two further on too: the neighbours of a stranger are none.
     for distance in (1, 2):
         for first, second in zip(order, order[distance:], strict=False):
-            alike = similarity(structures[first], structures[second])
+            if shares[second] < NEARLY:
+                alike, limit = darkest_alike(pictures[first], pictures[second]), STRANGE_WHITE
+            else:
+                alike, limit = similarity(structures[first], structures[second]), STRANGE
             for member in (first, second) if alike is not None else ():
-                best[member] = max(best.get(member, -1.0), alike or 0.0)
-    strange = [i for i, alike in sorted(best.items()) if alike < STRANGE]
-    names = [bracket.photographs[i].name for i in strange]
-    if len(strange) == len(pictures):
+                best[member] = max(best.get(member, -2.0), (alike or 0.0) - limit)
+    strange = [i for i, above in sorted(best.items()) if above < 0]
+    if strange and len(strange) == len(best):
         what = "these photographs do not show one scene"
         return [BracketDoubt(bracket.name, what, "merge photographs of one scene, taken from one place", True, 1.0)]
     return [
-        BracketDoubt(name, "seems not to be of the scene that the others show", "leave it out", True, 0.5)
-        for name in names
+        BracketDoubt(
+            bracket.photographs[i].name,
+            "seems not to be of the scene that the others show",
+            "leave it out",
+            True,
+            min(0.5, shares[i]),  # what is white is not merged
+        )
+        for i in strange
     ]
 
 
