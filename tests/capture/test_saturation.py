@@ -12,8 +12,10 @@ from relume.capture.brackets.settings import MergeSettings
 from relume.capture.exposure.bracket import Bracket
 from relume.capture.merging import merge
 from relume.capture.response.calibration import Calibration
+from relume.capture.response.nearly_white import below_white
 from relume.capture.response.neutral import neutral_exposures, tied
-from relume.capture.response.saturation import White, below_white, whitened
+from relume.capture.response.saturation import White, whitened
+from relume.image.radiance import SATURATED
 from relume.image.response import Response
 from synthetic import VirtualCamera, wide_scene
 
@@ -113,6 +115,14 @@ def test_the_end_of_one_curve_does_not_tint_where_the_others_say_better():
     # The curve is bent with it, and not below.
     assert np.ptp(found.response.log_exposure[:, 200]) == pytest.approx(ends[2] - ends[1], abs=1e-6)
     assert np.all(np.diff(found.response.log_exposure) > 0)
+    # Where blue's frames end at 251 and red's at 253, all are one light there, and as much brighter above.
+    whites = [White("a", 0, 253, None), White("a", 2, 251, None)]
+    pressed_ends = neutral_exposures(runaway, whites)
+    bent = tied(runaway, whites).response.log_exposure
+    assert abs(pressed_ends[2] - runaway.response.log_exposure[2, 251]) > 0.05
+    np.testing.assert_allclose(bent[[0, 1, 2], [253, 255, 251]] - bent[1, 255], 0, atol=1e-6)
+    was = runaway.response.log_exposure[2]
+    np.testing.assert_allclose(bent[2, 251:] - bent[2, 251], was[251:] - was[251], atol=1e-6)
     # A channel that differs all along ends where it says: four tenths as much again are expected.
     unlike = straight(250, 250, 250)
     unlike.response.log_exposure[2] += 0.4 * np.clip((np.arange(256) - 127) / 128, 0, 1)
@@ -143,6 +153,52 @@ def test_a_lamp_just_below_white_is_measured_though_its_values_are_those_of_whit
     # One value is worth 1.7 % there: two of JPEG's ringing are what is not known.
     error = np.sqrt(found.variance[inner][..., 0][first >= 249]) / at
     assert np.median(error) == pytest.approx(0.03, abs=0.01)
+
+
+def two_frames(shorter: np.ndarray, longer: np.ndarray) -> Bracket:
+    """A bracket of two grey photographs of these values."""
+    first, second = CAMERA.bracket(wide_scene(shorter.shape[1], shorter.shape[0]), TIMES).photographs[:2]
+    values = (np.repeat(each[..., None], 3, 2).astype(np.uint8) for each in (shorter, longer))
+    return Bracket(tuple(replace(p, pixels=pixels) for p, pixels in zip((first, second), values, strict=True)))
+
+
+SMALL = {"3×3": np.s_[30:33, 30:33], "strip": np.s_[20:60, 30:32], "line": np.s_[30, 10:50], "5×5": np.s_[30:35, 30:35]}
+
+
+@pytest.mark.parametrize("shape", SMALL)
+@pytest.mark.parametrize("quality", [None, 85, 95])
+def test_what_is_white_stays_saturated_however_small_and_thin_though_what_is_beside_it_brightens(shape, quality):
+    shorter, longer = np.full((80, 96), 50), np.full((80, 96), 130)
+    shorter[SMALL[shape]] = longer[SMALL[shape]] = 255
+    bracket = two_frames(shorter, longer)
+    if quality is not None:
+        photographs = (replace(p, pixels=through_jpeg(p.pixels, quality)) for p in bracket.photographs)
+        bracket = Bracket(tuple(photographs))
+    believed = below_white(bracket)
+    assert believed is None
+    found = merge(bracket, known_response(CAMERA), believed=believed)
+    assert found.clipped is not None
+    white = bracket.photographs[0].pixels.min(-1) >= 252
+    assert white.any() and np.all(found.clipped[white] == SATURATED)
+
+
+@pytest.mark.parametrize("radius", [0, 1, 2, 3, 6])
+def test_the_sun_in_a_cloud_just_below_white_stays_saturated_and_the_cloud_is_measured(radius):
+    y, x = np.mgrid[:300, :96]
+    noise = np.random.default_rng(2).normal(0, 0.7, y.shape)
+    shorter = np.clip(np.rint(250 + noise), 0, 254).astype(int)
+    # One sun where two bands of rows meet.
+    suns = [np.hypot(y - row, x - column) <= radius for row, column in ((40, 30), (256, 60))]
+    shorter[suns[0] | suns[1]] = 255
+    bracket = two_frames(shorter, np.full(y.shape, 255))
+    believed = below_white(bracket)
+    assert believed is not None
+    found = merge(bracket, known_response(CAMERA), believed=believed)
+    assert found.clipped is not None and found.variance is not None
+    for sun in suns:
+        assert np.all(found.clipped[sun] == SATURATED) and np.all(np.isinf(found.variance[sun]))
+    cloud = np.min([np.hypot(y - row, x - column) for row, column in ((40, 30), (256, 60))], axis=0) > 20
+    assert (found.clipped[cloud & (shorter >= 249)] == 0).mean() > 0.99
 
 
 def test_a_scene_without_blue_keeps_its_colour():

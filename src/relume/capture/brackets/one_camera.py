@@ -24,9 +24,10 @@ from relume.capture.merging import merge
 from relume.capture.raw.merging import RawCalibration, RawSource, calibrate_raw, merge_raw, opened
 from relume.capture.raw.sensor import Sensor
 from relume.capture.response.calibration import CHANNELS, Calibration, corrected, recover_response
+from relume.capture.response.nearly_white import below_white
 from relume.capture.response.neutral import tied
 from relume.capture.response.ratios import Ratios
-from relume.capture.response.saturation import White, below_white, whitened
+from relume.capture.response.saturation import White, whitened
 from relume.errors import NotABracket, warn
 from relume.image.colour_space import in_rec709
 from relume.image.photograph import Photograph, RawPhotograph

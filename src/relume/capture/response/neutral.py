@@ -44,11 +44,12 @@ def tied(calibration: Calibration, whites: Sequence[White]) -> Calibration:
     """
     curves, levels = calibration.response.log_exposure, calibration.response.levels
     ends = neutral_exposures(calibration, whites)
-    own = _ends(curves, _tops(levels, whites))
+    tops = _tops(levels, whites)
     known = _known(levels)
     # From where it is known each curve is bent towards its end, so that it rises as before; guesses stay as they are.
-    rise = np.clip((np.arange(levels) - known) / (levels - 1 - known), 0.0, 1.0) ** 2
-    moved = np.where(_observed(calibration), ends - own, 0.0)
+    # It is bent by the whole at the value where its channel ends, as the whole is balanced.
+    rise = np.clip((np.arange(levels) - known) / np.maximum(tops - known, 1)[:, None], 0.0, 1.0) ** 2
+    moved = np.where(_observed(calibration), ends - _ends(curves, tops), 0.0)
     bent = np.maximum.accumulate(curves + moved[:, None] * rise, axis=1)
     bent += 1e-9 * (np.arange(levels) - (levels - 1)) * (moved[:, None] != 0)
     response = replace(calibration.response, log_exposure=bent)

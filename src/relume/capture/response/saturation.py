@@ -2,7 +2,6 @@
 
 Exposures are monotone: what is white in a shorter frame is white in a longer one, whatever its pixel value. So a frame
 whose bright parts were pressed together afterwards, as telephones do, shows its own white where a shorter one is white.
-What is as bright in the next longer exposure is white; lamps that stand just below it in the shortest one are not.
 """
 
 from __future__ import annotations
@@ -11,7 +10,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
-from scipy.ndimage import find_objects, label, maximum_filter, minimum_filter, uniform_filter
+from scipy.ndimage import minimum_filter
 
 from relume.capture.exposure.bracket import Bracket
 from relume.capture.response.sampling import levels_of
@@ -27,13 +26,6 @@ LOWEST = 0.6
 """Share of the values below which no plateau is believed: a camera's white is bright, and what is darker has moved."""
 SPREAD = 14 / 256
 """Share of the values over which eight tenths of a plateau may be spread, by noise and JPEG."""
-
-LONGER = 1.2
-"""Least ratio of two exposures by which what is below white brightens."""
-BRIGHTER = 1.0
-"""Pixel values, 3×3 pixels together, by which it does: JPEG leaves as much between two pictures of what is white."""
-SMALLEST = 9
-"""Pixels of a place in which that is seen; of fewer, one value of JPEG's ringing decides."""
 
 
 @dataclass(frozen=True)
@@ -109,37 +101,3 @@ def _made_white(photograph: Photograph, ends: Sequence[White], levels: int) -> P
             channel = pixels[..., end.channel]
             channel[channel >= end.least] = levels - 1
     return replace(photograph, pixels=pixels)
-
-
-def below_white(bracket: Bracket) -> np.ndarray | None:
-    """(H, W, 3) where the shortest photograph is nearly white but below it: the next longer one is brighter there.
-
-    bracket : aligned, white where it ends (`whitened`)
-    None where there is no such place, or no second exposure to show it. A lamp whose red stands at 0.9 of white has
-    values of 247 to 255 in a JPEG, as saturated places have; there nine tenths of it are darker, 3×3 pixels together,
-    than half of it is one exposure on, where it is white.
-    """
-    if (
-        levels_of(bracket) != 256
-        or len(bracket.photographs) < 2
-        or bracket.exposures[1] < LONGER * bracket.exposures[0]
-    ):
-        return None
-    first, second = (p.pixels for p in bracket.photographs[:2])
-    found = np.zeros(first.shape, bool)
-    for c in range(3):
-        bright = first[..., c] >= WHITE * 256 - 1
-        if np.count_nonzero(bright) < SMALLEST:
-            continue
-        # Places, over the gaps that noise leaves in them.
-        places = np.zeros(bright.shape, np.int32)
-        label(maximum_filter(bright, 3), output=places)
-        sizes = np.bincount(places[bright])
-        for number, box in enumerate(find_objects(places), 1):
-            if number >= len(sizes) or sizes[number] < SMALLEST:
-                continue
-            here = bright[box] & (places[box] == number)
-            shorter, longer = (uniform_filter(p[(*box, c)].astype(np.float32), 3)[here] for p in (first, second))
-            if np.percentile(shorter, 90) + BRIGHTER < np.median(longer):
-                found[(*box, c)] |= here
-    return found if found.any() else None
