@@ -19,7 +19,7 @@ LONGER = 1.2
 BRIGHTER = 1.0
 """Pixel values, 3×3 pixels together, by which it does: JPEG leaves as much between two pictures of what is white."""
 DARK = 235
-"""Value below which a pixel is no part of what is nearly white: of lamps at 0.95 of white JPEG leaves 238 to 255."""
+"""Value below which a pixel is no part of what is nearly white: inside lamps at 251 JPEG leaves 241 to 255."""
 AROUND = 9
 """Pixels across of what is asked beside a pixel: JPEG rings at a lamp's edge, so that some 3×3 pixels brighten."""
 SUPPORT, SHARE = 6, 0.9
