@@ -14,6 +14,7 @@ from relume.scene.scene import Box, Scene
 from relume.scene.shapes.shapes import Mesh, Plane
 from relume.sphere.environment_map import EnvironmentMap
 from relume.sphere.mappings.mapping import LatLong, pixel_directions
+from relume.surface import projection
 from relume.surface.gloss import FittedGloss, Gloss, fit_gloss, glossy
 from relume.surface.projection import box_mesh, shining
 from relume.surface.recovery import Recovery
@@ -141,10 +142,17 @@ def test_places_near_a_ball_are_those_that_its_surface_mirrors():
     assert np.linalg.norm(shared.seen_from - PROBE, axis=-1) == pytest.approx(0, abs=1e-9)
 
 
-def test_a_wall_beside_a_table_shines_on_it_as_the_photograph_shows_it():
-    """A wall of radiance 2 in a dark place, against the sum over its pieces (L cos θ cos θ' dA / r²)."""
+# By columns of a photograph four times as fine as is looked at: brighter to the right, in stripes that average to 1.
+STRIPES = (0.5 + 3 * np.arange(WIDTH) / WIDTH) * np.where(np.arange(WIDTH) % 4 == 0, 2.5, 0.5)
+
+
+@pytest.mark.parametrize("columns", [np.full(WIDTH, 2.0), STRIPES], ids=["even", "striped"])
+def test_a_wall_beside_a_table_shines_on_it_as_the_photograph_shows_it(monkeypatch, columns):
+    """A wall in a dark place, against the sum over its pieces (L cos θ cos θ' dA / r²)."""
+    monkeypatch.setattr(projection, "COARSE", WIDTH // 4)
     wall = box_mesh((-0.85, 0.0, -0.52), (0.85, 1.0, -0.5), Diffuse((0.5, 0.5, 0.5)))
-    radiance = np.full((HEIGHT, WIDTH, 3), 2.0, np.float32)
+    radiance = np.empty((HEIGHT, WIDTH, 3), np.float32)
+    radiance[:] = columns[:, None]
     parts = np.where(np.arange(HEIGHT)[:, None] < 20, 1, 0) + np.zeros((1, WIDTH), int)
     dark = EnvironmentMap(np.zeros((8, 16, 3), np.float32))
     local = shining([TABLE, wall], 0, CAMERA, radiance, parts)
@@ -158,7 +166,14 @@ def test_a_wall_beside_a_table_shines_on_it_as_the_photograph_shows_it():
     towards = np.stack([x, y, np.full_like(x, -0.5)], axis=-1)[None] - points[:, None, None]
     square = (towards**2).sum(-1)
     piece = (0.85 * 2 / 400) * (1 / 400)
-    expected = (2.0 * towards[..., 1] * -towards[..., 2] / square**2).sum((1, 2)) * piece / np.pi
+    # What the photograph shows of it, averaged over the stripes, and the median where it shows nothing.
+    at, seen_there = CAMERA.project(np.stack([x, y, np.full_like(x, -0.5)], axis=-1)), np.zeros(x.shape, bool)
+    seen_there[:] = (at >= 0).all(-1) & (at[..., 0] < WIDTH) & (at[..., 1] < HEIGHT)
+    means = columns.reshape(-1, 4).mean(1)
+    sent_there = np.interp(at[..., 0], 4 * np.arange(WIDTH // 4) + 2, means)
+    sent_there = np.where(seen_there, sent_there, np.median(columns))
+    assert seen_there.mean() > 0.2
+    expected = (sent_there * towards[..., 1] * -towards[..., 2] / square**2).sum((1, 2)) * piece / np.pi
     assert seen == pytest.approx(expected, rel=0.08)
 
 

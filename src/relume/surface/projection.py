@@ -13,6 +13,8 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from relume.errors import warn
+from relume.image.radiance import RadianceMap
+from relume.image.resizing import resized
 from relume.renderers.raytrace.raycast import RayCaster
 from relume.scene.cameras.camera import Camera
 from relume.scene.materials.checks import triple
@@ -88,14 +90,16 @@ def shining(
     nothing of it. They send alike in all directions and only from their front.
     """
     step = max(1, max(radiance.shape) // COARSE)
-    picture = np.ascontiguousarray(np.maximum(radiance[step // 2 :: step, step // 2 :: step], 0))
+    height, width = (max(1, side // step) for side in radiance.shape[:2])
+    # Means over areas: a lamp of a few pixels sends what it sends, wherever it lies.
+    picture = resized(RadianceMap(np.maximum(radiance, 0, dtype=np.float32)), width, height).radiance
     result = [local[index]]
     for number, shape in enumerate(local):
         if number == index:
             continue
         piece = projected(shape, camera, [other for other in local if other is not shape])
         shown = radiance[parts == number]
-        middle = np.median(shown, axis=0) if len(shown) else np.zeros(3)
+        middle = np.maximum(np.median(shown, axis=0), 0) if len(shown) else np.zeros(3)
         for mesh, light in ((piece.seen, picture), (piece.unseen, triple(middle))):
             if mesh is not None:
                 result.append(replace(mesh, material=Material((0.0, 0.0, 0.0), emission=light)))
