@@ -21,7 +21,7 @@ from objects import write_glb
 from photographs import photographs, records
 from place import Place, View
 from places import PLACES
-from scipy.ndimage import uniform_filter
+from scipy.ndimage import median_filter, uniform_filter
 
 from virtual_camera import read, write
 
@@ -138,48 +138,61 @@ def truths(place: Place, folder: Path, samples: int, seeds: int) -> None:
     share = np.clip(common / np.maximum(own, 1e-12), 0, 1) * beside
     each = np.where(inside, there - share * (without - plate), plate)
     halves = [each[::2].mean(0), each[1::2].mean(0)]
-    noise = np.abs(halves[0] - halves[1]).sum(-1) * beside[..., 0]
-    halves = refined(
-        place, folder, halves, noise * (np.abs(each.mean(0) - plate).sum(-1) > 0.03 * plate.sum(-1)), samples
-    )
+    # What a half changes, less what it changes around: fireflies, glints and caustics.
+    changes = [half - plate for half in halves]
+    noise = [np.abs(change - median_filter(change, (5, 5, 1))).sum(-1) for change in changes]
+    noise = [
+        each * beside[..., 0] * (np.abs(change).sum(-1) > 0.03 * plate.sum(-1))
+        for each, change in zip(noise, changes, strict=True)
+    ]
+    halves = refined(place, folder, halves, noise, (samples, seeds))
     done = {"plate": plate, "with_all": (halves[0] + halves[1]) / 2, "with_all_1": halves[0], "with_all_2": halves[1]}
     for name, pixels in {**done, "mask_all": raw["mask_all"]}.items():
         write(folder / f"truth/{name}.exr", pixels)
 
 
 def refined(
-    place: Place, folder: Path, halves: list[np.ndarray], noise: np.ndarray, samples: int
+    place: Place, folder: Path, halves: list[np.ndarray], noise: list[np.ndarray], rays: tuple[int, int]
 ) -> list[np.ndarray]:  # fmt: skip
-    """The two halves of the truth, the tiles with most noise (H, W) traced again, each half by seeds of its own."""
-    height, width = noise.shape
+    """The two halves of the truth, their noisiest tiles traced again, each half by seeds of its own.
+
+    noise : (H, W) of each half. It chooses the tiles of the other half: tiles that were chosen by the noise that is
+        then averaged away would lose their fireflies, while those without keep their lack of them, and the sum
+        would be too dark
+    rays : a pixel of each seed, and seeds
+    """
+    samples, seeds = rays
+    height, width = noise[0].shape
     rows, columns = height // TILE, width // TILE
-    sums = noise[: rows * TILE, : columns * TILE].reshape(rows, TILE, columns, TILE).sum((1, 3)).ravel()
-    path = folder / "renders/refined.npz"
+    sums = [
+        each[: rows * TILE, : columns * TILE].reshape(rows, TILE, columns, TILE).sum((1, 3)).ravel() for each in noise
+    ]
+    path = folder / f"renders/refined_{samples}_{seeds}_{width}x{height}.npz"
     if not path.is_file():
         empty()
         place.build()
         look(place.plate, (width, height))
         place.things()
-        chosen = np.argsort(sums)[::-1][:TILES]
-        traced = np.zeros((2, len(chosen), TILE, TILE, 3), np.float32)
+        chosen = np.stack([np.argsort(sums[1 - half])[::-1][:TILES] for half in range(2)])
+        traced = np.zeros((*chosen.shape, TILE, TILE, 3), np.float32)
         part = folder / "renders/tile.exr"
-        for index, tile in enumerate(chosen):
+        for (half, index), tile in np.ndenumerate(chosen):
             top, left = (int(tile) // columns) * TILE, (int(tile) % columns) * TILE
             # A quarter of a pixel more, or rounding decides which pixels those are.
             low, high = height - top - TILE + 0.25, height - top + 0.25
             region = ((left + 0.25) / width, low / height, (left + TILE + 0.25) / width, high / height)
-            for half in range(2):
-                render(part, samples=MORE * samples, seed=1000 + 2 * index + half, region=region)
-                traced[half, index] = read(part)[top : top + TILE, left : left + TILE]
+            render(part, samples=MORE * samples, seed=1000 + 2 * index + half, region=region)
+            traced[half, index] = read(part)[top : top + TILE, left : left + TILE]
         part.unlink()
         np.savez(path, chosen=chosen, traced=traced)
     kept = np.load(path)
     for half, pixels in enumerate(halves):
-        for tile, finer in zip(kept["chosen"], kept["traced"][half], strict=True):
+        old_seeds = (seeds + 1 - half) // 2
+        for tile, finer in zip(kept["chosen"][half], kept["traced"][half], strict=True):
             top, left = (int(tile) // columns) * TILE, (int(tile) % columns) * TILE
             # Weighted by their rays.
             old = pixels[top : top + TILE, left : left + TILE]
-            pixels[top : top + TILE, left : left + TILE] = (old + MORE * finer) / (1 + MORE)
+            pixels[top : top + TILE, left : left + TILE] = (old_seeds * old + MORE * finer) / (old_seeds + MORE)
     return halves
 
 
@@ -191,6 +204,8 @@ def main() -> None:
     parser.add_argument("--seeds", type=int, default=2, help="of the truth, two at least")
     parser.add_argument("--small", type=float, default=1.0, help="divides the plate's size, to try a place out")
     given = parser.parse_args()
+    if given.seeds < 2:
+        parser.error(f"--seeds is {given.seeds}; expected 2 or more, for the truth's noise is seen between two halves")
     place, folder = PLACES[given.name], given.folder / given.name
     pictures(place, folder, given.samples, given.seeds, given.small)
     truths(place, folder, given.samples, given.seeds)
