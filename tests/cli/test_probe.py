@@ -5,22 +5,23 @@ from __future__ import annotations
 import json
 from importlib import import_module
 from pathlib import Path
-from typing import Any
+from types import SimpleNamespace
+from typing import Any, cast
 
 import numpy as np
 import pytest
 
 from command_line import printed, refused, reported
 from relume.cli import main
-from relume.errors import warn
+from relume.errors import WRONG, warn
 from relume.image.colour import encode_srgb
 from relume.image.files import read_layers, read_photograph, read_radiance, write
 from relume.image.photograph import Exposure, Photograph
 from relume.image.radiance import OUTSIDE, SATURATED, RadianceMap
 from relume.probe.ball.blending import Probe
-from relume.probe.ball.probing import BallProbe
+from relume.probe.ball.probing import BallProbe, rim_doubt
 from relume.probe.ball.silhouette import outline_of_circle
-from relume.probe.ball.unwrapping import unwrap_ball
+from relume.probe.ball.unwrapping import BallView, unwrap_ball
 from relume.sphere.environment_map import EnvironmentMap
 from relume.sphere.mappings.mapping import LatLong
 from synthetic import CENTRE, lobes, photograph_ball
@@ -161,6 +162,17 @@ def test_a_rim_that_may_be_another_is_doubtful(folder, tmp_path, capsys):
     line = printed([*words, "-q"], capsys, 4).err
     assert "is seen about as well" in line and "--picture" in line and "--pick" in line
     assert main([*words, "-q", "--pick", "70,70,63"]) == 0
+
+
+def test_rims_that_are_much_alike_are_a_small_doubt():
+    def rival(x: float, y: float, radius: float) -> float:
+        view = SimpleNamespace(outline=SimpleNamespace(centre=(70.0, 70.0), radius=60.0, rivals=((x, y, radius),)))
+        return rim_doubt(cast(BallView, view), "ball.jpg").effect or 0.0
+
+    assert rival(71.2, 70.0, 60.0) == pytest.approx(2 * 0.02)
+    assert rival(70.0, 70.0, 58.8) == pytest.approx(2 * 0.02, rel=0.02)
+    assert rival(70.0, 72.0, 60.0) == WRONG
+    assert rival(70.0, 70.0, 45.0) == pytest.approx(0.5)
 
 
 def test_every_ball_has_a_line_and_machines_a_list():

@@ -8,6 +8,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+import trimesh
 
 from angles import degrees_between
 from relume.errors import InvalidShot, doubt_of
@@ -118,6 +119,16 @@ def test_an_object_stands_in_the_ball_s_place(tmp_path: Path) -> None:
     assert np.ptp(larger.vertices, axis=0).max() == pytest.approx(0.4)
     assert larger.vertices.min(0)[1] == pytest.approx(0.1)
     assert (larger.vertices.min(0) + larger.vertices.max(0))[[0, 2]] / 2 == pytest.approx([0.2, -0.1])
+
+
+def test_what_leans_over_stands_on_its_foot(tmp_path: Path) -> None:
+    foot = trimesh.creation.box((0.02, 0.1, 0.02)).apply_translation((0.3, 0.05, -0.1))
+    head = trimesh.creation.box((0.2, 0.05, 0.05)).apply_translation((0.4, 0.125, -0.1))
+    trimesh.util.concatenate([foot, head]).export(tmp_path / "lamp.stl")
+    (lamp,) = placed_meshes(shot_of(tmp_path, SHORTEST.replace(CUBE.as_posix(), "lamp.stl")))
+    below = lamp.vertices[lamp.vertices[:, 1] < 1e-6]
+    np.testing.assert_allclose((below.min(0) + below.max(0)) / 2, 0, atol=1e-6)
+    assert lamp.vertices[:, 0].max() == pytest.approx(0.2, abs=1e-6)
 
 
 def test_the_table_ends_where_a_table_may_unless_it_is_described(tmp_path: Path) -> None:

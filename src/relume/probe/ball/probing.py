@@ -27,6 +27,8 @@ FAR = 20.0
 """Ball radii from the camera to the ball where the distance is unknown: a metre for a ball of 5 cm."""
 CROPPED = 4.0
 """Ball radii below which a distance by the EXIF is that of a crop: nobody photographs a ball from 15 cm."""
+ALIKE = 0.03
+"""Radii by which two rims may differ whose light is much the same; beyond, one of them is of something else."""
 
 
 @dataclass(frozen=True)
@@ -233,8 +235,13 @@ def rim_doubt(view: BallView, name: str, remedy: str = "look at it with --pictur
         f"{name}: the rim was taken at x,y,radius {x:.1f},{y:.1f},{outline.radius:.1f}, and {other_x:.1f},"
         f"{other_y:.1f},{other:.1f} is seen about as well; {remedy}"
     )
-    # Light is taken from a wrong area, and what lies outside the rim is no light: never less than wrong.
-    return Doubt(line, max(WRONG, abs((other / outline.radius) ** 2 - 1)))
+    # What the middle mirrors turns by twice the shift in radii, and a diffuse surface's light by no more than that;
+    # near the rim what lies outside is taken as light, or light is left out.
+    shift, growth = (
+        each / outline.radius for each in (float(np.hypot(other_x - x, other_y - y)), abs(other - outline.radius))
+    )
+    effect = max(2 * (shift + growth), abs((other / outline.radius) ** 2 - 1))
+    return Doubt(line, effect if max(shift, growth) <= ALIKE else max(WRONG, effect))
 
 
 def _explained(doubt: Doubt, probe: Probe, known: bool) -> Doubt:

@@ -22,8 +22,8 @@ HOVERING = 0.005
 """Metres between all objects and the plane from which on they seem to hover."""
 SUNK = 0.05
 """Of an object's height: deeper in the plane than the foot of anything that stands on it."""
-
-
+FOOT = 0.02
+"""Of an object's height above its lowest point: what stands on the table."""
 SMALL, LARGE = 0.003, 4.0
 """Of its distance: a mesh that is shorter is not seen, one that is longer is not a thing on a table."""
 
@@ -54,7 +54,9 @@ def _in_place(shot: Shot, table: Object) -> Sequence[Mesh]:
     there = [placed(mesh, unmoved) for mesh in meshes]
     points = np.concatenate([placed(mesh, unmoved).vertices for mesh in rest])
     low, high = points.min(0), points.max(0)
-    moved = np.array([stand[0] - (low[0] + high[0]) / 2, -low[1], stand[1] - (low[2] + high[2]) / 2])
+    foot = points[points[:, 1] <= low[1] + FOOT * (high[1] - low[1])]
+    middle = (foot.min(0) + foot.max(0)) / 2
+    moved = np.array([stand[0] - middle[0], -low[1], stand[1] - middle[2]])
     moved += np.array(table.translate)
     return [replace(mesh, vertices=(mesh.vertices + moved).astype(np.float32)) for mesh in there]
 
