@@ -346,6 +346,8 @@ def test_a_varied_aperture_and_iso_are_said_and_merged(scene):
 def test_estimated_exposures_are_reported(sound):
     guessed = [replace(p, exposure=replace(p.exposure, source="estimated")) for p in sound.photographs if p.exposure]
     assert only(Bracket(tuple(guessed)), "it was estimated from the pixels", "--times").frame == sound.name
+    named = [replace(p, name=f"cp_t{2**k}.jpg") for k, p in zip((9, 7, 5, 3, 2, 1, 0), guessed, strict=False)]
+    only(Bracket(tuple(named)), "estimated from the pixels", "the names read 1/512, 1/128, ")
     one = Bracket((*sound.photographs[:3], guessed[3], *sound.photographs[4:]))
     assert only(one, "no exposure is known").frame == "frame_3.jpg"
 

@@ -257,8 +257,12 @@ def test_five_lines_and_a_second_view_are_a_picture(folder: Path) -> None:
             "light.ball.centre: missing",
         ),
         (("light.balls", "light.map = 'a.exr'\n#"), r"camera: give one of .*, or ball = \{ photograph, radius \}"),
+        (
+            ("light.balls", "camera.ball.rim = [150, 110, 40]\nlight.map = 'a.exr'\n#"),
+            "camera.ball.radius: missing; give the ball's in metres",
+        ),
     ],
-    ids=["centre", "camera", "radius", "no radius", "pose", "map"],
+    ids=["centre", "camera", "radius", "no radius", "pose", "map", "map and rim"],
 )
 def test_what_contradicts_the_ball_is_refused_in_one_line(
     tmp_path: Path, change: tuple[str, str], message: str

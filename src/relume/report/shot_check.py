@@ -181,7 +181,6 @@ def _camera(
 def _extent(points: np.ndarray) -> str:
     across, up, along = np.ptp(points, axis=0).tolist()
     low, high = points.min(0), points.max(0)
-    return (
-        f"{across:.3g} × {up:.3g} × {along:.3g} m, foot at {low[1]:.3g} m over ({(low[0] + high[0]) / 2:.3g}, "
-        f"{(low[2] + high[2]) / 2:.3g})"
-    )
+    # To the hundredth of a millimetre: what is placed to be 0 is.
+    foot, x, z = (round(value, 5) + 0.0 for value in (low[1], (low[0] + high[0]) / 2, (low[2] + high[2]) / 2))
+    return f"{across:.3g} × {up:.3g} × {along:.3g} m, foot at {foot:.3g} m over ({x:.3g}, {z:.3g})"

@@ -22,6 +22,7 @@ from relume.capture.exposure.comparison import (
     structure,
 )
 from relume.capture.exposure.folder import name_order
+from relume.capture.exposure.named_times import times_in_names
 from relume.capture.exposure.nearly_white import NEARLY, STRANGE_WHITE, darkest_alike, share_shown
 from relume.capture.exposure.validation import ExposureCorrections, compare
 from relume.errors import NotABracket
@@ -139,10 +140,12 @@ def _of_settings(bracket: Bracket) -> Iterator[BracketDoubt]:
 def _of_sources(bracket: Bracket) -> Iterator[BracketDoubt]:
     estimated = [line.name for line in bracket.exposure_table if line.source == "estimated"]
     if estimated:
+        named = times_in_names([photograph.name for photograph in bracket.photographs])
+        suggested = f"the names read {', '.join(named)}: take those with --times-from-names, or " if named else ""
         yield BracketDoubt(
             bracket.name if len(estimated) == len(bracket.photographs) else ", ".join(estimated),
             "no exposure is known; it was estimated from the pixels",
-            "give the exposure times with --times",
+            f"{suggested}give the exposure times with --times",
             True,
             0.5,  # over four stops; the photographs alone leave the contrast open by some 15 % in the exponent
         )

@@ -239,6 +239,8 @@ class Shot(Table):
         # The frame of the ball.
         if self.camera.keyframes:
             return "camera.keyframes: they move a pose; give [camera] pose"
+        if self.camera.ball is not None and not (ball or asked.radius):
+            return "camera.ball.radius: missing; give the ball's in metres, as there is no light.ball to take it from"
         if not (ball or asked.radius) or not (balls or asked.photograph or asked.rim):
             return "camera: give one of grid, pose, lines and file, or ball = { photograph, radius }"
         if ball is not None and asked.radius not in (None, ball.radius):
