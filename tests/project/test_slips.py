@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 from relume.capture.exposure.bracket import Bracket
-from relume.errors import DoubtWarning, InvalidShot
+from relume.errors import DoubtWarning, InvalidShot, doubt_of
 from relume.image.photograph import Exposure, Photograph, Settings
 from relume.image.radiance import RadianceMap
 from relume.probe.ball.silhouette import outline_of_circle
@@ -109,7 +109,7 @@ def test_rim_and_focal_length_are_held_against_the_tape() -> None:
         held_to_tape(
             view, 0, BallPhotographs(photographs=["a.jpg"], camera=(0, 0, 1)), Ball(centre=(0, 0, 0), radius=1 / 15)
         )
-    assert caught[0].message.effect == pytest.approx(1 - (15 / 20) ** 2, abs=0.01)
+    assert doubt_of(caught[0].message).effect == pytest.approx(1 - (15 / 20) ** 2, abs=0.01)
 
 
 def test_a_crop_whose_exif_has_the_whole_pictures_focal_length_is_placed_by_tape() -> None:
