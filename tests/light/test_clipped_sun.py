@@ -293,7 +293,7 @@ def test_noise_becomes_a_deviation_and_clipped_pixels_are_left_out():
 @pytest.mark.long
 def test_a_photographed_matte_ball_is_found_as_a_mirrored_one_is():
     truth, lights = made()
-    view = photographed(lights, side=240)
+    view = photographed(lights, side=320)
     found = measure_grey_ball(view.picture, 0.18, camera=12 * normalised([0.2, 0.3, 1.0]), radius=1.0, name="grey")
     assert worst(recover_sun(cut(truth), found).light, lights) < 0.01
 

@@ -43,7 +43,7 @@ def test_a_short_shot_file_has_a_plane_and_defaults(tmp_path: Path) -> None:
         (GOOD + "[render]\nsamples = 0", "render.samples: input should be greater than or equal to 2 (got 0)"),
         (GOOD + "[[objects]]\nscale = 2.0", "objects.0.mesh: missing"),
         (GOOD + "[[objects]]\nmesh = 'a.glb'\nmaterial = { roughness = 2 }", "objects.0.material.roughness"),
-        (GOOD + "[[local]]\nshape = 'sphere'", "local.0.shape"),
+        (GOOD + "[[local]]\nshape = 'cone'", "local.0.shape"),
         ("folder = 'x'\n" + GOOD, "folder: unknown key"),
         (GOOD + "[develop]\nresponse = 'film'", "develop.response"),
         (GOOD.replace('map = "light.exr"', ""), "light: give one of balls and map"),
