@@ -19,7 +19,7 @@ from relume.capture.exposure.comparison import (
 )
 from relume.capture.exposure.consistency import BracketDoubt, check
 from relume.capture.exposure.folder import expand
-from relume.capture.exposure.nearly_white import darkest_alike, share_shown
+from relume.capture.exposure.overexposed import darkest_alike, share_shown
 from relume.capture.exposure.validation import compare
 from relume.errors import NotABracket
 from relume.image.photograph import Exposure, Photograph, Settings

@@ -274,14 +274,21 @@ def test_a_folder_of_folders_and_two_balls_where_there_is_one_are_refused(ball_s
     assert "give each ball its circle" in line
 
 
+def require_in_place(field, lamps, camera):
+    """Every lamp within a share of its distance from the middle of the balls, the camera within metres."""
+    middle = BALLS.mean(axis=0)
+    assert field.lights.positions is not None and field.camera is not None
+    away = np.linalg.norm(field.lights.positions - (LAMPS - middle), axis=1) / np.linalg.norm(LAMPS - middle, axis=1)
+    assert away.max() < lamps
+    np.testing.assert_allclose(field.camera.position, -middle, atol=camera)
+
+
 def test_two_balls_in_metres_show_where_lamps_and_camera_stand(near_shots, tmp_path):
     options = [word for centre in BALLS for word in ("--ball", near_word(centre))]
     field = imported(near_shots, tmp_path / "a.zarr", *options, "--field-of-view", str(FIELD_OF_VIEW))
     middle = BALLS.mean(axis=0)
-    assert field.lights.positions is not None and field.camera is not None
-    away = np.linalg.norm(field.lights.positions - (LAMPS - middle), axis=1) / np.linalg.norm(LAMPS - middle, axis=1)
-    assert away.max() < 0.05
-    np.testing.assert_allclose(field.camera.position, -middle, atol=0.01)
+    require_in_place(field, lamps=0.05, camera=0.01)
+    assert field.camera is not None
     np.testing.assert_allclose(field.camera.rotation, np.eye(3), atol=1e-12)
     # The camera sees the origin between the two balls, where it is.
     np.testing.assert_allclose(field.camera.project(np.zeros(3)), CAMERA.project(middle), atol=0.5)
@@ -290,11 +297,7 @@ def test_two_balls_in_metres_show_where_lamps_and_camera_stand(near_shots, tmp_p
 def test_two_balls_in_one_frame_are_found_and_show_where_lamps_and_camera_stand(near_shots, tmp_path, capsys):
     options = ["--ball", "find", "--ball", "find", "--field-of-view", str(FIELD_OF_VIEW)]
     field = imported(near_shots, tmp_path / "a.zarr", *options, "--ball-radius", str(RADIUS))
-    middle = BALLS.mean(axis=0)
-    assert field.lights.positions is not None and field.camera is not None
-    away = np.linalg.norm(field.lights.positions - (LAMPS - middle), axis=1) / np.linalg.norm(LAMPS - middle, axis=1)
-    assert away.max() < 0.08
-    np.testing.assert_allclose(field.camera.position, -middle, atol=0.02)
+    require_in_place(field, lamps=0.08, camera=0.02)
     wanted = [[float(v) for v in near_word(centre).split("=")[0].split(",")] for centre in BALLS]
     np.testing.assert_allclose(reported_last(capsys)["balls"], wanted, atol=0.6)
     # One of them given, the other sought beside it; without metres directions alone are found.

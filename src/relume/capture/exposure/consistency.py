@@ -23,7 +23,7 @@ from relume.capture.exposure.comparison import (
 )
 from relume.capture.exposure.folder import name_order
 from relume.capture.exposure.named_times import times_in_names
-from relume.capture.exposure.nearly_white import NEARLY, STRANGE_WHITE, darkest_alike, share_shown
+from relume.capture.exposure.overexposed import NEARLY, STRANGE_WHITE, darkest_alike, share_shown
 from relume.capture.exposure.validation import ExposureCorrections, compare
 from relume.errors import NotABracket
 from relume.image.photograph import Photograph
