@@ -5,7 +5,6 @@ from __future__ import annotations
 import json
 import os
 import sys
-import time
 import traceback
 import warnings
 from collections.abc import Callable, Iterator, Mapping, Sequence
@@ -18,13 +17,12 @@ from typing import Annotated, Any
 from cyclopts import Parameter
 
 import relume as rl
+from relume.cli.stage_lines import stage_lines
 
 _LONG = 96
 """Characters of a fact that a terminal shows on one line, beside its name."""
 SAID = 2
 """Doubts that a command says; more are not read. Those that make the result wrong are always said."""
-EVERY = 10.0
-"""Seconds between two lines of a stage under way, with -v."""
 
 
 @Parameter(name="*")
@@ -168,17 +166,18 @@ def _print_lines(lines: Mapping[str, object], indent: str) -> None:
 
 @contextmanager
 def progress(output: OutputOptions) -> Iterator[Callable[[str, float], None]]:
-    """A callback for the stages of a job: bars on a terminal; with -v a line a stage and its seconds, anywhere."""
-    if output.verbose and not output.quiet:
-        yield _StageLines()
-        return
-    if output.quiet or output.json or not sys.stderr.isatty():
+    """A callback for the stages of a job: bars on a terminal, lines in a log; with -v lines of every stage, anywhere."""
+    if output.quiet or (output.json and not output.verbose):
         yield lambda stage, share: None
         return
+    if output.verbose or not sys.stderr.isatty():
+        with stage_lines(every=output.verbose) as lines:
+            yield lines
+        return
     from rich.console import Console
-    from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn
+    from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn, TimeRemainingColumn
 
-    columns = (TextColumn("{task.description:<12}"), BarColumn(), TimeElapsedColumn())
+    columns = (TextColumn("{task.description:<12}"), BarColumn(), TimeElapsedColumn(), TimeRemainingColumn())
     with Progress(*columns, console=Console(stderr=True)) as bars:
         tasks: dict[str, Any] = {}
 
@@ -204,38 +203,6 @@ def one_by_one(advance: Callable[[str, float], None]) -> Iterator[Callable[[str]
     yield begin
     for name in before:
         advance(name, 1.0)
-
-
-class _StageLines:
-    """Lines on standard error: a stage as it begins, how far it is every ten seconds, and its seconds at its end."""
-
-    def __init__(self) -> None:
-        self._begun: dict[str, float] = {}
-        self._last: dict[str, float] = {}
-        self._ended: set[str] = set()
-
-    def __call__(self, stage: str, share: float) -> None:
-        now = time.perf_counter()
-        if stage in self._ended and share > 0:
-            return  # what a stage says after its end is not news
-        if stage not in self._begun:
-            self._ended.discard(stage)
-            self._begun[stage] = self._last[stage] = now
-            if share < 1:
-                self._say(f"{stage} …")
-                return
-        seconds = now - self._begun[stage]
-        if share >= 1:
-            self._say(f"{stage}: {seconds:.1f} s")
-            del self._begun[stage]
-            self._ended.add(stage)
-        elif now - self._last[stage] >= EVERY:
-            self._last[stage] = now
-            self._say(f"{stage}: {100 * share:.0f} % after {seconds:.0f} s")
-
-    @staticmethod
-    def _say(line: str) -> None:
-        print(f"relume: {line}", file=sys.stderr, flush=True)
 
 
 def _shown(value: object) -> str:

@@ -171,7 +171,9 @@ def inserted(
     """Insert the objects, write the report and print where everything is; returns what to doubt."""
     with progress(output) as report:
         result = rl.insert(shot, out, threads=threads, progress=report, restart=restart, force=force)
-    rl.write_report(result, out)
+        report("report", 0.0)
+        rl.write_report(result, out)
+        report("report", 1.0)
     recovered = result.place.recovered
     surfaces = () if recovered is None else recovered.surfaces
     print_facts(
