@@ -15,6 +15,7 @@ from architecture.tree import functions, imported_modules, imports, is_kernel, m
 PROOFS: dict[str, tuple[str, str]] = {
     "capture/alignment/kernel.py": ("capture/test_alignment.py", "slow twins of the loops"),
     "capture/alignment/warping_kernel.py": ("capture/test_warping.py", "slow twin: sixteen pixels at one position"),
+    "capture/denoising_kernel.py": ("capture/test_denoising.py", "slow twin: SciPy's transforms, block by block"),
     "capture/ghosts/kernel.py": ("capture/test_deghosting.py", "closed forms of what moved and what did not"),
     "capture/merge_kernel.py": ("capture/test_merging.py", "slow twin: equation 6, pixel by pixel"),
     "capture/raw/demosaic.py": ("capture/test_demosaic.py", "closed forms: ramps and flat mosaics come back"),

@@ -10,20 +10,13 @@ from __future__ import annotations
 from dataclasses import replace
 
 import numpy as np
-from scipy.fft import dctn, idctn
 
 from relume.image.bands import in_bands
 from relume.image.radiance import RadianceMap
 
-BLOCK = 16
-STEP = 2
-"""Blocks start every 2 pixels both ways, so that each pixel is the mean of 64 opinions and no grid shows."""
 SQUARE = 512
 """Pixels along the squares that are cleaned at a time, each with a block more around it: memory for one, not the whole
 picture, and all cores busy."""
-THRESHOLD = np.sqrt(2 * np.log(BLOCK**2))
-"""Standard deviations below which a frequency is noise: what the largest of a block of pure noise reaches
-(Donoho & Johnstone 1994), about 3.3."""
 OPPONENT = np.array([[1, 1, 1], [1, 0, -1], [1, -2, 1]]) / np.sqrt([[3], [2], [6]])
 
 
@@ -35,6 +28,7 @@ def denoise(picture: RadianceMap) -> RadianceMap:
     if picture.variance is None:
         raise ValueError("the radiance map has no variance plane, so its noise is not known; merge a bracket")
     from relume._kernel import in_threads
+    from relume.capture.denoising_kernel import BLOCK
 
     radiance, variance = picture.radiance, picture.variance
     height, width = radiance.shape[:2]
@@ -64,42 +58,15 @@ def _known(radiance: np.ndarray, variance: np.ndarray) -> tuple[np.ndarray, floa
 
 def _smooth(radiance: np.ndarray, variance: np.ndarray, least: float) -> np.ndarray:
     """A square (H, W, 3) of the picture with less noise, without the BLOCK pixels of its border."""
+    from relume.capture.denoising_kernel import BLOCK, shrunk
+
     known = _known(radiance, variance)[0]
     logarithm = np.log(np.where(known, radiance, np.float32(least)))
     relative = np.where(known, variance, 0) / np.where(known, radiance, 1) ** 2
-    channels = logarithm.astype(np.float64) @ OPPONENT.T
+    channels = np.moveaxis(logarithm.astype(np.float64) @ OPPONENT.T, -1, 0)
     # The rotation is orthonormal, so variances mix by its squares.
-    noise = relative.astype(np.float64) @ (OPPONENT**2).T
+    noise = np.moveaxis(relative.astype(np.float64) @ (OPPONENT**2).T, -1, 0)
+    clean = shrunk(np.ascontiguousarray(channels, np.float32), np.ascontiguousarray(noise, np.float32))
     own = slice(BLOCK, -BLOCK)
-    smooth = np.exp(_shrunk(channels, noise)[own, own] @ OPPONENT)
+    smooth = np.exp(np.moveaxis(clean, 0, -1)[own, own] @ OPPONENT)
     return np.where(known[own, own], smooth, radiance[own, own])
-
-
-def _shrunk(channels: np.ndarray, variance: np.ndarray) -> np.ndarray:
-    """The weighted mean of all blocks that cover a pixel; blocks that hold less detail count more."""
-    total, weight = np.zeros_like(channels), np.zeros((*channels.shape[:2], 1))
-    for top in range(0, BLOCK, STEP):
-        for left in range(0, BLOCK, STEP):
-            rows = slice(top, top + (channels.shape[0] - top) // BLOCK * BLOCK)
-            columns = slice(left, left + (channels.shape[1] - left) // BLOCK * BLOCK)
-            frequencies = np.asarray(dctn(_blocks(channels[rows, columns]), axes=(2, 3), norm="ortho"))
-            deviation = np.sqrt(_blocks(variance[rows, columns]).mean((2, 3), keepdims=True))
-            kept = np.abs(frequencies) > THRESHOLD * deviation
-            kept[:, :, 0, 0] = True
-            share = 1.0 / kept.sum((2, 3, 4), keepdims=True)
-            blocks = idctn(np.where(kept, frequencies, 0), axes=(2, 3), norm="ortho") * share
-            total[rows, columns] += _joined(blocks)
-            weight[rows, columns] += _joined(np.broadcast_to(share, (*blocks.shape[:4], 1)))
-    return total / np.maximum(weight, 1e-30)
-
-
-def _blocks(image: np.ndarray) -> np.ndarray:
-    """(H, W, C) as (rows, columns, BLOCK, BLOCK, C)."""
-    height, width, channels = image.shape
-    return image.reshape(height // BLOCK, BLOCK, width // BLOCK, BLOCK, channels).swapaxes(1, 2)
-
-
-def _joined(blocks: np.ndarray) -> np.ndarray:
-    """The inverse of `_blocks`."""
-    rows, columns, _, _, channels = blocks.shape
-    return blocks.swapaxes(1, 2).reshape(rows * BLOCK, columns * BLOCK, channels)

@@ -166,7 +166,7 @@ def _print_lines(lines: Mapping[str, object], indent: str) -> None:
 
 @contextmanager
 def progress(output: OutputOptions) -> Iterator[Callable[[str, float], None]]:
-    """A callback for the stages of a job: bars on a terminal, lines in a log; with -v lines of every stage, anywhere."""
+    """A callback for the stages of a job: bars on a terminal, lines in a log; with -v of every stage, anywhere."""
     if output.quiet or (output.json and not output.verbose):
         yield lambda stage, share: None
         return
