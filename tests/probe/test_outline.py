@@ -1,6 +1,8 @@
 """Finding the ball: drawn ones to half a pixel, photographed ones to what the eye measures, and none where none is."""
 
 import pickle
+import warnings
+from dataclasses import replace
 
 import cv2
 import numpy as np
@@ -12,9 +14,9 @@ from relume.capture.response.calibration import recover_response
 from relume.errors import BallNotFound
 from relume.image.colour import decode_srgb
 from relume.image.files import read_photograph
-from relume.probe.ball.candidates import cone_at
+from relume.probe.ball.candidates import Candidate, cone_at
 from relume.probe.ball.edge_tracking import follow
-from relume.probe.ball.mirroring import missing_colour
+from relume.probe.ball.mirroring import Mirroring, missing_colour
 from relume.probe.ball.outline import find_outline
 from relume.probe.ball.rim_selection import picked_rim, settled
 from relume.probe.ball.silhouette import Outline, outline_of_circle
@@ -273,6 +275,28 @@ def test_what_is_as_large_as_tape_and_lens_say_is_preferred():
         assert (*outline.centre, outline.radius) == pytest.approx((*centre, expected), abs=0.5)
     # What the tape says of one ball refuses no other.
     assert find_outline(left, expected=200.0).radius == pytest.approx(60, abs=0.5)
+
+
+def test_a_rim_of_the_expected_size_is_not_left_for_a_small_round_thing_in_the_ball(monkeypatch):
+    # As seen of a ball on sunlit paving that divides like from like, and of a chance circle in it.
+    def seen(circle: tuple[float, float, float], coverage: float) -> Candidate:
+        return Candidate(replace(outline_of_circle(*circle), coverage=coverage), Mirroring(1.0, 1.0), 0.8, 4336.0, 96.0)
+
+    def followed(_pyramid: Pyramid, outline: Outline, sharpness: float = 1.0) -> Outline:
+        if outline.radius < 100:
+            return replace(outline, coverage=0.52)
+        return replace(outline_of_circle(224.8, 226.5, 194.2), coverage=0.27 if sharpness == 1 else 0.38)
+
+    ball, small = seen((229.0, 230.0, 188.0), 0.35), seen((190.0, 202.0, 22.7), 0.48)
+    monkeypatch.setattr("relume.probe.ball.outline.candidates", lambda *_: [ball, small])
+    monkeypatch.setattr("relume.probe.ball.outline.settled", followed)
+    picture = np.ones((448, 448, 3), np.float32)
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        assert find_outline(picture, focal_length=4336.0, expected=197.4).radius == 194.2
+    # Not expected, so faint a rim could be chance: it is sought in a smaller picture, before anything lesser.
+    with pytest.warns(UserWarning, match="the ball's rim is blurred or lost in noise"):
+        assert find_outline(picture, focal_length=4336.0).radius == 194.2
 
 
 def test_a_dull_ball_is_named_in_the_refusal():

@@ -40,6 +40,11 @@ PLAIN = 0.5
 TAPE, UNEXPECTED = 0.08, 0.5
 """Standard deviation of the size that tape measure and lens predict, as a share of it: 5 % each of the tape, the lens
 and the ball's own size. What is of another size keeps this much of its worth: EXIF of a crop predicts a wrong one."""
+EXPECTED_SEEN = 0.25
+"""Share of a rim of the expected size that must be seen, as of a picked one: 0.23 at most where no ball is."""
+LESSER = 0.5
+"""Worth, against the best, below which a thing is another one, tried only when the best has no rim at either sharpness:
+on sunlit paving a chance circle a ninth as large had one in the first picture, and the ball in the second."""
 OFFERED = 4
 """The most round things that a refusal offers as picks."""
 LEAST_OFFERED = 0.25
@@ -71,7 +76,10 @@ def find_outline(
         seen = [each for each in found if each.believable and not any(_outdone(each, other) for other in found)]
         seen.sort(key=lambda each: -_worth(each, expected))
         _require_one(seen, expected, name, radiance, mirrored)
-        result = _chosen(pyramid, seen, found, expected, at / JUDGED_AT[0])
+        alike = [
+            each for each in seen if at == JUDGED_AT[-1] or _worth(each, expected) > LESSER * _worth(seen[0], expected)
+        ]
+        result = _chosen(pyramid, alike, found, expected, at / JUDGED_AT[0])
         if result is not None:
             # The mean of a stage's pictures is as sharp as they are, though lamps light little of its rim.
             if at < JUDGED_AT[0] and mirrored:
@@ -150,8 +158,9 @@ def _chosen(
         # Where the fine rim is the one that was judged, what was seen of it then counts: noise hides rims in detail.
         near = _off(result, chosen.circle) < SAME * result.radius
         coverage = max(result.coverage, chosen.outline.coverage if near else 0)
-        # A short circle is met by chance more easily than a long one.
-        if coverage < coverage_needed(min(result.radius, chosen.at)):
+        # A short circle is met by chance more easily than a long one, and one of the expected size seldom.
+        as_expected = expected is not None and abs(np.log(result.radius / expected)) < TAPE
+        if coverage < (EXPECTED_SEEN if as_expected else coverage_needed(min(result.radius, chosen.at))):
             continue
         # Circles across it that are seen as well say that it may be the wrong one.
         worth = CROSSING * _worth(chosen, expected)
