@@ -92,6 +92,14 @@ def insert(
         Parameter(help="Export the shot for this program instead of rendering it: its files go to the folder."),
     ] = None,
     restart: Annotated[bool, Parameter(negative="", help="Discard the saved state of an interrupted render.")] = False,
+    preview: Annotated[
+        bool,
+        Parameter(
+            negative="",
+            help="A quick look: preview.png over a small copy of the plate with few rays. The first takes what finding "
+            "the light takes, which the job itself then has; the next a few seconds.",
+        ),
+    ] = False,
     threads: Threads = None,
     accept: Accept = False,
     dry_run: DryRun = False,
@@ -117,6 +125,11 @@ def insert(
         # The job.
         if dry_run:
             found = _dry_run(table, out, output)
+        elif preview:
+            if to is not None or table.sequence is not None:
+                other = "--to" if to is not None else "the shot's [sequence]"
+                raise ValueError(f"--preview shows one picture, and {other} asks for more; leave one of them out")
+            found = _preview(table, out, output, threads)
         elif to is not None:
             with progress(output) as report:
                 prepared = rl.prepare_shot(table, out, progress=report)
@@ -130,8 +143,8 @@ def insert(
             found = inserted(table, out, output, threads, restart)
         # What of it to doubt.
         # The report holds what the job itself doubts, not what was said before and after it.
-        page = None if dry_run or to is not None or doubts else out / "report.html"
-        finish(output, [*doubts, *found], accept=accept or dry_run, rest=page)
+        page = None if dry_run or preview or to is not None or doubts else out / "report.html"
+        finish(output, [*doubts, *found], accept=accept or dry_run or preview, rest=page)
 
 
 def _dry_run(shot: rl.Shot, out: Path, output: OutputOptions) -> Sequence[rl.errors.Doubt]:
@@ -141,6 +154,22 @@ def _dry_run(shot: rl.Shot, out: Path, output: OutputOptions) -> Sequence[rl.err
         checked = rl.report.check_shot(shot, progress=report)
     print_facts(output, {"would write": str(out), **checked.facts})
     return checked.doubts
+
+
+def _preview(shot: rl.Shot, out: Path, output: OutputOptions, threads: int | None) -> Sequence[rl.errors.Doubt]:
+    """A quick look at what the whole job would make."""
+    with progress(output) as report:
+        result = rl.insert(shot, out, threads=threads, progress=report, preview=True)
+    print_facts(
+        output,
+        {
+            "picture": str(out / "preview.png"),
+            "radiance": str(out / "preview.exr"),
+            "pixels": f"{result.camera.width} × {result.camera.height}",
+            "seconds": round(sum(result.seconds.values()), 1),
+        },
+    )
+    return result.doubts
 
 
 def _sequence(

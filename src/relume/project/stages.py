@@ -1,8 +1,8 @@
 """Results of steps, kept on disk under the hash of what made them, so that a second run redoes only what changed.
 
-A result is any value of frozen dataclasses, tuples, dictionaries, texts, numbers, dates and arrays: it is kept as one
-.npz, its arrays by number and the rest as JSON. Large arrays stay in that file (`mapped_arrays`), so that memory holds
-what a step works on, and not the results of all before it.
+A result is any value of frozen dataclasses, tuples, dictionaries, texts, bytes, numbers, dates and arrays: it is kept
+as one .npz, its arrays by number and the rest as JSON. Large arrays stay in that file (`mapped_arrays`), so that memory
+holds what a step works on, and not the results of all before it.
 """
 
 from __future__ import annotations
@@ -140,6 +140,8 @@ def _form(value: Any, arrays: dict[str, np.ndarray], names: dict[int, str]) -> A
         return {"dict": [[_form(key, arrays, names), _form(each, arrays, names)] for key, each in value.items()]}
     if isinstance(value, datetime):
         return {"datetime": value.isoformat()}
+    if isinstance(value, bytes):  # a photograph's colour profile
+        return {"bytes": value.hex()}
     if is_dataclass(value) and not isinstance(value, type):
         parts = {each.name: _form(getattr(value, each.name), arrays, names) for each in fields(value) if each.init}
         return {"class": f"{type(value).__module__}:{type(value).__qualname__}", "fields": parts}
@@ -158,6 +160,8 @@ def _value(form: Any, arrays: dict[str, np.ndarray]) -> Any:
         return arrays[form["array"]]
     if "class" in form:
         return _class(form["class"])(**{name: _value(each, arrays) for name, each in form["fields"].items()})
+    if "bytes" in form:
+        return bytes.fromhex(form["bytes"])
     if "datetime" in form:
         return datetime.fromisoformat(form["datetime"])
     if "dict" in form:

@@ -13,10 +13,11 @@ from relume.errors import GatheredDoubts, ranked, warn
 from relume.project.insertion.agreement import on_one_scale
 from relume.project.insertion.composite import composited, development_of
 from relume.project.insertion.doubts import doubts_on
-from relume.project.insertion.outcome import Inserted, require_folder, write_outcome
+from relume.project.insertion.outcome import Inserted, require_folder, write_outcome, write_picture
 from relume.project.insertion.photographs import calibrate, read_photographs
 from relume.project.insertion.place import find_camera, find_place
 from relume.project.insertion.prepared import PreparedShot
+from relume.project.insertion.quick_look import quick, quick_renderer, small_shot
 from relume.project.insertion.render_change import Motion, Rendering, render_change
 from relume.project.shot_file.objects import doubts_about, placed_meshes
 from relume.project.shot_file.shot import Shot
@@ -36,6 +37,7 @@ def insert(
     motion: Motion | None = None,
     restart: bool = False,
     force: Callable[[int, str], None] | None = None,
+    preview: bool = False,
 ) -> Inserted:
     """Do the whole job and write composite.exr and .png, layers.exr, light.exr and response.json.
 
@@ -49,6 +51,8 @@ def insert(
     restart : discard the saved state of an interrupted render
     force : for programs that own their process: ends it at once, with `os._exit`, where native code keeps Python from
         doing so. Called in a thread of its own, 4 s after a first Ctrl-C, with the signal's number and what to say
+    preview : a quick look instead: over a small copy of the plate with few rays, written to preview.exr and .png. What
+        it finds in the photographs is kept for the job itself, and a second look takes a few seconds
 
     `report.write_report` makes a page of the result. Raises RelumeError; nothing is written to `out` but kept stages
     and previews before everything is computed.
@@ -56,6 +60,8 @@ def insert(
     out = Path(out)
     require_folder(out)
     steps = Steps(Stages(out / "stages", others), progress)
+    if preview:
+        return _quick_look(shot, out, steps, renderer, threads)
     with GatheredDoubts() as gathered:
         # Photographs → calibrated → place → change → composite.
         meshes = placed_meshes(shot)
@@ -79,6 +85,27 @@ def insert(
     result = Inserted(calibrated, place, composite, steps.seconds, tuple(steps.kept), doubts)
     with steps.timed("write"):
         write_outcome(result, out)
+    return result
+
+
+def _quick_look(shot: Shot, out: Path, steps: Steps, renderer: Renderer | None, threads: int | None) -> Inserted:
+    """The same chain over a small copy of the plate, whose own stages are kept apart."""
+    with GatheredDoubts() as gathered:
+        meshes = placed_meshes(shot)
+        small = small_shot(shot, steps)
+        shot, calibrated = quick(shot), small.calibrated
+        own = Steps(Stages(steps.stages.folder / "preview"), steps.progress, steps.seconds, steps.kept)
+        place = find_place(shot, calibrated, small.fit, meshes, renderer, own)
+        development = development_of(shot, calibrated)
+        rendering = Rendering(renderer or quick_renderer(shot, threads))
+        change = render_change(shot, calibrated, place, meshes, development.film, own, rendering)
+        composite = composited(shot, calibrated, place, change, development, own)
+        doubts = doubts_about(meshes, place.camera, place.bare.local)
+    result = Inserted(
+        calibrated, place, composite, steps.seconds, tuple(steps.kept), ranked([*gathered.doubts, *doubts])
+    )
+    with steps.timed("write"):
+        write_picture(result, out, "preview")
     return result
 
 

@@ -80,6 +80,16 @@ def require_folder(out: Path) -> None:
         raise OutputNotWritten(f"{out}: no permission to write in {existing}; choose another -o")
 
 
+def write_picture(result: Inserted, out: Path, name: str) -> None:
+    """Write the composite alone, as radiance and developed, under a name without its ending."""
+    try:
+        out.mkdir(parents=True, exist_ok=True)
+    except OSError as error:
+        raise OutputNotWritten(f"{out}: cannot be made ({error.strerror}); choose another -o") from None
+    files.write(out / f"{name}.exr", RadianceMap(result.composite, unit=result.plate.unit))
+    files.write(out / f"{name}.png", result.picture)
+
+
 def write_outcome(result: Inserted, out: Path) -> None:
     """Write everything but the report."""
     unit, change = result.plate.unit, result.change
@@ -92,12 +102,7 @@ def write_outcome(result: Inserted, out: Path) -> None:
         variance[rows] = change.objects_variance[rows] + change.difference_variance[rows]
 
     in_bands(without.shape[0], without.shape[1], work)
-    try:
-        out.mkdir(parents=True, exist_ok=True)
-    except OSError as error:
-        raise OutputNotWritten(f"{out}: cannot be made ({error.strerror}); choose another -o") from None
-    files.write(out / "composite.exr", RadianceMap(result.composite, unit=unit))
-    files.write(out / "composite.png", result.picture)
+    write_picture(result, out, "composite")
     files.write_layers(
         out / "layers.exr",
         {

@@ -1,0 +1,135 @@
+"""A quick look: the small picture shows what the whole one will, and a second look reads no photograph."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from relume.capture.exposure.bracket import Bracket
+from relume.cli import main
+from relume.image.files import read_radiance, write
+from relume.image.photograph import Exposure, Photograph
+from relume.image.radiance import SATURATED, RadianceMap
+from relume.project.insertion import insert as inserting
+from relume.project.insertion import quick_look
+from relume.project.insertion.photographs import Calibrated
+from relume.project.insertion.quick_look import _made_from, _smaller
+from relume.project.shot_file.shot import read_shot
+from relume.project.stages import packed, unpacked
+from relume.renderers.progressive.fingerprint import fingerprint
+from relume.scene.cameras.camera import Camera
+from relume.scene.cameras.fit import CameraFit
+from relume.sphere.environment_files import as_radiance_map
+from relume.sphere.environment_map import EnvironmentMap
+
+ROOM = Path(__file__).parents[2] / "examples" / "room"
+SHOT = f"""
+[plate]
+photographs = "plate.exr"
+[camera]
+pose = {{ position = [0.2, 0.6, 1.0], look_at = [0.2, 0.0, 0.1] }}
+focal_length = 240
+[light]
+map = "light.exr"
+[[local]]
+shape = "plane"
+size = [1.0, 1.0]
+[[objects]]
+mesh = "{ROOM}/objects/cube_gold.glb"
+[render]
+samples = 32
+"""
+
+
+@pytest.fixture
+def shot(tmp_path: Path) -> Path:
+    plate = np.random.default_rng(3).uniform(0.2, 0.4, (146, 193, 3)).astype(np.float32)
+    write(tmp_path / "plate.exr", RadianceMap(plate))
+    light = np.ones((16, 32, 3), np.float32)
+    light[:, 20:28] = 4
+    write(tmp_path / "light.exr", as_radiance_map(EnvironmentMap(light)))
+    path = tmp_path / "shot.toml"
+    path.write_text(SHOT, encoding="utf-8")
+    return path
+
+
+def test_the_small_plate_is_of_whole_squares_and_its_camera_looks_through_their_middles():
+    radiance = np.arange(10 * 13 * 3, dtype=np.float32).reshape(10, 13, 3)
+    clipped = np.zeros((10, 13), np.uint8)
+    clipped[4, 7] = SATURATED
+    pixels = radiance.astype(np.uint16)
+    photograph = Photograph(pixels, exposure=Exposure(1.0), focal_length=30.0, profile=b"\x01\x02")
+    plate = RadianceMap(radiance, np.ones_like(radiance), clipped, "cd/m²")
+    camera = Camera.looking_at(np.array([0, 1.0, 3]), np.zeros(3), width=13, height=10, focal_length=30.0)
+    whole = Calibrated(plate, Bracket((photograph,)), 30.0, None, {})  # pyright: ignore[reportArgumentType]
+    small = _smaller(whole, CameraFit(camera, np.ones((4, 2)), np.full((4, 2), 0.5)), 3)
+    # Squares of nine pixels; the tenth row and the thirteenth column make none.
+    found = small.calibrated.plate
+    assert found.radiance.shape == (3, 4, 3) and found.unit == "cd/m²"
+    assert np.allclose(found.radiance[1, 2], radiance[3:6, 6:9].mean((0, 1))) and found.clipped is not None
+    assert found.clipped[1, 2] == SATURATED and np.count_nonzero(found.clipped) == 1
+    assert small.calibrated.bracket is not None
+    (picture,) = small.calibrated.bracket.photographs
+    assert np.array_equal(picture.pixels[1, 2], pixels[3:6, 6:9].mean((0, 1))) and picture.focal_length == 10
+    assert small.calibrated.focal_length == 10 and small.fit.residual == pytest.approx(np.sqrt(0.5) / 3)
+    middles = np.array([[1.5, 1.5], [7.5, 4.5], [10.5, 7.5]])
+    assert np.allclose(small.fit.camera.rays_through(middles / 3), camera.rays_through(middles), atol=1e-12)
+    # What is kept holds the photographs' colour profile.
+    kept = unpacked(packed(small.calibrated.bracket))
+    assert kept.photographs[0].profile == b"\x01\x02"
+
+
+def test_a_look_depends_on_the_photographs_and_not_on_the_objects(shot):
+    def key() -> str:
+        return fingerprint(_made_from(read_shot(shot)))
+
+    before = key()
+    shot.write_text(SHOT.replace("[render]", "translate = [0.1, 0, 0]\n[render]"))
+    assert key() == before
+    shot.write_text(SHOT.replace("focal_length = 240", "focal_length = 250"))
+    assert key() != before
+    shot.write_text(SHOT)
+    (shot.parent / "times.txt").write_text("plate.exr 1/60")
+    listed = key()
+    assert listed != before
+    write(shot.parent / "light.exr", as_radiance_map(EnvironmentMap(np.ones((16, 32, 3), np.float32))))
+    assert key() != listed
+
+
+def test_a_quick_look_shows_what_the_whole_job_does_and_reads_no_photograph_again(shot, monkeypatch, capsys):
+    monkeypatch.setattr(quick_look, "PIXELS", 3000)
+    out = shot.parent / "out"
+    assert main(["insert", str(shot), "-o", str(out), "--preview"]) == 0
+    assert "64 × 48" in capsys.readouterr().out
+    assert sorted(each.name for each in out.iterdir()) == ["preview.exr", "preview.png", "stages"]
+    small = read_radiance(out / "preview.exr").radiance
+    # The whole job begins with what the look found, and shows the same picture.
+    whole = inserting.insert(read_shot(shot), out)
+    means = whole.composite[:144, :192].reshape(48, 3, 64, 3, 3).mean((1, 3))
+    assert np.abs(small - means).mean() < 0.03 * means.mean()
+    assert np.abs(small - whole.plate.radiance[:144, :192].reshape(48, 3, 64, 3, 3).mean((1, 3))).max() > 0.05
+    # Once more with the object elsewhere.
+    monkeypatch.setattr(quick_look, "read_photographs", lambda shot: pytest.fail("photographs were read"))
+    shot.write_text(SHOT.replace("[render]", "translate = [-0.2, 0, 0]\n[render]"))
+    assert main(["insert", str(shot), "-o", str(out), "--preview"]) == 0
+    moved = read_radiance(out / "preview.exr").radiance
+    assert np.abs(moved - small).max() > 0.05
+
+
+def test_a_quick_look_is_of_one_picture(shot, capsys):
+    assert main(["insert", str(shot), "-o", str(shot.parent / "out"), "--preview", "--to", "usd"]) == 2
+    assert "--preview shows one picture, and --to asks for more" in capsys.readouterr().err
+    shot.write_text(SHOT + '[sequence]\nframes = "1-3"\nrate = 24\n')
+    assert main(["insert", str(shot), "-o", str(shot.parent / "out"), "--preview"]) == 2
+    assert "[sequence] asks for more" in capsys.readouterr().err
+
+
+def test_a_bracket_of_raws_has_no_photographs_to_make_smaller():
+    plate = RadianceMap(np.ones((9, 9, 3), np.float32))
+    camera = Camera.looking_at(np.array([0, 1.0, 3]), np.zeros(3), width=9, height=9, focal_length=30.0)
+    whole = Calibrated(plate, None, None, None, {})  # pyright: ignore[reportArgumentType]
+    small = _smaller(replace(whole), CameraFit(camera), 3).calibrated
+    assert small.bracket is None and small.focal_length is None and small.plate.size == (3, 3)
