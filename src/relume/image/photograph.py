@@ -76,6 +76,18 @@ class Settings:
                 raise ValueError(f"{name} is {value}; expected degrees from −{most} to {most}")
 
 
+@dataclass(frozen=True)
+class JpegCoding:
+    """How a JPEG was coded.
+
+    quantisation : its tables of 64 steps, brightness first, in the file's order
+    subsampling : 0 of colour at full resolution (4:4:4), 1 at half of it across (4:2:2), 2 also down (4:2:0)
+    """
+
+    quantisation: tuple[tuple[int, ...], ...]
+    subsampling: int
+
+
 @dataclass(frozen=True, eq=False)
 class Photograph:
     """Encoded pixels as a camera wrote them, with what the file stores about how they were made.
@@ -92,6 +104,7 @@ class Photograph:
         it. None where there is none: sRGB
     uncropped : (width, height) that it had before it was cropped; None where it was not, or nothing says so
     gain_map : whether its file has a gain map for HDR screens besides, of which these pixels show nothing
+    jpeg : how the JPEG was coded that the pixels were read from; None for other files
     """
 
     pixels: np.ndarray
@@ -104,6 +117,7 @@ class Photograph:
     profile: bytes | None = field(default=None, repr=False)
     uncropped: tuple[int, int] | None = None
     gain_map: bool = False
+    jpeg: JpegCoding | None = field(default=None, repr=False)
 
     def __post_init__(self) -> None:
         if self.pixels.ndim != 3 or self.pixels.shape[2] != 3 or self.pixels.dtype not in (np.uint8, np.uint16):

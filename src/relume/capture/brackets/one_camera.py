@@ -28,6 +28,7 @@ from relume.capture.response.nearly_white import below_white
 from relume.capture.response.neutral import tied
 from relume.capture.response.ratios import Ratios
 from relume.capture.response.saturation import White, whitened
+from relume.capture.response.small_lamps import with_small_lamps
 from relume.errors import NotABracket, warn
 from relume.image.colour_space import in_rec709
 from relume.image.photograph import Photograph, RawPhotograph
@@ -91,6 +92,7 @@ def merge_photographs(
         with steps.step("merge"):
             still = deghosted.bracket if deghosted else bracket
             picture = merge(still, response, weighting=settings.weighting, believed=below_white(still))
+            picture = with_small_lamps(picture, still, response)
             doubt = (*doubt, *hue_doubts(bracket, picture, given=calibration is None))
             # The response was that of the photographs' own channels, and so were these.
             picture = in_rec709(picture, first)

@@ -26,6 +26,7 @@ from relume.image.files.metadata import exif, exif_attributes, icc_profile
 from relume.image.files.photographs import heif, png
 from relume.image.files.photographs.form import Form
 from relume.image.files.photographs.header import form_of
+from relume.image.files.photographs.jpeg_coding import coding_of
 from relume.image.files.photographs.jpeg_decoding import decoded
 from relume.image.files.photographs.jpeg_segments import header_at, length_of
 from relume.image.files.photographs.salvage import PROFILE, embedded_profile, opened, salvaged
@@ -72,7 +73,8 @@ def read(path: str | os.PathLike[str], options: ReadOptions = ReadOptions()) -> 
     found = salvaged(path, kind, form, options) if options.salvage else None
     if found is None:
         stored, profile = _decoded(path, kind, form, options)
-        return _photograph(path, stored, profile, exif.tags(path, kind), gain_map=gain_map)
+        photograph = _photograph(path, stored, profile, exif.tags(path, kind), gain_map=gain_map)
+        return replace(photograph, jpeg=coding_of(path)) if kind == "JPEG" else photograph
     missing = found.height - len(found.pixels)
     warn(f"{path}: ends early; {missing} of {found.height} rows are missing", missing / found.height)
     return _photograph(path, found.pixels, found.profile, exif.tags(path, kind), missing, gain_map=gain_map)
