@@ -318,6 +318,20 @@ def test_a_coloured_ball_is_noticed_and_a_neutral_one_is_not():
     assert missing_colour(picture * np.array([1.0, 0.7, 0.35]), rim) is None
 
 
+def test_a_coloured_backdrop_does_not_make_a_neutral_ball_coloured():
+    picture, rim = drawing(320, 240, (150.0, 120.0), 70.0), outline_of_circle(150.0, 120.0, 70.0)
+    y, x = np.mgrid[:240, :320] + 0.5
+    depth = np.hypot(x - 150, y - 120)[..., None] / 70
+    for beside, backdrop in (((0.4, 0.3, 0.3), (0.6, 0.2, 0.2)), ((0.55, 0.33, 0.12), (0.2, 0.3, 0.5))):
+        # The ball mirrors the backdrop in its outermost tenth; where it is white enough, it need not.
+        mirrored = 0.9 if beside[2] < 0.25 else 1.0
+        scene = picture * np.where(depth < mirrored, np.array(beside), np.array(backdrop))
+        assert missing_colour(scene, rim) is None
+        # A green one is noticed before it.
+        missing = missing_colour(np.where(depth < 1, scene * np.array([0.2, 0.8, 0.15]), scene), rim)
+        assert missing is not None and missing[0] != 1
+
+
 BANDED = ((151.4, 148.6), 100.0)
 
 

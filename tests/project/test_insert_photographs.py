@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import shutil
+import warnings
 from collections.abc import Mapping
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -11,6 +13,7 @@ import pytest
 
 from dng_files import sensed, write_dng
 from relume.capture.brackets.merging import merge_brackets
+from relume.capture.brackets.result import MergedBracket
 from relume.capture.lens.vignetting import Vignetting
 from relume.capture.response.camera_profile import CameraProfile, write_profile
 from relume.errors import InvalidShot, NotABracket, UnreadableFile
@@ -116,6 +119,34 @@ def test_the_rim_of_a_ball_may_be_picked_or_given_in_the_shot_file(shot: Shot) -
     light = changed(shot, {}, {"rim": right}).light.model_copy(update={"ball": chrome})
     brighter = blended(shot.model_copy(update={"light": light}), merged, None).light.radiance / given.light.radiance
     assert brighter.max() == pytest.approx(1 / 0.550, rel=0.02) and brighter.min() >= 0.999
+
+
+def test_a_coloured_ball_whose_reflectance_is_given_is_no_doubt(shot: Shot) -> None:
+    merged = _merged(shot, read_photographs(shot))[0][1:]
+    width, height = merged[0].picture.size
+    rim = (width / 2, height / 2, 296.255 * width / 640)
+    y, x = np.mgrid[:height, :width] + 0.5
+    inside = (np.hypot(x - rim[0], y - rim[1]) < rim[2])[..., None]
+    red = (0.8, 0.2, 0.2)
+    picture = merged[0].picture
+    coloured = replace(
+        merged[0], picture=replace(picture, radiance=picture.radiance * np.where(inside, red, 1).astype(np.float32))
+    )
+
+    def light(bracket: MergedBracket, reflectance: object) -> np.ndarray:
+        one = changed(shot, {}, {"rim": rim})
+        assert one.light.ball is not None
+        ball = one.light.ball.model_copy(update={"reflectance": reflectance})
+        known = one.model_copy(update={"light": one.light.model_copy(update={"ball": ball})})
+        return blended(known, [bracket], None).light.radiance
+
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        found, neutral = light(coloured, red), light(merged[0], 1.0)
+    assert float(np.abs(np.log(found / neutral)).mean()) < 0.01
+    # One number for it leaves the doubt.
+    with pytest.warns(UserWarning, match=r"nothing in the ball is as \w+ as .*give its reflectance"):
+        assert light(coloured, 0.5) == pytest.approx(light(coloured, 1.0) / 0.5, rel=1e-5)
 
 
 def test_a_folder_and_a_photograph_may_have_brackets_in_their_names(tmp_path: Path) -> None:

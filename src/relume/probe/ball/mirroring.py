@@ -38,6 +38,8 @@ WHITEST, COLOURED, LEAST_AROUND = 97, 0.75, 100
 """Percentile of a channel's share inside the ball, against the median around it, below which the ball is coloured, and
 the fewest places around it: 0.33 to 0.66 of red, green and blue balls, 0.87 and more of neutral ones. Gold, 0.83 to
 1.16, is not noticed."""
+NEAREST_RIM = 0.96
+"""Radii up to which the ball is looked at for colour: from 0.85 on it mirrors what stands behind it."""
 
 LEAST_RANGE, MOST_RAISED = 1.5, 8.0
 """Range of ln luminance to which flatter surroundings are stretched, and how much at most."""
@@ -85,12 +87,13 @@ def missing_colour(radiance: np.ndarray, outline: Outline) -> tuple[int, float] 
 
     radiance : (H, W, 3)
 
-    A neutral ball shows white things somewhere, whatever the place; of a coloured one nothing is.
+    A neutral ball shows white things somewhere, whatever the place, and its backdrop along its rim; of a coloured one
+    nothing is white. Before a coloured backdrop the ball need only be as white as white is.
     """
     height, width = radiance.shape[:2]
     turn = 2 * np.pi * np.arange(0, TURNS, 2)[:, None] / TURNS
     shares = []
-    for depth in (np.arange(0.1, 0.85, 0.05), np.arange(1.2, 2.0, 0.05)):
+    for depth in (np.arange(0.1, NEAREST_RIM, 0.05), np.arange(1.2, 2.0, 0.05)):
         x, y = (
             np.floor(at + outline.radius * depth * wave(turn)).astype(int)
             for at, wave in zip(outline.centre, (np.cos, np.sin), strict=True)
@@ -103,7 +106,8 @@ def missing_colour(radiance: np.ndarray, outline: Outline) -> tuple[int, float] 
     inside, around = shares
     if len(around) < LEAST_AROUND or not len(inside):
         return None
-    left = np.percentile(inside, WHITEST, axis=0) / np.maximum(np.median(around, axis=0), 1e-6)
+    wanted = np.clip(np.median(around, axis=0), 1e-6, 1 / 3)
+    left = np.percentile(inside, WHITEST, axis=0) / wanted
     channel = int(np.argmin(left))
     return (channel, float(left[channel])) if left[channel] < COLOURED else None
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import replace
 
 import numpy as np
 
@@ -34,6 +35,14 @@ def picked_outline(
     return picked_rim(picture.radiance, outline, name, focal_length)
 
 
+def _reflectance(given: float | tuple[float, float, float] | str) -> BallReflectance:
+    """Of the ball, as the shot file has it: numbers are means over the ball, "chrome" rises towards the rim."""
+    if isinstance(given, str):
+        return CHROME_STEEL
+    red, green, blue = np.broadcast_to(given, 3).tolist()
+    return BallReflectance((red, green, blue), rising=False)
+
+
 def blended(shot: Shot, merged: Sequence[MergedBracket], stood: BallCamera | None) -> Probe:
     """The views of the ball, unwrapped and blended.
 
@@ -47,9 +56,7 @@ def blended(shot: Shot, merged: Sequence[MergedBracket], stood: BallCamera | Non
         picture = bracket.picture
         if picture.clipped is not None and (picture.clipped == 0).mean() < FEWEST:
             raise NotABracket(f"{bracket.name}: almost nothing is measured; add longer and shorter exposures")
-        chrome = ball.reflectance == "chrome"
-        reflectance = np.array(1.0 if chrome else ball.reflectance, np.float32)
-        picture = RadianceMap(picture.radiance / reflectance, None, picture.clipped, picture.unit)
+        picture = replace(picture, variance=None)
         centre = ball.centre if stood is None else stood.centre
         place, focal_length = table.camera, table.focal_length or bracket.focal_length
         outline = picked_outline(table, picture, bracket.name, focal_length)
@@ -62,7 +69,7 @@ def blended(shot: Shot, merged: Sequence[MergedBracket], stood: BallCamera | Non
         view = unwrap_ball(
             picture, camera=np.array(place), centre=np.array(centre), focal_length=focal_length,
             radius=ball.radius, outline=outline, name=bracket.name,
-            reflectance=CHROME_STEEL if chrome else BallReflectance(),
+            reflectance=_reflectance(ball.reflectance),
             measured=table.camera is not None and ball.centre is not None,
         )  # fmt: skip
         if view.outline.rivals:
