@@ -11,6 +11,7 @@ import pytest
 
 from relume.capture.brackets.result import MergedCamera
 from relume.capture.exposure.bracket import Bracket
+from relume.errors import GatheredDoubts, InvalidShot
 from relume.image.photograph import Exposure, Photograph, Settings
 from relume.image.radiance import SATURATED, RadianceMap
 from relume.probe.ball.blending import Probe
@@ -120,17 +121,74 @@ def test_a_light_of_another_place_is_doubted(shot: Shot) -> None:
         assert any("of another place or time, or is its frame turned" in line for line in lines), lines
 
 
-def test_without_anything_in_common_the_surface_is_a_middle_grey(tmp_path: Path) -> None:
-    light = EnvironmentMap(np.full((64, 128, 3), 50.0, np.float32))
-    table = SHOT.replace("local = []\n", "") + "\n[[local]]\nshape = 'plane'\nsize = [20, 20]\n"
-    # Over four decades of e, so that no one factor makes plate and light alike.
+DOWN = Camera.looking_at(np.array([0.0, 2.0, 0.5]), np.zeros(3), width=128, height=96, focal_length=90)
+TABLE = SHOT.replace("local = []\n", "") + "\n[[local]]\nshape = 'plane'\nsize = [20, 20]\n"
+UNTIED = "P.jpg holds no exposure"
+
+
+@pytest.mark.parametrize(("dark", "light", "white"), [(0.4, 0.4, 0.4), (0.1, 0.9, 0.3), (0.8, 0.8, 0.8)])
+def test_without_anything_in_common_the_plate_reflects_what_usual_places_do(
+    tmp_path: Path, dark: float, light: float, white: float
+) -> None:
+    """Of a table of `dark`, and something of `light` on it: known within a factor of two, whatever the two are."""
+    even = EnvironmentMap(np.full((64, 128, 3), 50.0, np.float32))
+    plate = np.full((96, 128, 3), 7 * 50 * dark)
+    plate[:, ::4] *= np.exp(np.linspace(-1, 0, 32))[None, :, None]  # of no map: a pattern
+    plate[:20, :40] = 7 * 50 * light
+    factors, lines = heard(shot_of(tmp_path, TABLE), calibrated(plate, even, UNTIED), DOWN)
+    assert 3.5 <= factors[1] <= 14.1
+    (line,) = [each for each in lines if "no exposure gives its scale" in each]
+    assert "a guess" in line and "give light.surface_reflectance, the share of light" in line
+    assert f"light.scale: {factors[1] / 2:.3g} makes the objects half as bright" in line
+
+
+def test_a_guessed_scale_is_a_doubt_that_stops_and_a_reflectance_for_it_none(tmp_path: Path) -> None:
+    even = EnvironmentMap(np.full((64, 128, 3), 50.0, np.float32))
     plate = np.exp(np.linspace(-6, -2, 128))[None, :, None] * np.ones((96, 128, 3))
-    down = Camera.looking_at(np.array([0.0, 2.0, 0.5]), np.zeros(3), width=128, height=96, focal_length=90)
-    factors, (line, unlike) = heard(shot_of(tmp_path, table), calibrated(plate, light, "P.jpg holds no exposure"), down)
-    middle = np.median(plate.mean(-1).reshape(48, 2, 64, 2).mean((1, 3)))
-    assert factors == pytest.approx(middle / (0.18 * 50), rel=1e-3)
-    assert "as if the real surface reflected 18% of it, a middle grey" in line
-    assert "not alike" in unlike
+    given = calibrated(plate, even, UNTIED)
+    with GatheredDoubts() as gathered:
+        on_one_scale(shot_of(tmp_path, TABLE), given, DOWN)
+    (doubt,) = [each for each in gathered.doubts if "a guess" in each.line]
+    assert doubt.wrong
+    # Literals: the median and the 97th percentile of the plate are e⁻⁴ and e⁻²·¹², and √(L₁ L₂) is 0.4 E/π.
+    factors, _ = heard(shot_of(tmp_path, TABLE), given, DOWN)
+    assert factors == pytest.approx(np.exp((-4 - 2.12) / 2) / (0.4 * 50), rel=0.03)
+    known = TABLE.replace('map = "light.exr"', 'map = "light.exr"\nsurface_reflectance = 0.6')
+    for untied in (UNTIED, None):
+        factors, lines = heard(shot_of(tmp_path, known), replace(given, untied=untied), DOWN)
+        assert factors == pytest.approx(np.exp(-4) / (0.6 * 50), rel=0.01)
+        assert any("by light.surface_reflectance 0.6: give light.scale if" in each for each in lines) is bool(untied)
+    up = Camera.looking_at(np.array([0.0, 1.0, 0.5]), np.array([0, 3.0, 0]), width=128, height=96, focal_length=90)
+    with pytest.raises(InvalidShot, match=r"^light\.surface_reflectance: the plate hardly shows a real surface"):
+        heard(shot_of(tmp_path, known), given, up)
+    with pytest.raises(InvalidShot, match="scale and surface_reflectance both say how bright"):
+        shot_of(tmp_path, known.replace("surface_", "scale = 2\nsurface_"))
+
+
+def test_whites_of_the_plate_say_that_a_table_is_dark_or_white(tmp_path: Path) -> None:
+    """One table twice, beside paper as bright as it and eight times as bright: its light is brighter then."""
+    even = EnvironmentMap(np.full((64, 128, 3), 50.0, np.float32))
+    found = []
+    for times in (1, 8):
+        plate = np.full((96, 128, 3), 900.0)
+        plate[:24] *= times
+        marks = np.zeros((96, 128), np.uint8)
+        marks[:24] = SATURATED  # what is white in the photograph counts as that
+        given = replace(calibrated(plate, even, UNTIED), plate=RadianceMap(plate.astype(np.float32), clipped=marks))
+        found.append(heard(shot_of(tmp_path, TABLE), given, DOWN)[0][1])
+    assert found == pytest.approx([45, 45 * np.sqrt(8)], rel=1e-3)
+
+
+def test_a_little_likeness_that_contradicts_usual_places_is_not_believed(shot: Shot) -> None:
+    """The map has a lamp overhead that makes all of it far too bright for what the plate shows."""
+    light = painted()
+    above = pixel_directions(LatLong(), 128)[..., 1:2] > 0.95
+    other = seen_on_the_dome(painted(seed=11))
+    for likeness, lamp, believed in ((0.3, 0, True), (0.3, 500, False), (1.0, 500, True)):
+        lit = replace(light, radiance=(light.radiance + lamp * above).astype(np.float32))
+        mixed = seen_on_the_dome(light) ** likeness * other ** (0.6 if likeness < 1 else 0.0)
+        _, lines = heard(shot, calibrated(mixed, lit, "light.exr is a finished map"))
+        assert ("show the same places alike" in lines[0]) is believed, lines
 
 
 def test_a_reflectance_that_is_given_gives_the_scale(tmp_path: Path) -> None:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
 from pathlib import Path
 from typing import Annotated, Literal
 
@@ -13,7 +13,7 @@ from cyclopts.validators import Number
 import relume as rl
 from relume.cli.arguments import Accept, DryRun, Threads, require_files
 from relume.cli.console import OutputOptions, finish, force, print_facts, progress, warnings_as_doubts
-from relume.cli.option_types import numbers
+from relume.cli.option_types import Seconds, TimesFromNames, numbers
 
 SHOT_FILE = "shot.toml"
 
@@ -54,18 +54,39 @@ class NewShot:
             help="Where the plate would show the ball, pixels, where only crops of it exist.",
         ),
     ] = None  # fmt: skip
+    light: Annotated[
+        Path | None,
+        Parameter(
+            help="A finished map as light. With it --ball is one photograph that shows where the camera stood, or is "
+            "left out."
+        ),
+    ] = None
+    surface_reflectance: Annotated[
+        float | None,
+        Parameter(
+            validator=Number(gt=0, lte=1),
+            help="Share of light that the surface under the objects gives back (white paper 0.8, light wood 0.4, "
+            "asphalt 0.1), where no exposure says how bright the light is.",
+        ),
+    ] = None
+    times: Annotated[
+        Seconds | None,
+        Parameter(help="Exposure time of each photograph of the ball, or of the plate and then the ball."),
+    ] = None
+    times_from_names: TimesFromNames = False
     force: Annotated[bool, Parameter(negative="", help="Replace another shot.toml.")] = False
 
     def given(self) -> list[str]:
         """The options that were."""
-        names = ("plate", "ball", "object", "radius", "foot", "rim")
-        return [f"--{name}" for name in names if getattr(self, name) is not None]
+        names = [field.name for field in fields(self) if field.name != "force"]
+        return [f"--{name.replace('_', '-')}" for name in names if getattr(self, name) not in (None, False)]
 
     def shot(self, path: Path | None) -> rl.Shot:
         """The shot, written to its file unless that is None."""
         return rl.Shot.new(
-            path, plate=self.plate or [], balls=self.ball or [], objects=self.object or [], radius=self.radius,
-            foot=self.foot, rim=self.rim, force=self.force,
+            path, plate=self.plate or [], balls=self.ball or [], objects=self.object or [], light=self.light,
+            radius=self.radius, foot=self.foot, rim=self.rim, times=self.times, times_from_names=self.times_from_names,
+            surface_reflectance=self.surface_reflectance, force=self.force,
         )  # fmt: skip
 
 
@@ -107,15 +128,15 @@ def insert(
 ) -> None:
     """Insert the objects of a shot into its photograph, lit by the light photographed there.
 
-    The shot is a file, or --plate, --ball and --object, of which shot.toml is written into the folder. Stages are kept
-    in the output folder: a second run redoes only what changed, and an interrupted render is resumed. A shot with a
-    [sequence] is made frame by frame. A result that is wrong rather than a little worse is written all the same, with
-    exit code 4.
+    The shot is a file, or --plate, --ball (or --light) and --object, of which shot.toml is written into the folder.
+    Stages are kept in the output folder: a second run redoes only what changed, and an interrupted render is resumed.
+    A shot with a [sequence] is made frame by frame. A result that is wrong rather than a little worse is written all
+    the same, with exit code 4.
     """
     with warnings_as_doubts(output) as doubts:
         # The shot: a file, or one that is written here.
         if shot is None and not new.given():
-            raise ValueError("no shot; give a shot file, or --plate, --ball and --object")
+            raise ValueError("no shot; give a shot file, or --plate, --ball (or --light) and --object")
         if shot is not None and new.given():
             raise ValueError(f"{new.given()[0]} and the shot file {shot} both describe the shot; give one of them")
         if shot is not None and new.force:

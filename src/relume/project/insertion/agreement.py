@@ -17,12 +17,19 @@ from relume.image.colour import luminance
 from relume.image.radiance import RadianceMap
 from relume.project.insertion.photographs import Calibrated
 from relume.project.insertion.place import bare_place, turned_light
+from relume.project.insertion.unknown_scale import (
+    CONTRADICTED,
+    FEWEST,
+    SAME,
+    Scale,
+    by_reflectance,
+    by_usual_places,
+)
 from relume.project.shot_file.shot import Shot
 from relume.renderers.mitsuba.distant import wall_distances
 from relume.renderers.raytrace.raycast import RayCaster
 from relume.scene.cameras.camera import Camera
 from relume.scene.scene import Scene
-from relume.scene.shapes.shapes import Plane
 from relume.sphere.directions import UP, normalised
 from relume.sphere.environment_map import EnvironmentMap
 
@@ -30,8 +37,6 @@ ACROSS = 64
 """Places across the plate that are compared: each so wide that a tape measure's error moves it by less."""
 ROWS = 128
 """Rows of the map that they are looked up in, 1.4° each."""
-FEWEST = 60
-"""Places from which on something is said."""
 NEAR = 0.15
 """Of the camera's distance to the probe: nearer to the probe than this a place is hidden by the ball, or mirrors it."""
 ALIKE = 0.5
@@ -44,20 +49,12 @@ SPREAD = float(np.log(2))
 """Standard deviation of the ln of the ratios up to which their median is a scale."""
 EVEN = 0.06
 """The same of an even wall that both show: 0.02 in the room of the examples, 0.05 to 0.6 where its light is turned."""
-SAME = float(np.log(1.5))
-"""Of a scale: what gloss and the tape measure make of two pictures of one place; a scale so near to 1 is left."""
 LOST = 1.2
 """Times as bright as the ball shows it that the plate shows a place, from which on the ball took some of the light."""
 DOUBTED = 1.0
 """Stops by which the scale by exposures may differ from what both show before it is doubted."""
 WHITE = 0.15
 """Stops between channels from which on whites are said to differ."""
-GREY = 0.18
-"""The reflectance of a middle grey, by which exposure meters take the world."""
-USUAL = (0.08, 0.8)
-"""Reflectances of usual surfaces that one stands things on: asphalt and white paint."""
-UNSURE = 0.3
-"""By what share a scale by such a guess is wrong: the reflectances of tables and floors differ by more."""
 ELSEWHERE = 0.2
 """The effect of a light that may be another place's: a frame that was measured badly looks alike."""
 
@@ -111,15 +108,11 @@ def on_one_scale(shot: Shot, calibrated: Calibrated, camera: Camera) -> Calibrat
     gains = np.ones(3)
     if shot.light.scale is not None:
         gains = gains * shot.light.scale
-    elif calibrated.untied is not None:
-        factor, how, effect = _scale(shot, calibrated, camera, place, seen)
-        gains = gains * factor
-        changed = "it is taken as it is" if factor == 1 else f"it is made {factor:.3g} times as bright"
-        warn(
-            f"light: {calibrated.untied}, so no exposure gives its scale; {changed}, {how}: give light.scale if the "
-            "objects come out too dark or too bright",
-            effect=effect,
-        )
+    elif calibrated.untied is not None or shot.light.surface_reflectance is not None:
+        scale = _scale(shot, calibrated, camera, place, seen)
+        gains = gains * scale.factor
+        if calibrated.untied is not None:
+            warn(scale.line(calibrated.untied), effect=scale.effect)
     elif seen is not None and seen.spread < SPREAD and abs(np.log2(seen.scale)) > DOUBTED:
         direction, times = ("bright", seen.scale) if seen.scale > 1 else ("dark", 1 / seen.scale)
         if shot.light.map is None:
@@ -214,38 +207,31 @@ def _looked_up(light: EnvironmentMap, confidence: np.ndarray, directions: np.nda
     return np.where(unknown[:, None], 0.0, coarse.lookup(directions))
 
 
-def _scale(
-    shot: Shot, calibrated: Calibrated, camera: Camera, place: Scene, seen: SeenByBoth | None
-) -> tuple[float, str, float]:
+def _scale(shot: Shot, calibrated: Calibrated, camera: Camera, place: Scene, seen: SeenByBoth | None) -> Scale:
     """The factor on a light of unknown scale, why that, and by what share it may be wrong."""
     arriving = float(luminance(turned_light(calibrated.probe.light, shot.light.heading, 0.0).irradiance(UP)))
-    colours, points = _coarse(calibrated.plate, max(1, camera.width // ACROSS))
-    hits = RayCaster.of(place.local).nearest(camera.position, camera.rays_through(points).reshape(-1, 3)).shape
-    brightness = luminance(colours.reshape(-1, 3))
-    measured = np.isfinite(brightness)
     if not arriving > 0:
-        return 1.0, "for it brings no light from above", 1.0
-    # A reflectance that is given: L = ρ E / π.
-    for index, table in enumerate(shot.surfaces()):
-        if isinstance(table.reflectance, str) or table.mirror or len(shot.surfaces()) != len(place.local):
-            continue
-        there, share = measured & (hits == index), float(luminance(np.array(table.reflectance)))
-        # What reflects nothing says nothing of the light.
-        if isinstance(place.local[index], Plane) and share > 0 and there.sum() >= FEWEST:
-            wanted = float(np.median(brightness[there])) * np.pi / share
-            return wanted / arriving, "by the reflectance given for what the plate shows", 0.1
-    if seen is not None and seen.spread < SPREAD:
-        if abs(np.log(seen.scale)) < SAME:
-            return 1.0, "as plate and light show the same places alike", 0.1
-        return seen.scale, f"by which what both show is equally bright, to a factor of {np.exp(seen.spread):.2g}", 0.2
-    # Nothing in common: the world is a middle grey, as an exposure meter takes it.
-    there = measured & (hits >= 0) if (measured & (hits >= 0)).sum() >= FEWEST else measured
-    if not there.any():
-        return 1.0, "for the plate is white or black everywhere", 1.0
-    reflectance = float(np.median(brightness[there])) * np.pi / arriving
-    if USUAL[0] <= reflectance <= USUAL[1]:
-        return 1.0, f"by which the real surface reflects {reflectance:.0%} of it, as usual surfaces do", UNSURE
-    return reflectance / GREY, f"as if the real surface reflected {GREY:.0%} of it, a middle grey", UNSURE
+        return Scale(1.0, "for it brings no light from above", 1.0)
+    step = max(1, camera.width // ACROSS)
+    colours, points = _coarse(calibrated.plate, step)
+    whites, _ = _coarse(replace(calibrated.plate, clipped=None), step)
+    hits = RayCaster.of(place.local).nearest(camera.position, camera.rays_through(points).reshape(-1, 3)).shape
+    brightness, bright = (luminance(each.reshape(-1, 3)) for each in (colours, whites))
+    given = by_reflectance(shot, place, brightness, hits, arriving)
+    if given is not None:
+        return given
+    usual = by_usual_places(brightness, bright, hits, arriving)
+    if seen is None or seen.unlike or seen.spread >= SPREAD:
+        return usual
+    # Pictures of two places are a little alike by chance: bright above, dark below, or a table and a floor both even.
+    contradicted = not 1 / CONTRADICTED < seen.scale / usual.factor < CONTRADICTED
+    if not seen.alike and (seen.likeness is None or contradicted):
+        return usual
+    if abs(np.log(seen.scale)) < SAME:
+        return Scale(1.0, "as plate and light show the same places alike", 0.1)
+    return Scale(
+        seen.scale, f"by which what both show is equally bright, to a factor of {np.exp(seen.spread):.2g}", 0.2
+    )
 
 
 def _white(calibrated: Calibrated, seen: SeenByBoth | None) -> np.ndarray:

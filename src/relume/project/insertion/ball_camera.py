@@ -19,7 +19,7 @@ from relume.probe.ball.silhouette import Outline, outline_of_circle
 from relume.probe.ball.unwrapping import CAMERA_FROM_PIXELS, BallView, unwrap_ball
 from relume.probe.clipped_light import linear
 from relume.project.insertion.ball_stand import foot_of_stand
-from relume.project.shot_file.ball_table import BallOnTable
+from relume.project.shot_file.ball_table import GUESSED_PLACE, GUESSED_SIZE, BallOnTable
 from relume.project.shot_file.camera_table import CameraTable
 from relume.project.shot_file.shot import Shot
 from relume.scene.cameras.camera import Camera
@@ -30,8 +30,6 @@ BLOCKS = 48
 """Blocks across in which plate and ball photograph are compared: coarser than a tripod's shake."""
 SAME_VIEW = 0.5
 """Correlation of ln luminance beside the ball below which the camera was moved: the room's own is 0.99."""
-GUESSED_PLACE, GUESSED_SIZE = (0.5, 0.62), 0.06
-"""Where a ball is taken to have stood of which only crops exist, and its radius, in shares of the plate."""
 CROP_GUESSED = 0.2
 """What that guess does to the light: it is turned by the camera's unknown way to the ball."""
 STAND_FOUND = 0.1

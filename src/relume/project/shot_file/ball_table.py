@@ -26,6 +26,8 @@ from relume.scene.cameras.pose_from_ball import (
     up_of,
 )
 
+GUESSED_PLACE, GUESSED_SIZE = (0.5, 0.62), 0.06
+"""Where a ball is taken to stand that the plate's camera did not see, and its radius, in shares of the plate."""
 GUESSED_ELEVATION = np.radians(25)
 """How far above the ball's level a camera is taken to stand of which nothing is known: as one sees a table standing."""
 GUESS_OFF = np.radians(12)

@@ -9,18 +9,24 @@ from __future__ import annotations
 import json
 import os
 from collections.abc import Sequence
+from dataclasses import dataclass
 from glob import escape
+from itertools import islice
 from pathlib import Path
 
 import numpy as np
 
-from relume.errors import OutputNotWritten, UnreadableFile, warn
+from relume.capture.exposure.named_times import seconds_in_names
+from relume.errors import NotABracket, OutputNotWritten, UnreadableFile, warn
 from relume.image import files
 from relume.probe.ball.view_files import find_ball_photographs
+from relume.project.shot_file.ball_table import GUESSED_PLACE, GUESSED_SIZE
 from relume.scene.shapes.meshes import read_meshes
 
 GUESSED_RADIUS = 0.05
 """Metres, where no radius is given: between balls of bearings and garden globes."""
+PLACE_GUESSED = 0.2
+"""What a guessed place of the objects does: they are seen from a wrong height, and their light is turned."""
 SMALLEST, LARGEST = 0.4, 16.0
 """Times the ball's radius: an object of which the longest side is beyond is not in metres, or stands on no table."""
 RESIZED = 4.0
@@ -29,38 +35,134 @@ GAP = 0.4
 """Of their mean width, between objects that stand side by side."""
 
 
-def new_shot_text(
-    folder: Path,
-    plate: Sequence[Path],
-    balls: Sequence[Path],
-    objects: Sequence[Path],
-    radius: float | None,
-    foot: tuple[float, float] | None = None,
-    rim: tuple[float, float, float] | None = None,
-) -> str:
-    """The shot file as text.
+@dataclass(frozen=True)
+class NewShot:
+    """What a new shot is made of.
 
-    folder : where it will stand; names in it are relative to that
     plate : its photographs, or one radiance map
-    balls : photographs of the ball; every folder is a view, the others together make one more
+    balls : photographs of the ball; every folder is a view, the others together make one more. With `light` one
+        photograph at most, from the plate's place, that shows where the camera stood
     objects : meshes; they stand side by side where the ball stood, the middle of the row in its place
     radius : of the ball, metres; guessed unless given, with a warning
     foot : where a stand under the ball meets the table, x and y in pixels of the plate; None for a ball on the table
     rim : where the plate shows the ball, or would: x, y and radius in pixels; found unless given
-    Raises UnreadableFile, and ValueError for what is not given.
+    light : a finished map, in place of the light that the ball shows
+    times : seconds of the ball's photographs in order, or of the plate's and then the ball's
+    times_from_names : read them from the names instead
+    surface_reflectance : of what the objects stand on, which says how bright a light of unknown scale is
     """
-    for name, paths in (("plate", plate), ("ball", balls), ("object", objects)):
-        if not paths:
-            raise ValueError(f"no {name} was given; a shot needs plate, ball and object")
-    if radius is not None and not 0 < radius < np.inf:
-        raise ValueError(f"radius is {radius}; give the ball's in metres, like 0.05")
-    if radius is None:
-        warn(
-            f"the ball's radius was not given, and {GUESSED_RADIUS} m are taken: an object in metres comes out too "
-            "large or too small by as much as that is wrong, light and perspective stay; give radius, metres",
-            effect=0.05,
-        )
-    return _text(folder, plate, balls, objects, radius, foot, rim)
+
+    plate: Sequence[Path]
+    balls: Sequence[Path]
+    objects: Sequence[Path]
+    radius: float | None = None
+    foot: tuple[float, float] | None = None
+    rim: tuple[float, float, float] | None = None
+    light: Path | None = None
+    times: Sequence[float] | None = None
+    times_from_names: bool = False
+    surface_reflectance: float | None = None
+
+    def text(self, folder: Path) -> str:
+        """The shot file.
+
+        folder : where it will stand; names in it are relative to that
+        Raises UnreadableFile, NotABracket, and ValueError for what is not given.
+        """
+        needed = {"plate": self.plate, "ball": self.balls or self.light, "object": self.objects}
+        for name, given in needed.items():
+            if not given:
+                or_light = " (or a finished map as light)" if name == "ball" else ""
+                raise ValueError(f"no {name} was given{or_light}; a shot needs plate, ball and object")
+        if self.radius is not None and not 0 < self.radius < np.inf:
+            raise ValueError(f"radius is {self.radius}; give the ball's in metres, like 0.05")
+        if self.light is not None and (self.times is not None or self.times_from_names):
+            raise ValueError("times are of a ball's bracket, and the light is a finished map; leave them out")
+        if self.radius is None:
+            # Without a ball the radius is that of the rim, drawn or guessed.
+            warn(
+                f"the ball's radius was not given, and {GUESSED_RADIUS} m are taken: an object in metres comes out too "
+                "large or too small by as much as that is wrong, light and perspective stay; give radius, in metres "
+                "(--radius)",
+                effect=0.05,
+            )
+        measured = "by caliper or tape" if self.radius is not None else "a guess: measure the ball and give half of it"
+        known = GUESSED_RADIUS if self.radius is None else self.radius
+        lines = [
+            "# Written by `relume insert`; every key is in docs/shot-file.md. The camera is found from the ball.",
+            *(self._map(folder, known, measured) if self.light is not None else self._balls(folder, known, measured)),
+            "render = { samples = 64, denoise = true }",
+        ]
+        if self.surface_reflectance is not None:
+            lines.append(f"light.surface_reflectance = {self.surface_reflectance:g}  # of what the objects stand on")
+        if self.foot is not None:
+            foot = f"[{self.foot[0]:g}, {self.foot[1]:g}]"
+            lines.append(f"camera.ball.foot = {foot}  # where the ball's stand meets the table, pixels")
+        return "\n".join([*lines, *_objects(folder, self.objects, known)]) + "\n"
+
+    def _balls(self, folder: Path, radius: float, measured: str) -> list[str]:
+        """Plate and light by the ball's photographs."""
+        views = find_ball_photographs(self.balls)
+        plate, seconds = self._seconds([view.paths for view in views])
+        # One bracket a line, so that a person finds it.
+        lines = [f"plate.photographs = {_names(folder, self.plate)}"]
+        lines += [f"plate.times = {plate}"] if plate else []
+        lines.append("light.balls = [")
+        for view, own in zip(views, seconds, strict=True):
+            times = f", times = {own}" if own else ""
+            lines.append(f"  {{ photographs = {_names(folder, view.paths)}{times} }},")
+        lines += ["]", f"light.ball.radius = {radius:g}  # metres, {measured}"]
+        if self.rim is not None:
+            rim = f"[{', '.join(f'{value:g}' for value in self.rim)}]"
+            lines.append(f"camera.ball.rim = {rim}  # x, y, radius: where the plate would show the ball, pixels")
+        return lines
+
+    def _map(self, folder: Path, radius: float, measured: str) -> list[str]:
+        """Plate and light by a finished map, and the camera by one photograph of the ball or its rim."""
+        assert self.light is not None
+        lines = [
+            f"plate.photographs = {_names(folder, self.plate)}",
+            f"light.map = {_names(folder, [self.light], patterns=False)[1:-1]}  # light.heading turns it about +Y",
+            f"camera.ball.radius = {radius:g}  # metres, {measured}",
+        ]
+        if len(self.balls) > 1:
+            raise ValueError(
+                f"{len(self.balls)} photographs of the ball beside a finished map, which is the light; one of them "
+                "says where the camera stood: give one, or leave the map out"
+            )
+        if self.balls and self.rim is None:
+            return [*lines, f"camera.ball.photograph = {_names(folder, self.balls, patterns=False)[1:-1]}"]
+        rim, source = self.rim, "where the plate would show the ball, pixels"
+        if rim is None:
+            width, height = files.read_facts(self.plate[0]).size
+            rim = (GUESSED_PLACE[0] * width, GUESSED_PLACE[1] * height, GUESSED_SIZE * width)
+            source = "a guess, pixels of the plate"
+            warn(
+                f"no ball says where the objects shall stand; x,y,radius {rim[0]:.0f},{rim[1]:.0f},{rim[2]:.0f} are "
+                f"taken, as if the plate showed a ball of {radius:g} m there: give the rim that it would have in the "
+                "plate (--rim X,Y,RADIUS)",
+                effect=PLACE_GUESSED,
+            )
+        return [*lines, f"camera.ball.rim = [{', '.join(f'{value:g}' for value in rim)}]  # x, y, radius: {source}"]
+
+    def _seconds(self, views: Sequence[Sequence[Path]]) -> tuple[list[float], list[list[float]]]:
+        """Exposure times of the plate and of each view, as they are given; empty where they are the EXIF's."""
+        if self.times_from_names:
+            if self.times is not None:
+                raise ValueError("times are given and are to be read from the names too; choose one of the two")
+            plate = list(seconds_in_names(self.plate)) if len(self.plate) > 1 else []
+            return plate, [list(seconds_in_names(view)) for view in views]
+        if self.times is None:
+            return [], [[] for _ in views]
+        of_balls = sum(len(view) for view in views)
+        if len(self.times) not in (of_balls, of_balls + len(self.plate)):
+            raise NotABracket(
+                f"{len(self.times)} times were given for {of_balls} photographs of the ball and {len(self.plate)} of "
+                "the plate; give one for each of the ball's, or of the plate's first and then the ball's"
+            )
+        rest = iter(self.times)
+        plate = list(islice(rest, len(self.times) - of_balls))
+        return plate, [list(islice(rest, len(view))) for view in views]
 
 
 def write_new_shot(path: Path, text: str, force: bool) -> None:
@@ -70,7 +172,7 @@ def write_new_shot(path: Path, text: str, force: bool) -> None:
             return
         raise OutputNotWritten(
             f"{path} is there and says something else; give it alone (relume insert {path} …) to use it, or force "
-            "to replace it"
+            "(--force) to replace it"
         )
     try:
         path.parent.mkdir(parents=True, exist_ok=True)
@@ -79,29 +181,10 @@ def write_new_shot(path: Path, text: str, force: bool) -> None:
     files.write_text(path, text)
 
 
-def _text(
-    folder: Path, plate: Sequence[Path], balls: Sequence[Path], objects: Sequence[Path], radius: float | None,
-    foot: tuple[float, float] | None, rim: tuple[float, float, float] | None,
-) -> str:  # fmt: skip
-    views = find_ball_photographs(balls)
-    known = GUESSED_RADIUS if radius is None else radius
-    measured = "by caliper or tape" if radius is not None else "a guess: measure the ball across and give half of that"
-    # One bracket a line, so that a person finds it.
-    lines = [
-        "# Written by `relume insert`; every key is in docs/shot-file.md. Camera and frame are found from the ball.",
-        f"plate.photographs = {_names(folder, plate)}",
-        "light.balls = [",
-        *(f"  {{ photographs = {_names(folder, view.paths)} }}," for view in views),
-        "]",
-        f"light.ball.radius = {known:g}  # metres, {measured}",
-    ]
-    lines.append("render = { samples = 64, denoise = true }")
-    if rim is not None:
-        shown = ", ".join(f"{value:g}" for value in rim)
-        lines.append(f"camera.ball.rim = [{shown}]  # x, y, radius: where the plate would show the ball, pixels")
-    if foot is not None:
-        lines.append(f"camera.ball.foot = [{foot[0]:g}, {foot[1]:g}]  # where the ball's stand meets the table, pixels")
-    sizes = [_size(path, known) for path in objects]
+def _objects(folder: Path, objects: Sequence[Path], radius: float) -> list[str]:
+    """The objects' tables: side by side, each of a size for a table."""
+    lines: list[str] = []
+    sizes = [_size(path, radius) for path in objects]
     middles = _side_by_side([width for width, *_ in sizes])
     for path, (_, extent, own), x in zip(objects, sizes, middles, strict=True):
         lines += ["", "[[objects]]", f"mesh = {_names(folder, [path], patterns=False)[1:-1]}"]
@@ -109,7 +192,7 @@ def _text(
             lines.append(f"size = {extent:.3g}  # metres of its longest side; the file has {own:.3g}")
         if len(objects) > 1:
             lines.append(f"stand = [{x:.3g}, 0]  # metres to the right of the ball's place, and towards the camera")
-    return "\n".join(lines) + "\n"
+    return lines
 
 
 def _names(folder: Path, paths: Sequence[Path], *, patterns: bool = True) -> str:

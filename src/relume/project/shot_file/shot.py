@@ -24,7 +24,7 @@ from relume.project.schema import Names, Positive, Table, Vector, checked, read_
 from relume.project.shot_file.camera_table import CameraTable
 from relume.project.shot_file.local_table import DistantTable, LocalTable
 from relume.project.shot_file.match_table import MatchTable
-from relume.project.shot_file.new_shot import new_shot_text, write_new_shot
+from relume.project.shot_file.new_shot import NewShot, write_new_shot
 from relume.project.shot_file.sequence_table import LightKey, ObjectKey, SequenceTable, require_rising
 
 
@@ -123,6 +123,8 @@ class Light(Table):
     lamps : places of lamps that hang in the room, before its walls
     scale : by which the light is multiplied to be on the plate's scale, before anything is measured by it; where no
         exposure says it, it is found from a reflectance that is given, or from what both show
+    surface_reflectance : mean share of light that the surface under the objects gives back, from which the scale is
+        found where no exposure says it; its reflectance is recovered all the same
     turn, exposure : degrees about +Y and stops, to change what was measured
     """
 
@@ -134,6 +136,7 @@ class Light(Table):
     probe: Vector | None = None
     heading: float = 0.0
     scale: Positive | None = None
+    surface_reflectance: Mirrored | None = None
     lamps: list[Vector] = Field(default_factory=list)
     turn: float = 0.0
     exposure: float = 0.0
@@ -146,6 +149,8 @@ class Light(Table):
             raise ValueError("give one of balls and map")
         if self.balls is not None and (self.ball is None or not self.balls):
             raise ValueError("balls need ball = { radius }, and its centre where the camera is not found from the ball")
+        if self.scale is not None and self.surface_reflectance is not None:
+            raise ValueError("scale and surface_reflectance both say how bright the light is; give one of them")
         if self.map is not None and self.ball is not None:
             raise ValueError("ball goes with photographs of it; with a finished map give probe = [x, y, z]")
         if self.map is None and self.probe is not None:
@@ -262,11 +267,15 @@ class Shot(Table):
         path: str | Path | None,
         *,
         plate: Sequence[str | Path],
-        balls: Sequence[str | Path],
+        balls: Sequence[str | Path] = (),
         objects: Sequence[str | Path],
+        light: str | Path | None = None,
         radius: float | None = None,
         foot: tuple[float, float] | None = None,
         rim: tuple[float, float, float] | None = None,
+        times: Sequence[float] | None = None,
+        times_from_names: bool = False,
+        surface_reflectance: float | None = None,
         force: bool = False,
     ) -> Shot:
         """The shortest useful shot, written as its file: camera and frame come from the ball's outline.
@@ -274,17 +283,25 @@ class Shot(Table):
         path : of the file, .toml, whose folder is made; None writes none
         plate : its photographs, or one radiance map
         balls : photographs of the ball where the objects shall stand, by the plate's camera from the plate's place;
-            every folder is a further view
+            every folder is a further view. With `light` one photograph that shows where the camera stood, or none
         objects : meshes, stood side by side in the ball's place; one that is not of a table's size gets one
+        light : a finished map, EXR or .hdr, in place of the light that the ball shows
         radius : of the ball, metres; 0.05 unless given, with a warning: it sets the scale alone
         foot : where a stand under the ball meets the table, x and y in pixels; the ball lies on the table unless given
-        rim : where the plate would show the ball of which only crops exist: x, y, radius in pixels
+        rim : where the plate would show a ball that it does not: x, y, radius in pixels
+        times : seconds of the ball's photographs, or of the plate's and then the ball's; the EXIF's unless given
+        times_from_names : read them from names like cp_t160.jpg instead
+        surface_reflectance : of what the objects stand on, 0 to 1: the scale of the light where no exposure gives it
         force : whether another file of that name is replaced
-        Raises OutputNotWritten, UnreadableFile, InvalidShot, ValueError; what is no shot is not written.
+        Raises OutputNotWritten, UnreadableFile, NotABracket, InvalidShot, ValueError; what is no shot is not written.
         """
         file = Path("shot.toml") if path is None else Path(path)
         photographs, seen, meshes = ([Path(each) for each in paths] for paths in (plate, balls, objects))
-        text = new_shot_text(file.parent, photographs, seen, meshes, radius, foot, rim)
+        given = NewShot(
+            photographs, seen, meshes, radius, foot, rim, None if light is None else Path(light), times,
+            times_from_names, surface_reflectance,
+        )  # fmt: skip
+        text = given.text(file.parent)
         shot = checked(Shot, tomllib.loads(text), file, "shot file", InvalidShot)
         if path is not None:
             write_new_shot(file, text, force)
