@@ -108,11 +108,11 @@ def by_usual_places(brightness: np.ndarray, whites: np.ndarray, hits: np.ndarray
     surface = float(np.median(brightness[there]))
     white = max(float(np.percentile(whites[np.isfinite(whites)], WHITES)), surface)
     factor = float(np.sqrt(surface * white)) * np.pi / (arriving * MIDDLE)
-    reflects = surface * np.pi / arriving
     if 1 / LEFT <= factor <= LEFT:
-        return Scale(1.0, f"by which the real surface reflects {_share(reflects)} of it, as usual surfaces do", UNSURE)
-    why = f"by which the real surface reflects {_share(reflects / factor)} of it and the plate's whites "
-    return Scale(factor, f"{why}{_share(white * np.pi / arriving / factor)}", UNSURE)
+        factor = 1.0
+    reflected = [_share(each * np.pi / (arriving * factor)) for each in (surface, white)]
+    why = f"by which the real surface reflects {reflected[0]} of it and the plate's whites {reflected[1]}"
+    return Scale(factor, why, UNSURE)
 
 
 def _share(value: float) -> str:
