@@ -5,8 +5,10 @@ from __future__ import annotations
 from importlib import import_module
 from pathlib import Path
 
+import numpy as np
 import pytest
 
+import relume as rl
 from command_line import printed, refused, reported
 from relume.cli.console import OutputOptions, finish, progress
 from relume.errors import Doubt, DoubtfulResult, ranked
@@ -51,6 +53,30 @@ def test_two_ways_to_say_a_shot_and_none_are_refused(tmp_path, capsys):
     words = ["insert", "--plate", plate, "--ball", plate, "--object", OBJECT, "--radius", "0.05", "-o", tmp_path]
     assert "or force (--force) to replace it" in refused(words, capsys, 3)
     assert (tmp_path / "shot.toml").read_text() == "# mine\n"
+
+
+def test_a_map_and_a_reflectance_are_options(tmp_path, capsys):
+    plate = sorted((ROOM / "plate").glob("*.jpg"))[2]
+    light = tmp_path / "light.hdr"
+    rl.files.write(light, rl.RadianceMap(np.ones((8, 16, 3), np.float32)))
+    words = [
+        "insert",
+        "--plate",
+        plate,
+        "--light",
+        light,
+        "--object",
+        OBJECT,
+        "--radius",
+        "0.05",
+        "--rim",
+        "384,300,60",
+    ]
+    facts = reported([*words, "--surface-reflectance", "0.4", "-o", tmp_path / "out", "--dry-run"], capsys)
+    assert facts["plate"] == {"IMG_0003.jpg": "4 s"} and facts["balls"] == []
+    assert "times are of a ball's bracket" in refused([*words, "--times-from-names", "-o", tmp_path], capsys)
+    both = ["insert", ROOM / "shot.toml", "--times-from-names", "-o", tmp_path]
+    assert "--times-from-names and the shot file" in refused(both, capsys)
 
 
 LITTLE, MORE, WRONG, UNKNOWN = Doubt("little", 0.01), Doubt("more", 0.12), Doubt("wrong", 0.4), Doubt("unknown")

@@ -7,9 +7,10 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from relume.errors import InvalidShot, OutputNotWritten, UnreadableFile
+from relume.errors import InvalidShot, NotABracket, OutputNotWritten, UnreadableFile
 from relume.image import files
 from relume.image.photograph import Photograph
+from relume.image.radiance import RadianceMap
 from relume.project.shot_file.objects import placed_meshes
 from relume.project.shot_file.shot import Shot, read_shot
 
@@ -117,3 +118,46 @@ def test_what_is_no_shot_is_not_written(place: Path) -> None:
 def test_a_folder_as_plate_is_said_to_be_one(place: Path) -> None:
     with pytest.raises(UnreadableFile, match=r"side: a folder; give the files in it, like .*side/\*"):
         Shot.new(None, plate=[place / "side"], balls=[place / "side"], objects=[CUBE], radius=0.06)
+
+
+def test_a_finished_map_is_the_light_and_a_rim_or_one_photograph_gives_the_camera(place: Path) -> None:
+    files.write(place / "map [a].hdr", RadianceMap(np.ones((8, 16, 3), np.float32)))
+    ask = {"plate": [place / "plate.jpg"], "objects": [CUBE], "light": place / "map [a].hdr", "radius": 0.1}
+    shot = Shot.new(place / "s.toml", **ask, rim=(5.0, 6.0, 1.5), surface_reflectance=0.4)  # pyright: ignore
+    assert shot == read_shot(place / "s.toml") and shot.light.map == "map [a].hdr" and shot.light.balls is None
+    assert shot.camera.ball is not None and (shot.camera.ball.radius, shot.camera.ball.rim) == (0.1, (5, 6, 1.5))
+    assert shot.light.surface_reflectance == 0.4 and shot.surfaces()[0].size == pytest.approx((2.4, 2.4))
+    # Without a rim: the place is guessed, and said to be.
+    with pytest.warns(UserWarning, match=r"no ball says where the objects shall stand; x,y,radius 4,5,0 .*--rim"):
+        shot = Shot.new(None, **ask)  # pyright: ignore
+    assert shot.camera.ball is not None and shot.camera.ball.rim == pytest.approx((4, 4.96, 0.48))
+    # One photograph of the ball gives the camera alone.
+    shot = Shot.new(None, **ask, balls=[place / "ball [1]/a.jpg"])  # pyright: ignore
+    assert shot.camera.ball is not None and Path(shot.camera.ball.photograph or "").name == "a.jpg"
+    with pytest.raises(ValueError, match=r"^2 photographs of the ball beside a finished map.*give one"):
+        Shot.new(None, **ask, balls=[place / "ball [1]/a.jpg", place / "ball [1]/b.jpg"])  # pyright: ignore
+    with pytest.raises(ValueError, match=r"times are of a ball's bracket, and the light is a finished map"):
+        Shot.new(None, **ask, times=[1.0])  # pyright: ignore
+
+
+def test_times_are_of_the_ball_or_of_plate_and_ball_or_in_the_names(place: Path) -> None:
+    def times(shot: Shot) -> list[object]:
+        return [shot.plate.times, *(ball.times for ball in shot.light.balls or ())]
+
+    assert times(new(place, None)) == [None, None, None]
+    assert times(new(place, place / "s.toml", times=[0.1, 0.2, 0.4])) == [None, [0.1, 0.2], [0.4]]
+    assert times(read_shot(place / "s.toml")) == [None, [0.1, 0.2], [0.4]]
+    assert times(new(place, None, times=[1 / 3, 0.1, 0.2, 0.4])) == [[1 / 3], [0.1, 0.2], [0.4]]
+    with pytest.raises(NotABracket, match=r"^2 times were given for 3 photographs of the ball and 1 of the plate"):
+        new(place, None, times=[0.1, 0.2])
+    with pytest.raises(ValueError, match="choose one of the two"):
+        new(place, None, times=[0.1, 0.2, 0.4], times_from_names=True)
+    with pytest.raises(NotABracket, match=r"a\.jpg: the names of these photographs give no times"):
+        new(place, None, times_from_names=True)
+    for name in ("ball [1]/a.jpg", "ball [1]/b.jpg"):
+        (place / name).rename(place / f"ball [1]/cp_t{20 if 'a.' in name else 5}.jpg")
+    named = Shot.new(
+        None, plate=[place / "plate.jpg"], balls=sorted((place / "ball [1]").iterdir()), objects=[CUBE], radius=0.06,
+        times_from_names=True,
+    )  # fmt: skip
+    assert times(named) == [None, [1 / 20, 1 / 5]]

@@ -22,8 +22,8 @@ FEWEST = 60
 WHITES = 97
 """Percentile of the plate's luminance that counts as its whites: above are lamps, gleams and windows."""
 MIDDLE = 0.4
-"""The geometric mean of what the surface's median and the plate's whites reflect. Six places of which the scale is
-known have 0.27 to 0.61 (`docs/accuracy.md`); of the surface alone 0.14 to 0.40, of the whites 0.40 to 1.9."""
+"""The geometric mean of what the surface's median and the plate's whites reflect. Seven places of which the scale is
+known have 0.2 to 0.57 (decision 34); the surface alone has 0.08 to 0.4, the whites 0.4 to 1.9."""
 UNSURE = 0.3
 """By what share the light is wrong by that guess: half a stop either way is usual, a whole one happens."""
 LEFT = 2.0
