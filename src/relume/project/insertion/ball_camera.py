@@ -2,6 +2,9 @@
 
 Which of the ball's photographs the plate's camera took from the plate's place is known from their size: a tripod that
 was moved is noticed by what surrounds the ball, which the plate shows too.
+
+What a ball stands on is seen below it: a cup or a glass is narrower than the ball and reaches straight down from it. A
+shadow is as wide as the ball where it begins, and a ball that lies on the table has nothing below it but that.
 """
 
 from __future__ import annotations
@@ -10,6 +13,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
+from scipy.ndimage import gaussian_filter
 
 from relume.errors import InvalidShot, warn
 from relume.image import files
@@ -18,7 +22,6 @@ from relume.image.radiance import RadianceMap
 from relume.probe.ball.silhouette import Outline, outline_of_circle
 from relume.probe.ball.unwrapping import CAMERA_FROM_PIXELS, BallView, unwrap_ball
 from relume.probe.clipped_light import linear
-from relume.project.insertion.ball_stand import foot_of_stand
 from relume.project.shot_file.ball_table import GUESSED_PLACE, GUESSED_SIZE, BallOnTable
 from relume.project.shot_file.camera_table import CameraTable
 from relume.project.shot_file.shot import Shot
@@ -37,6 +40,21 @@ STAND_FOUND = 0.1
 GUESSED_FOCAL_LENGTH, FOCAL_LENGTH_GUESSED = 0.8, 0.05
 """Of the longer side, 29 mm on a full frame, between phones and cameras; and what a wrong one does to the light: the
 ball is seen from a wrong distance, which shifts what its rim shows, and hardly what its middle does."""
+
+STAND_CHANGED = 0.45
+"""Difference of ln luminance from which on a pixel shows another thing; soft shadows stay below."""
+STAND_NOISE = 6.0
+"""Times the usual difference between the two pictures beside the ball, at least."""
+STEM, BESIDE = 0.6, (0.85, 1.6)
+"""Ball radii to both sides of its middle within which a stand is seen, and between which nothing may have changed."""
+STAND_SHARE = 0.15
+"""Of the pixels beside it that may have changed all the same: what a shadow falls on."""
+STAND_GAP = 0.8
+"""Radii along which a stand may look like what is behind it, as a glass's stem does."""
+STAND_ACROSS = 0.04
+"""Radii across which something must have changed in a row: less is a grain, or an edge that moved a little."""
+STAND_LEAST = 0.6
+"""Radii below the rim to which a stand reaches at least; a contact shadow ends before."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -172,3 +190,34 @@ def _guessed_rim(plate: RadianceMap, name: str, ball: RadianceMap) -> np.ndarray
         effect=CROP_GUESSED,
     )
     return outline_of_circle(x, y, size).points
+
+
+def foot_of_stand(plate: RadianceMap, picture: RadianceMap, rim: np.ndarray) -> tuple[float, float] | None:
+    """Where the stand of a ball meets the table, x and y in pixels; None for a ball without one.
+
+    plate, picture : from one place, without and with the ball
+    rim : (N, 2) pixels of the ball's rim
+    """
+    middle, radius = rim.mean(0), float(np.ptp(rim, axis=0).max()) / 2
+    first, second = (np.log(np.maximum(luminance(each.radiance), 1e-9)) for each in (plate, picture))
+    change = gaussian_filter(second - first, max(0.7, radius / 40))
+    usual = float(np.median(change))
+    limit = max(STAND_CHANGED, STAND_NOISE * float(np.median(np.abs(change - usual))))
+    changed = np.abs(change - usual) > limit
+    # Down from the rim, row by row, for as long as something narrow is there.
+    aside = np.abs(np.arange(changed.shape[1]) + 0.5 - middle[0]) / radius
+    within, beside = aside < STEM, (aside > BESIDE[0]) & (aside < BESIDE[1])
+    start, last = int(middle[1] + 1.05 * radius), None
+    for row in range(max(start, 0), changed.shape[0]):
+        if (last is None and row > start + STAND_GAP * radius) or (
+            last is not None and row > last + STAND_GAP * radius
+        ):
+            break
+        if changed[row, within].sum() >= STAND_ACROSS * radius and changed[row, beside].mean() < STAND_SHARE:
+            last = row
+    if last is None or last < middle[1] + (1 + STAND_LEAST) * radius:
+        return None
+    # A picture that ends before the stand does says nothing.
+    if last >= changed.shape[0] - 2:
+        return None
+    return float(middle[0]), float(last + 1)
