@@ -23,6 +23,7 @@ from relume.probe.ball.silhouette import Outline, outline_through
 from relume.probe.ball.unwrapping import unwrap_ball
 from relume.probe.clipped_light import linear
 from relume.project.insertion.ball_camera import camera_of_ball
+from relume.project.insertion.forecast import Forecast, forecast
 from relume.project.insertion.photographs import read_photographs
 from relume.project.shot_file.camera_table import camera_fit
 from relume.project.shot_file.objects import doubts_about, placed_meshes
@@ -93,9 +94,28 @@ def check_shot(shot: Shot, *, progress: Callable[[str, float], None] = lambda st
             }  # fmt: skip
             found += doubts_about(meshes, fit.camera, ())
         progress("camera", 1.0)
+
+        # What it will take.
+        progress("estimate", 0.0)
+        expected = None if fit is None or not meshes else forecast(shot, fit.camera, meshes)
+        progress("estimate", 1.0)
     facts["objects"] = {mesh.name: _extent(mesh.vertices) for mesh in meshes}
     facts["pixels"], facts["samples"] = f"{size[0]} × {size[1]}", shot.render.samples
+    if expected is not None:
+        facts |= _in_words(expected)
     return ShotCheck(facts, ranked([*gathered.doubts, *found]))
+
+
+def _in_words(expected: Forecast) -> dict[str, object]:
+    """What an insertion will take, as it is said."""
+    minutes = max(1, round(expected.seconds / 60))
+    return {
+        "rays a pixel": round(expected.rays, 1),
+        "rays": f"{expected.total / 1e6:.3g} million",
+        "estimate": f"{minutes} min on this machine as busy as it is, {expected.memory / 1e9:.2g} GB of memory, "
+        f"{expected.disk / 1e9:.2g} GB of disk",
+        "quick look": "--preview",
+    }
 
 
 def _times(source: BracketSource) -> dict[str, str]:

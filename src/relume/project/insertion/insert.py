@@ -13,8 +13,9 @@ from relume.errors import GatheredDoubts, ranked, warn
 from relume.project.insertion.agreement import on_one_scale
 from relume.project.insertion.composite import composited, development_of
 from relume.project.insertion.doubts import doubts_on
+from relume.project.insertion.forecast import require_room
 from relume.project.insertion.outcome import Inserted, require_folder, write_outcome, write_picture
-from relume.project.insertion.photographs import calibrate, read_photographs
+from relume.project.insertion.photographs import calibrate, plate_size, read_photographs
 from relume.project.insertion.place import find_camera, find_place
 from relume.project.insertion.prepared import PreparedShot
 from relume.project.insertion.quick_look import quick, quick_renderer, small_shot
@@ -67,6 +68,8 @@ def insert(
         meshes = placed_meshes(shot)
         with steps.timed("photographs"):
             photographs = read_photographs(shot)
+        across, down = plate_size(photographs)
+        require_room(out, across * down)
         calibrated = calibrate(shot, photographs, steps)
         fit = find_camera(shot, calibrated, steps)
         calibrated = on_one_scale(shot, calibrated, fit.camera)

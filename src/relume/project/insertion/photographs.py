@@ -128,6 +128,16 @@ def read_photographs(shot: Shot) -> Photographs:
     return Photographs(plate, balls)
 
 
+def plate_size(photographs: Photographs) -> tuple[int, int]:
+    """(width, height) of the plate, pixels; of camera raws as their first says."""
+    plate = photographs.plate
+    if isinstance(plate, RadianceMap):
+        return plate.size
+    if isinstance(plate, Bracket):
+        return plate.photographs[0].size
+    return files.read_facts(Path(str(plate[0]))).size
+
+
 def calibrate(shot: Shot, photographs: Photographs, steps: Steps) -> Calibrated:
     """Merge the plate and the views of the ball into radiance, and blend the views into the light.
 

@@ -130,7 +130,7 @@ def change_in_tiles(
         scene, **part(lambda its: its.resized(across, down)), seed=pass_seed(seed, len(tiles)),
         watch=replace(watch, checkpoint=None, preview=first),
     )  # fmt: skip
-    shares = _rays(pilot, plate, camera, tiles, renderer.samples)
+    shares, _ = shares_of_tiles(pilot, plate[np.ix_(*_places(pilot, camera))], camera, renderer.samples)
     noise = None if renderer.noise is None else renderer.noise * sqrt(height * width / VIEWED)
     # Each tile with its border, put away as soon as it is finished.
     whole, traced = _empty(height, width, stages), 0
@@ -211,12 +211,22 @@ def _tiles(height: int, width: int) -> Iterator[Tile]:
             )  # fmt: skip
 
 
+def shares_of_tiles(
+    pilot: Change, plate: np.ndarray, camera: Camera, samples: int
+) -> tuple[list[int], list[int]]:  # fmt: skip
+    """Rays a pixel of each tile of a large picture, and the tile's pixels, by what a small render shows.
+
+    plate : (h, w, 3) of the small render's size, what is seen without the objects
+    """
+    tiles = list(_tiles(camera.height, camera.width))
+    areas = [(tile.bottom - tile.top) * (tile.right - tile.left) for tile in tiles]
+    return _rays(pilot, plate, camera, tiles, samples), areas
+
+
 def _rays(pilot: Change, plate: np.ndarray, camera: Camera, tiles: list[Tile], samples: int) -> list[int]:
     """Rays a pixel of each tile: in proportion to the standard deviation (Neyman 1934)."""
-    height, width = pilot.matte.shape
-    rows = np.minimum(((np.arange(height) + 0.5) * camera.height / height).astype(int), camera.height - 1)
-    columns = np.minimum(((np.arange(width) + 0.5) * camera.width / width).astype(int), camera.width - 1)
-    backdrop = (1 - pilot.matte[..., None]) * plate[np.ix_(rows, columns)]
+    rows, columns = _places(pilot, camera)
+    backdrop = (1 - pilot.matte[..., None]) * plate
     variance = pilot.objects_variance + pilot.difference_variance
     error = np.sqrt(weighed_variance(pilot.objects + pilot.difference + backdrop, variance))
     touched = (pilot.matte > 0) | np.any(pilot.difference != 0, axis=-1)
@@ -233,6 +243,13 @@ def _rays(pilot: Change, plate: np.ndarray, camera: Camera, tiles: list[Tile], s
     each = budget * noisy / max(float((noisy * areas).sum()), 1e-30)
     fewest = [min(FEWEST if mean > 0 else LEAST, samples) for mean in means]
     return [int(np.clip(round(n), low, samples)) for n, low in zip(each, fewest, strict=True)]
+
+
+def _places(pilot: Change, camera: Camera) -> tuple[np.ndarray, np.ndarray]:
+    """The rows and columns of the large picture in the middle of each pixel of the small one."""
+    height, width = pilot.matte.shape
+    rows = np.minimum(((np.arange(height) + 0.5) * camera.height / height).astype(int), camera.height - 1)
+    return rows, np.minimum(((np.arange(width) + 0.5) * camera.width / width).astype(int), camera.width - 1)
 
 
 def _require_room(folder: Path, needed: int) -> None:

@@ -1,0 +1,116 @@
+"""What an insertion will take: rays, minutes, memory and room on the disk, before anything of it is done.
+
+Rays and their speed come from a small render of the objects on grey surfaces under a lamp: where they are in the
+picture decides, and how costly they are. The rest grows with the plate as it did where it was measured.
+"""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from math import sqrt
+from pathlib import Path
+from shutil import disk_usage
+
+import numpy as np
+
+from relume.errors import GatheredDoubts, OutputNotWritten, RelumeError
+from relume.project.insertion.render_tiles import is_large, shares_of_tiles
+from relume.project.shot_file.shot import Shot
+from relume.renderers.mitsuba.differential import Differential
+from relume.scene.cameras.camera import Camera
+from relume.scene.materials.materials import Diffuse
+from relume.scene.scene import Scene
+from relume.scene.shapes.shapes import Mesh
+from relume.sphere.environment_map import EnvironmentMap
+
+PROBE, PROBE_RAYS = 400_000, 4
+"""Pixels and rays a pixel of the small render, in passes so large that starting them is not what takes the time."""
+LAMP = 100.0
+"""Radiance of a lamp above, in light of 1: most places have one, and it decides where shadows and noise are."""
+GREY = 0.3
+"""Reflectance of the real surfaces in it."""
+DISK = 350
+"""Bytes a pixel that an insertion holds on the disk at most: plate 25, denoised 25, reflectance 37, render 80, pictures
+12; and either the render's parts 92 and its planes 80, or the layers while they are written 104 and written 56."""
+START, A_MEGAPIXEL = 25.0, 4.0
+"""Seconds of two cores for all but the rays: balls, light and gloss, and what is done to each pixel of the plate."""
+SMALL_MEMORY, LARGE_MEMORY = (0.9, 0.9), (2.3, 0.07)
+"""Gigabytes of memory, and more for each megapixel: of one render, and of a large plate, rendered in parts."""
+
+
+@dataclass(frozen=True)
+class Forecast:
+    """What an insertion will take, roughly.
+
+    rays : a pixel, on average
+    total : of them all
+    seconds : on this machine, as busy as it was
+    memory, disk : bytes
+    """
+
+    rays: float
+    total: float
+    seconds: float
+    memory: float
+    disk: float
+
+
+def forecast(shot: Shot, camera: Camera, meshes: Sequence[Mesh], threads: int | None = None) -> Forecast | None:
+    """What the insertion of these objects will take; None where nothing can be rendered to see it.
+
+    camera : the plate's
+    """
+    megapixels = camera.width * camera.height / 1e6
+    try:
+        with GatheredDoubts():
+            rays, speed = _probed(shot, camera, meshes, threads)
+    except (RelumeError, ValueError):
+        return None
+    total = rays * megapixels * 1e6
+    fixed, each = LARGE_MEMORY if is_large(camera) else SMALL_MEMORY
+    return Forecast(
+        rays, total, START + A_MEGAPIXEL * megapixels + total / speed,
+        1e9 * (fixed + each * megapixels), DISK * megapixels * 1e6,
+    )  # fmt: skip
+
+
+def _probed(shot: Shot, camera: Camera, meshes: Sequence[Mesh], threads: int | None) -> tuple[float, float]:
+    """Rays a pixel on average, and how many are traced in a second."""
+    surfaces = (shape for table in shot.surfaces() for shape in table.shapes(shot.folder))
+    local = tuple(replace(shape, material=Diffuse((GREY, GREY, GREY))) for shape in surfaces)
+    light = np.ones((16, 32, 3), np.float32)
+    light[3:5, 10:12] = LAMP
+    scene = Scene(EnvironmentMap(light), local, tuple(meshes))
+    shrunk = min(1.0, sqrt(PROBE / (camera.width * camera.height)))
+    small = camera.resized(max(1, round(camera.width * shrunk)), max(1, round(camera.height * shrunk)))
+    times: list[tuple[float, float]] = []
+    pilot = Differential(PROBE_RAYS, depth=shot.render.depth, threads=threads).change(
+        scene, small, progress=lambda share: times.append((share, time.perf_counter()))
+    )
+    # The first pass compiles what the others run.
+    (first, begun), (last, ended) = times[0], times[-1]
+    traced = (last - first) * pilot.samples * small.width * small.height
+    speed = max(traced, 1.0) / max(ended - begun, 1e-3)
+    if not is_large(camera):
+        return float(shot.render.samples), speed
+    grey = np.broadcast_to(np.float32(GREY), (small.height, small.width, 3))
+    shares, areas = shares_of_tiles(pilot, grey, camera, shot.render.samples)
+    return float(np.average(shares, weights=areas)), speed
+
+
+def require_room(out: Path, pixels: int) -> None:
+    """Raise OutputNotWritten where the disk would be full in the middle of the job.
+
+    out : the job's folder, which may not be there yet; what an earlier run left in it counts as room
+    pixels : of the plate
+    """
+    existing = next(path for path in (out, *out.absolute().parents) if path.is_dir())
+    left = sum(path.stat().st_size for path in (out / "stages").glob("*.npz"))
+    needed, free = DISK * pixels, disk_usage(existing).free + left
+    if free < needed:
+        raise OutputNotWritten(
+            f"{out}: a plate of {pixels / 1e6:.3g} megapixels needs up to {needed / 1e9:.2g} GB there while it is "
+            f"worked on, and {free / 1e9:.2g} GB are free; make room, or choose another -o"
+        )
