@@ -12,10 +12,10 @@ from relume.cli import main
 from relume.errors import OutputNotWritten
 from relume.image.files import write
 from relume.image.radiance import RadianceMap
-from relume.project.insertion import forecast as forecasting
+from relume.project import forecast as forecasting
+from relume.project.forecast import DISK, forecast, require_room
 from relume.project.insertion import insert as inserting
 from relume.project.insertion import render_tiles
-from relume.project.insertion.forecast import DISK, forecast, require_room
 from relume.project.shot_file.objects import placed_meshes
 from relume.project.shot_file.shot import read_shot
 from relume.scene.cameras.camera import Camera

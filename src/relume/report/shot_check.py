@@ -22,8 +22,8 @@ from relume.image.radiance import RadianceMap
 from relume.probe.ball.silhouette import Outline, outline_through
 from relume.probe.ball.unwrapping import unwrap_ball
 from relume.probe.clipped_light import linear
+from relume.project.forecast import Forecast, forecast
 from relume.project.insertion.ball_camera import camera_of_ball
-from relume.project.insertion.forecast import Forecast, forecast
 from relume.project.insertion.photographs import read_photographs
 from relume.project.shot_file.camera_table import camera_fit
 from relume.project.shot_file.objects import doubts_about, placed_meshes

@@ -25,33 +25,40 @@ def trustworthy(shown: np.ndarray, clipped: np.ndarray | None) -> np.ndarray:
     return inside if clipped is None else inside & (clipped == 0)
 
 
-def filled_in(values: np.ndarray, known: np.ndarray, parts: np.ndarray) -> np.ndarray:
+def filled_in(values: np.ndarray, known: np.ndarray, parts: np.ndarray, *, own: bool = False) -> np.ndarray:
     """An image (H, W, C) whose unknown pixels continue the known ones: first those of the same part, then any.
 
+    own : whether nobody else needs `values`, which then becomes the result and is not copied
     Each takes the mean of the known pixels in the smallest square round it that holds any (Gortler et al. 1996, §4.4).
     """
-    result, done = values.copy(), known.copy()
+    result, done = values if own else values.copy(), known.copy()
     for part in np.unique(parts[parts >= 0]):
         inside = parts == part
         if (known & inside).any() and not known[inside].all():
-            wanted = inside & ~known
-            result[wanted] = _spread(values, known & inside)[wanted]
+            _spread(result, known & inside, inside & ~known)
             done |= inside
     if done.any() and not done.all():
-        result[~done] = _spread(result, done)[~done]
+        _spread(result, done, ~done)
     return result
 
 
-def _spread(values: np.ndarray, known: np.ndarray) -> np.ndarray:
-    """Means over ever larger squares where the smaller ones hold nothing known, laid out smoothly again."""
-    weight = known.astype(np.float32)[..., None]
-    levels = [(np.where(known[..., None], values, 0).astype(np.float32, copy=False), weight)]
+def _spread(values: np.ndarray, known: np.ndarray, wanted: np.ndarray) -> None:
+    """Give the wanted pixels of values (H, W, C) means over ever larger squares where the smaller ones hold nothing
+    known, laid out smoothly again. Of the whole size only these pixels are made; they are not known themselves."""
+    levels = [_halved(values, known)]
     while max(levels[-1][0].shape[:2]) > 1:
         levels.append(_halved(*levels[-1]))
-    result = levels.pop()[0]
+    coarse = levels.pop()[0]
     while levels:
-        result = _over(*levels.pop(), result)
-    return result
+        coarse = _over(*levels.pop(), coarse)
+    height, width = known.shape
+    x, y = (np.arange(width) + 0.5) / 2, (np.arange(height) + 0.5) / 2
+
+    def work(rows: slice) -> None:
+        if wanted[rows].any():
+            values[rows][wanted[rows]] = _looked_up(coarse, x, y[rows])[wanted[rows]]
+
+    in_bands(height, width, work)
 
 
 def _over(mean: np.ndarray, weight: np.ndarray, coarse: np.ndarray) -> np.ndarray:
@@ -85,15 +92,22 @@ def _looked_up(picture: np.ndarray, x: np.ndarray, y: np.ndarray) -> np.ndarray:
 
 
 def _halved(mean: np.ndarray, weight: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """The weighted mean over squares of four pixels; a square that knows one of its four knows its mean."""
+    """The weighted mean over squares of four pixels; a square that knows one of its four knows its mean.
+
+    weight : (h, w, 1), or (h, w) bool, which pixels are known
+    """
     height, width = mean.shape[:2]
     half = -(-height // 2), -(-width // 2)
-    means, shares = np.empty((*half, mean.shape[2]), mean.dtype), np.empty((*half, 1), weight.dtype)
+    means, shares = np.empty((*half, mean.shape[2]), np.float32), np.empty((*half, 1), np.float32)
 
     def work(rows: slice) -> None:
         part = slice(2 * rows.start, 2 * rows.stop)
         odd = [(0, -mean[part].shape[0] % 2), (0, width % 2), (0, 0)]
-        total, share = (np.pad(each, odd) for each in (mean[part] * weight[part], weight[part]))
+        own, each_known = mean[part], weight[part]
+        if each_known.dtype == bool:
+            each_known = each_known.astype(np.float32)[..., None]
+            own = np.where(each_known > 0, own, 0).astype(np.float32, copy=False)
+        total, share = (np.pad(each, odd) for each in (own * each_known, each_known))
         total, share = (
             each.reshape(each.shape[0] // 2, 2, half[1], 2, -1).sum((1, 3)) for each in (total, share)
         )  # fmt: skip

@@ -342,7 +342,7 @@ def _albedo(
         known |= lit
         middle = [np.median(raw[..., channel][lit].astype(np.float64)) for channel in range(3)]
         colours.append(triple(np.clip(middle, 0, 1)))
-    return filled_in(np.clip(raw, 0, 1).astype(np.float32, copy=False), known, parts), colours
+    return filled_in(np.clip(raw, 0, 1).astype(np.float32, copy=False), known, parts, own=True), colours
 
 
 def _with_even(

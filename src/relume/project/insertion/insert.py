@@ -10,10 +10,10 @@ from collections.abc import Callable
 from pathlib import Path
 
 from relume.errors import GatheredDoubts, ranked, warn
+from relume.project.forecast import require_room
 from relume.project.insertion.agreement import on_one_scale
 from relume.project.insertion.composite import composited, development_of
 from relume.project.insertion.doubts import doubts_on
-from relume.project.insertion.forecast import require_room
 from relume.project.insertion.outcome import Inserted, require_folder, write_outcome, write_picture
 from relume.project.insertion.photographs import calibrate, plate_size, read_photographs
 from relume.project.insertion.place import find_camera, find_place
