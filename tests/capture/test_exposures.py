@@ -1,6 +1,7 @@
 """Where exposures come from, in a fixed order, and what is said of each."""
 
 import shutil
+import warnings
 from dataclasses import replace
 
 import numpy as np
@@ -335,3 +336,14 @@ def test_the_real_sets_without_times_are_estimated(shared):
     # The camera's contrast is not sRGB's: its 8.8 stops look like more, but not like twice as many.
     stops = [line.stops for line in arch.exposure_table]
     assert 8.8 < stops[-1] < 13 and sources(arch) == ["estimated"] * 4
+
+
+def test_a_readme_that_describes_the_photographs_is_no_list(tmp_path):
+    paths = shot(tmp_path)
+    (tmp_path / "readme.txt").write_text(
+        "Directory contents:\n\na.png              background photo used for inserting objects\n"
+        "b.png, c.png       mirror ball (exposure times are 1/24s, 1/60s)\n"
+    )
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        assert sources(read_bracket(paths)) == ["EXIF"] * 3

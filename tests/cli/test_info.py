@@ -289,3 +289,14 @@ def test_attributes_are_shortened_unless_asked_for_whole(tmp_path, capsys):
     write(tmp_path / "a.exr", RadianceMap(np.ones((2, 2, 3), np.float32), attributes={"provenance": "ab" * 200}))
     assert facts_in([str(tmp_path / "a.exr")], capsys)["provenance"] == "ab" * 50 + " … (400 characters; -v shows all)"
     assert facts_in([str(tmp_path / "a.exr"), "-v"], capsys)["provenance"] == "ab" * 200
+
+
+def test_a_mesh_is_described_by_its_size_and_what_it_is_made_of(capsys):
+    cube = Path(__file__).parents[2] / "examples" / "room" / "objects" / "cube_gold.glb"
+    said = printed(["info", cube], capsys).out
+    facts = reported(["info", cube], capsys)
+    assert facts["kind"] == "mesh" and facts["format"] == "glb" and facts["meshes"] == 1
+    assert facts["triangles"] >= 12 and facts["extent"] == pytest.approx(np.subtract(facts["high"], facts["low"]))
+    assert facts["materials"] == ["gold_rough"] and facts["low"][1] == pytest.approx(0, abs=1e-6)
+    assert "0.109 × 0.08 × 0.109 m, if its unit is the metre" in said and "12, 24 vertices" in said
+    assert "no such mesh" not in refused(["info", cube.with_name("none.glb")], capsys)

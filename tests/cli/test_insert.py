@@ -28,6 +28,9 @@ def test_a_dry_run_looks_at_the_board_the_balls_and_the_times(tmp_path, capsys):
         "IMG_0004.jpg": "16 s",
     }
     assert [ball["ball"]["radius"] for ball in facts["balls"]] == pytest.approx([296, 296], rel=0.01)
+    # One photograph is not what the job looks at, and is named.
+    assert all(ball["ball"]["from"].startswith("IMG_000") for ball in facts["balls"])
+    assert facts["balls"][0]["ball"]["from"].endswith(".jpg alone")
     assert facts["camera"]["at"] == pytest.approx([0.25, 0.55, 1.15], abs=0.004)
     assert "points, off by" in facts["camera"]["from"] and facts["pixels"] == "768 × 512"
     assert facts["rays a pixel"] == 64 and facts["rays"] == "25.2 million" and facts["quick look"] == "--preview"
@@ -151,7 +154,7 @@ def test_a_rim_that_is_given_is_not_sought(monkeypatch):
     balls = [each.model_copy(update={"pick": (400.0, 300.0, 296.0)}) for each in shot.light.balls or []]
     picked = shot.model_copy(update={"light": shot.light.model_copy(update={"balls": balls})})
     found = shot_check.check_shot(picked).facts["balls"]
-    assert [each["ball"] for each in found] == [{"x": 400.0, "y": 300.0, "radius": 296.0}] * 2  # pyright: ignore
+    assert [each["ball"] for each in found] == [{"x": 400.0, "y": 300.0, "radius": 296.0, "from": "the shot file"}] * 2  # pyright: ignore
 
 
 def test_force_replaces_a_shot_file_that_is_written_and_none_that_is_given(tmp_path, capsys):

@@ -159,3 +159,14 @@ def test_a_folder_and_a_photograph_may_have_brackets_in_their_names(tmp_path: Pa
     assert [path.name for path in shot.files(["a_[0-9].jpg"])] == ["a_2.jpg"]
     with pytest.raises(UnreadableFile, match="no such photographs"):
         shot.files(["c_*.jpg"])
+
+
+def test_files_are_named_without_detours(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    (tmp_path / "a" / "b").mkdir(parents=True)
+    (tmp_path / "plate.jpg").touch()
+    monkeypatch.chdir(tmp_path)
+    shot = read_shot(ROOM / "shot.toml").model_copy(update={"folder": Path("a/b")})
+    assert shot.files(["../../plate.jpg"]) == shot.files(["../../*.jpg"]) == [Path("plate.jpg")]
+    assert str(shot.path("../../light.exr")) == "light.exr" and shot.path("own.exr") == Path("a/b/own.exr")
+    deep = shot.model_copy(update={"folder": Path("..") / tmp_path.name})
+    assert deep.path("x.glb") == Path("x.glb")

@@ -29,6 +29,8 @@ def lines_of(facts: Mapping[str, Any], *, whole: bool = False) -> dict[str, str]
     whole : print attributes to their end, however long
     """
     kind = facts["kind"]
+    if kind == "mesh":
+        return _mesh(facts)
     name = _FORMATS.get(facts["format"], facts["format"])
     lines = {"format": f"{name}: {facts['subtype']}" if facts["subtype"] else name, "size": _size(facts)}
     if kind == "photograph":
@@ -47,6 +49,21 @@ def lines_of(facts: Mapping[str, Any], *, whole: bool = False) -> dict[str, str]
         lines["attributes"] = str(len(others))
         lines |= {f"  {_printable(key)[:_WIDEST]}": _shortened(text, whole) for key, text in sorted(others.items())}
     return {**lines, **_parts(facts)}
+
+
+def _mesh(facts: Mapping[str, Any]) -> dict[str, str]:
+    across, up, along = (number(value) for value in facts["extent"])
+    (x, foot, z), (right, _, near) = facts["low"], facts["high"]
+    middle = ", ".join(number(round(value, 5) + 0.0) for value in ((x + right) / 2, (z + near) / 2))
+    materials = [_printable(name) for name in facts["materials"]]
+    parts = f" in {facts['meshes']} parts" if facts["meshes"] > 1 else ""
+    return {
+        "format": facts["format"], "holds": "a mesh: an object of `insert` or `render`",
+        "size": f"{across} × {up} × {along} m, if its unit is the metre",
+        "stands": f"foot at {number(round(foot, 5) + 0.0)} m over x, z {middle}",
+        "triangles": f"{facts['triangles']:,}{parts}, {facts['vertices']:,} vertices",
+        "materials": _shortened(", ".join(materials), whole=False),
+    }  # fmt: skip
 
 
 def number(value: float) -> str:
@@ -290,7 +307,8 @@ def _shortened(text: str, whole: bool) -> str:
 
 def info(
     paths: Annotated[
-        list[Path] | None, Parameter(help="Pictures, radiance maps, light maps, camera raws, cubes.", negative="")
+        list[Path] | None,
+        Parameter(help="Pictures, radiance maps, light maps, camera raws, cubes, meshes.", negative=""),
     ] = None,
     /,
     *,

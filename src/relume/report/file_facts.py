@@ -12,6 +12,8 @@ from typing import Any
 from relume.image import files
 from relume.image.files.description import describe as facts_of
 from relume.image.files.read_options import ReadOptions
+from relume.scene.shapes.meshes import SUFFIXES as MESHES
+from relume.scene.shapes.meshes import read_meshes
 from relume.sphere.environment_map import EnvironmentMap
 
 
@@ -21,11 +23,31 @@ def describe(path: str | os.PathLike[str], options: ReadOptions = ReadOptions())
     The places "brightest" and "lone" of a map have a "direction" besides, None where the map has no directions:
     azimuth and elevation, degrees to the right of −Z and up from level; the name of the mapping; and whether it is
     assumed, because only the shape says that the map is equirectangular (lat-long).
+    A mesh (.glb, .gltf, .obj, .ply, .stl, USD) has its triangles, materials and its extent in metres.
     Raises UnreadableFile.
     """
+    if Path(path).suffix.lower() in MESHES and Path(path).is_file():
+        return _mesh_facts(Path(path))
     facts: dict[str, Any] = facts_of(path, options)
     places = {name: facts[name] for name in ("brightest", "lone") if facts.get(name)}
     return facts | {name: {**place, "direction": _direction(facts, place)} for name, place in places.items()}
+
+
+def _mesh_facts(path: Path) -> dict[str, Any]:
+    import numpy as np
+
+    meshes = read_meshes(path)
+    low, high = (
+        edge([edge(mesh.vertices, axis=0) for mesh in meshes], axis=0).astype(float).tolist()
+        for edge in (np.min, np.max)
+    )
+    names = [str(getattr(mesh.material, "name", "") or type(mesh.material).__name__) for mesh in meshes]
+    return {
+        "kind": "mesh", "format": path.suffix[1:].lower(), "meshes": len(meshes),
+        "triangles": sum(len(mesh.faces) for mesh in meshes), "vertices": sum(len(mesh.vertices) for mesh in meshes),
+        "materials": list(dict.fromkeys(names)), "low": low, "high": high,
+        "extent": [above - below for below, above in zip(low, high, strict=True)],
+    }  # fmt: skip
 
 
 def describe_system() -> dict[str, Any]:

@@ -1,7 +1,8 @@
 """What the photographs of a shot show, in seconds: times, the board, the balls, the camera and where objects stand.
 
-Nothing is merged or rendered. Each ball is sought in one photograph of its bracket, made small: what the job itself
-finds is finer, and may fail where this does not, but seldom the other way round.
+Nothing is merged or rendered. Each ball is sought in one photograph of its bracket, made small, and its rim is followed
+in that photograph whole. The job itself looks at the merged bracket: it may find a rim some pixels beside this one, or
+none, so what is found is said to be of one photograph.
 """
 
 from __future__ import annotations
@@ -19,6 +20,7 @@ from relume.errors import BallNotFound, Doubt, GatheredDoubts, ranked
 from relume.image import files
 from relume.image.photograph import Photograph
 from relume.image.radiance import RadianceMap
+from relume.probe.ball.edge_tracking import refined
 from relume.probe.ball.silhouette import Outline, outline_through
 from relume.probe.ball.unwrapping import unwrap_ball
 from relume.probe.clipped_light import linear
@@ -73,13 +75,17 @@ def check_shot(shot: Shot, *, progress: Callable[[str, float], None] = lambda st
         seen = [_by_exposure(source, like) for source in photographs.balls]
         # A rim that is given is not sought: where it is, the ball may be one that is not found.
         given = [table.outline() for table in shot.light.balls or ()]
-        outlines = [_any_ball(each) if known is None else known for each, known in zip(seen, given, strict=True)]
+        found_in = [
+            _any_ball(each) if known is None else _Seen(known, "the shot file")
+            for each, known in zip(seen, given, strict=True)
+        ]
+        outlines = [each and each.outline for each in found_in]
         facts["balls"] = [
             {
                 "photographs": _times(source),
-                "ball": "raws are looked at when they are merged" if o is None else _circle(o),
+                "ball": "raws are looked at when they are merged" if o is None else o.facts(),
             }
-            for source, o in zip(photographs.balls, outlines, strict=True)
+            for source, o in zip(photographs.balls, found_in, strict=True)
         ]
         progress("balls", 1.0)
 
@@ -88,8 +94,11 @@ def check_shot(shot: Shot, *, progress: Callable[[str, float], None] = lambda st
         size, focal_length, picture = _plate(plate)
         fit = _camera(shot, size, focal_length, picture, seen, outlines)
         if fit is not None:
+            # The board is looked at as the job does; of the ball one photograph is.
+            alone = found_in[0] if shot.camera.of_ball is not None and found_in else None
             facts["camera"] = {
-                "at": [round(float(v), 3) for v in fit.camera.position], "from": fit.agreement,
+                "at": [round(float(v), 3) for v in fit.camera.position],
+                "from": fit.agreement if alone is None else f"{fit.agreement}, seen in {alone.where}",
                 "focal length, pixels": round(fit.camera.focal_length, 1),
             }  # fmt: skip
             found += doubts_about(meshes, fit.camera, ())
@@ -140,11 +149,23 @@ def _by_exposure(source: BracketSource, like: Photograph | None = None) -> list[
     return [source.photographs[index] for index in np.argsort(away, kind="stable")]
 
 
-def _any_ball(photographs: Sequence[Photograph]) -> Outline | None:
-    """The ball's outline in the first photograph that shows one; None without photographs, else raises BallNotFound."""
+@dataclass(frozen=True)
+class _Seen:
+    """A ball's outline, and where it was seen."""
+
+    outline: Outline
+    where: str
+
+    def facts(self) -> dict[str, object]:
+        (x, y), radius = self.outline.centre, self.outline.radius
+        return {"x": round(x, 1), "y": round(y, 1), "radius": round(radius, 1), "from": self.where}
+
+
+def _any_ball(photographs: Sequence[Photograph]) -> _Seen | None:
+    """The ball in the first photograph that shows one; None without photographs, else raises BallNotFound."""
     for number, photograph in enumerate(photographs, 1):
         try:
-            return _ball(photograph)
+            return _Seen(_ball(photograph), f"{Path(photograph.name).name} alone")
         except BallNotFound:
             if number == len(photographs):
                 raise
@@ -152,11 +173,11 @@ def _any_ball(photographs: Sequence[Photograph]) -> Outline | None:
 
 
 def _ball(photograph: Photograph) -> Outline:
-    """The ball's outline, sought in the photograph made small; raises BallNotFound."""
+    """The ball's outline, sought in the photograph made small and followed in the whole; raises BallNotFound."""
     import cv2
 
     scale = min(1.0, SIDE / max(photograph.size))
-    focal_length = photograph.focal_length
+    focal_length, whole = photograph.focal_length, photograph
     if scale < 1:
         pixels = cv2.resize(photograph.pixels, None, fx=scale, fy=scale, interpolation=cv2.INTER_AREA)
         photograph = replace(photograph, pixels=pixels, outside=None)
@@ -164,12 +185,12 @@ def _ball(photograph: Photograph) -> Outline:
         linear(photograph), camera=np.array([0.0, 0.0, 1.0]), centre=np.zeros(3), radius=0.05,
         focal_length=focal_length and focal_length * scale, name=photograph.name,
     )  # fmt: skip
-    return outline_through(view.outline.points / scale)
-
-
-def _circle(outline: Outline) -> dict[str, float]:
-    x, y = outline.centre
-    return {"x": round(x, 1), "y": round(y, 1), "radius": round(outline.radius, 1)}
+    found = view.outline
+    if scale == 1:
+        return found
+    return refined(
+        linear(whole).radiance, outline_through(found.points / scale), focal_length or found.focal_length, ()
+    )
 
 
 def _plate(plate: BracketSource | RadianceMap) -> tuple[tuple[int, int], float | None, RadianceMap | None]:

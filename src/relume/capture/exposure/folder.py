@@ -15,6 +15,7 @@ from relume.image.files.signatures import PHOTOGRAPHS, kind_of
 from relume.image.photograph import Exposure
 
 _LISTS = (".txt", ".csv", ".tsv", ".hdrgen", ".lst", ".list")
+_WORDS = 5  # beside the name in a line of a list: time, f-number, gain, ISO, filters
 _SAME = 0.01  # of an exposure: lists agree within the rounding of what they print
 
 
@@ -94,14 +95,23 @@ def _list_in(path: Path, paths: Sequence[Path]) -> ExposureList | None:
     try:
         return read_times(path)
     except UnreadableFile as error:
-        # A text that names the photographs was meant as their list, any other is none of our business.
+        # A text that puts a number beside the photographs was meant as their list; a readme describes them in words.
         try:
-            text = path.read_text("utf-8", errors="replace").lower()
+            lines = path.read_text("utf-8", errors="replace").lower().splitlines()
         except OSError:
             return None
-        if sum(p.name.lower() in text for p in paths) > len(paths) // 2:
+        named = {p.name.lower() for p in paths for line in lines if _lists(line, p.name.lower())}
+        if len(named) > len(paths) // 2:
             warn(f"{error}; it is passed over")
         return None
+
+
+def _lists(line: str, name: str) -> bool:
+    """Whether a line of a text names a photograph and little else, as lines of a list do."""
+    before, found, after = line.partition(name)
+    others = re.split(r"[\s,;]+", f"{before} {after}".strip())
+    numbered = any(letter.isdecimal() for word in others for letter in word)
+    return bool(found) and any(others) and len(others) <= (_WORDS if numbered else 2)
 
 
 def _warn_of_strangers(found: ExposureList, paths: Sequence[Path], pictures: int) -> None:

@@ -118,7 +118,7 @@ def on_one_scale(shot: Shot, calibrated: Calibrated, camera: Camera) -> Calibrat
         if shot.light.map is None:
             what, why = "the ball's photographs", "were both taken in one light, at the exposures that they hold?"
         else:
-            what, why = f"{shot.light.map}", "are both on one scale, of one light?"
+            what, why = f"{shot.path(shot.light.map)}", "are both on one scale, of one light?"
         warn(
             f"light: the plate shows the same places {times:.2g} times as {direction} as {what}; {why} If not, give "
             "light.scale",

@@ -95,7 +95,7 @@ def camera_of_ball(
     if asked.rim is not None:
         rim = outline_of_circle(*asked.rim).points
     elif asked.photograph is not None:
-        photograph = files.read_photograph(shot.folder / asked.photograph)
+        photograph = files.read_photograph(shot.path(asked.photograph))
         if photograph.size != plate.size:
             raise InvalidShot(
                 f"camera.ball.photograph: {photograph.name} is {photograph.size[0]}×{photograph.size[1]}, the plate "

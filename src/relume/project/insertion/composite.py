@@ -126,7 +126,7 @@ def composited(
         without = plate.radiance if real is None else real.without
         occluder = None
         if shot.match.occluder is not None:
-            occluder = read_matte(shot.folder / shot.match.occluder, plate.size)
+            occluder = read_matte(shot.path(shot.match.occluder), plate.size)
         mode = Ratio(apply_vignetting(without, match)) if shot.match.mode == "ratio" else Additive()
         composite = composed(plate.radiance, change, mode=mode, occluder=occluder)
         if occluder is not None:

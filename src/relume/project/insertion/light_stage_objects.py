@@ -79,8 +79,8 @@ def laid_over(change: Change, seen: NewView, distance: np.ndarray) -> Change:
 def _look(shot: Shot, table: Object, around: Scene, camera: Camera) -> tuple[NewView, np.ndarray]:
     """What the plate's camera sees of the subject, and how far it is."""
     assert table.stage is not None
-    turn, path = turn_of(table), shot.folder / table.stage
-    meshes = read_meshes(shot.folder / table.mesh)
+    turn, path = turn_of(table), shot.path(table.stage)
+    meshes = read_meshes(shot.path(table.mesh))
     # The camera as the stage would see it: the placement undone.
     moved = replace(
         camera,

@@ -151,7 +151,7 @@ def calibrate(shot: Shot, photographs: Photographs, steps: Steps) -> Calibrated:
         [shot.files(shot.plate.photographs), *(shot.files(ball.photographs) for ball in shot.light.balls or ())],
         [shot.plate.times, *(ball.times for ball in shot.light.balls or ())],
         settings,
-        [shot.folder / table.profile for table in tables if table.profile is not None],
+        [shot.path(table.profile) for table in tables if table.profile is not None],
     ]  # fmt: skip
     # All brackets are merged together, once, if any of the steps needs it.
     merged = cache(lambda: _merged(shot, photographs))
@@ -174,7 +174,7 @@ def calibrate(shot: Shot, photographs: Photographs, steps: Steps) -> Calibrated:
     views = slice(0 if isinstance(plate, RadianceMap) else 1, None)
     stood: BallCamera | None = None
     if (asked := shot.camera.of_ball) is not None:
-        photograph = [] if asked.photograph is None else [shot.folder / asked.photograph]
+        photograph = [] if asked.photograph is None else [shot.path(asked.photograph)]
         made_from = [
             sources,
             shot.camera.model_dump(),
@@ -195,7 +195,7 @@ def calibrate(shot: Shot, photographs: Photographs, steps: Steps) -> Calibrated:
     # The light.
     if shot.light.map is not None:
         with steps.timed("light"):
-            probe = light_from_map(shot.folder / shot.light.map)
+            probe = light_from_map(shot.path(shot.light.map))
     else:
         ball = shot.light.ball
         made_from = [
@@ -225,7 +225,7 @@ def _why_untied(shot: Shot, photographs: Photographs) -> str | None:
     if isinstance(photographs.plate, RadianceMap):
         return None
     if shot.light.map is not None:
-        return f"{shot.light.map} is a finished map"
+        return f"{shot.path(shot.light.map)} is a finished map"
     if not is_single(photographs.plate):
         return None
     return why_untied(photographs.plate.photographs[0], photographs.balls)
@@ -317,7 +317,7 @@ def _merged(shot: Shot, photographs: Photographs) -> tuple[list[MergedBracket], 
     single = photographs.plate if is_single(photographs.plate) else None
     facts = [_first_facts(source) for source, _ in pairs]
     own = [table.profile for _, table in pairs]
-    read = {name: _profile(shot.folder / name) for name in dict.fromkeys(own) if name is not None}
+    read = {name: _profile(shot.path(name)) for name in dict.fromkeys(own) if name is not None}
     of_camera: dict[str, str] = {}
     for one, name in zip(facts, own, strict=True):
         if name is not None and read[of_camera.setdefault(one.camera, name)].balance != read[name].balance:

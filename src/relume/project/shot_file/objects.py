@@ -35,7 +35,7 @@ def placed_meshes(shot: Shot) -> tuple[Mesh, ...]:
 
 def _in_place(shot: Shot, table: Object) -> Sequence[Mesh]:
     """An object's meshes scaled, turned, stood on the table and moved, as the shot asks."""
-    path = shot.folder / table.mesh
+    path = shot.path(table.mesh)
     rest = read_meshes(path)
     meshes = _moved(path, rest, table.time)
     # What moves keeps the size and the place that it has at rest: else it would swell, and walk without leaving.

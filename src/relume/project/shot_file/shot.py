@@ -336,6 +336,10 @@ class Shot(Table):
             *(o.mesh for o in self.objects),
         ]
 
+    def path(self, name: str) -> Path:
+        """The file or folder of a name in the shot file."""
+        return _direct(self.folder / name)
+
     def files(self, patterns: Sequence[str]) -> list[Path]:
         """The files that names and patterns stand for, in order; raises UnreadableFile where one is none."""
         found: list[Path] = []
@@ -344,12 +348,24 @@ class Shot(Table):
             # The folder is a name, whatever brackets are in it; so is a file that is there.
             wild = any(c in pattern for c in "*?[") and not path.is_file()
             place = pattern if Path(pattern).is_absolute() else os.path.join(escape(str(self.folder)), pattern)
-            named = [Path(name) for name in glob(place)] if wild else [path]
+            named = [_direct(Path(name)) for name in glob(place)] if wild else [_direct(path)]
             matches = sorted(named, key=_natural)
             if not matches:
                 raise UnreadableFile(f"{path}: no such photographs; check the pattern in the shot file")
             found.extend(matches)
         return found
+
+
+def _direct(path: Path) -> Path:
+    """The path as a person writes it, relative or whole, whichever is shorter: without the detours of `a/../..`."""
+    if ".." not in path.parts:
+        return path
+    whole = path.resolve()
+    try:
+        near = Path(os.path.relpath(whole, Path.cwd().resolve()))
+    except ValueError:  # another drive
+        return whole
+    return min(near, whole, key=lambda each: len(str(each)))
 
 
 def _natural(path: Path) -> list[tuple[int, int | str]]:
