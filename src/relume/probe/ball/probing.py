@@ -99,7 +99,8 @@ class BallProbe:
                 ]
         else:
             facts["turned by registration"] = ["0.00°"]
-        up = math.degrees(math.asin(float(np.clip(self.views[0].towards_camera[1], -1, 1))))
+        _, rising, _ = next(iter(self.views)).towards_camera.tolist()
+        up = math.degrees(math.asin(min(max(rising, -1.0), 1.0)))
         wrong = "" if abs(up) > 0.05 else "; if it looked down, the light is tilted by as much: give its place"
         facts["camera above the ball's level"] = f"{up + 0.0:.1f}°{wrong}"
         return facts | probe.light.audit().facts()
