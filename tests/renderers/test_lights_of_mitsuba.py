@@ -108,7 +108,7 @@ def test_a_patch_is_seen_as_the_surface_that_it_is():
 def test_light_that_is_no_physics_is_refused_with_the_renderer_that_has_it(light: Light, line: str):
     with pytest.raises(UnsupportedScene, match=line) as caught:
         shown(light)
-    assert "renderer whitted" in str(caught.value) and "\n" not in str(caught.value)
+    assert "rl.Whitted (--renderer whitted)" in str(caught.value) and "\n" not in str(caught.value)
 
 
 def test_a_whitted_material_is_refused_by_its_name():

@@ -16,7 +16,7 @@ def warn_of_unsupported(material: Material, whose: str) -> None:
     if found := unsupported_features(material):
         warn(
             f"{whose} not show {', '.join(found)} of {material.name or 'a material'!r}; "
-            "use rl.Mitsuba (renderer mitsuba)"
+            "use rl.Mitsuba (--renderer mitsuba)"
         )
 
 

@@ -64,19 +64,19 @@ def why_not(scene: Scene) -> str | None:
     for light in scene.lights:
         if isinstance(light, AmbientLight):
             return (
-                "Mitsuba has no ambient light, which nothing shadows; use rl.Whitted (renderer whitted), or an even "
+                "Mitsuba has no ambient light, which nothing shadows; use rl.Whitted (--renderer whitted), or an even "
                 "light map, as light.colour makes it"
             )
         if isinstance(light, PointLight) and not isinstance(light.falloff, SquareLaw):
             return (
                 "Mitsuba's points of light fall with the square of the distance, and one of the scene's does not; "
-                "use rl.Whitted (renderer whitted), or the square law"
+                "use rl.Whitted (--renderer whitted), or the square law"
             )
     for shape in (*scene.local, *scene.objects):
         if isinstance(shape.material, WhittedMaterial):
             return (
                 f"Mitsuba cannot shade the whitted material {shape.material.name!r}; "
-                "use rl.Whitted (renderer whitted), or a diffuse or pbr material"
+                "use rl.Whitted (--renderer whitted), or a diffuse or pbr material"
             )
         if isinstance(shape.material, Reflective):
             return (

@@ -69,7 +69,7 @@ class Prefiltered(Renderer):
             names = ", ".join(shape.name for shape in scene.objects[:4]) + ("…" if len(scene.objects) > 4 else "")
             warn(
                 f"reflection maps show no shadows and no reflections of objects in themselves or each other ({names}); "
-                "light transport and ray tracing do (renderer mitsuba, renderer whitted)"
+                "light transport and ray tracing do (--renderer mitsuba, --renderer whitted)"
             )
         shading = Shading.of(materials, scene.light, self.filter, self.threads)
         return Prepared(self, scene, Stage.of(shapes), shading)
@@ -234,24 +234,24 @@ def _mappable(scene: Scene) -> list[Material | Diffuse | Reflective]:
     if scene.lights:
         raise UnsupportedScene(
             "reflection maps hold light from infinity alone, and this scene has lights of its own; "
-            "use rl.Whitted (renderer whitted)"
+            "use rl.Whitted (--renderer whitted)"
         )
     if not isinstance(scene.distant, Infinite):
         raise UnsupportedScene(
             "reflection maps hold light from infinity alone, and this scene's is on walls; use rl.Mitsuba "
-            "(renderer mitsuba), or an Infinite distant scene"
+            "(--renderer mitsuba), or an Infinite distant scene"
         )
     materials = []
     for shape in (*scene.local, *scene.objects):
         if isinstance(shape.material, WhittedMaterial):
             raise UnsupportedScene(
                 f"reflection maps cannot shade the whitted material {shape.material.name!r}; "
-                "use rl.Whitted (renderer whitted), or a glossy or mirror material"
+                "use rl.Whitted (--renderer whitted), or a glossy or mirror material"
             )
         if isinstance(shape.material, Ward):
             raise UnsupportedScene(
                 f"reflection maps cannot shade the Ward surface {shape.material.name!r}; "
-                "use rl.Mitsuba (renderer mitsuba), or a glossy material with the lobe ward"
+                "use rl.Mitsuba (--renderer mitsuba), or a glossy material with the lobe ward"
             )
         materials.append(shape.material)
     return materials

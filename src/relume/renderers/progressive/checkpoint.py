@@ -86,8 +86,8 @@ def read_checkpoint(path: Path, key: Mapping[str, str]) -> Checkpoint | None:
         return max(ours, key=lambda kept: kept.passes)
     if whole:
         raise CannotResume(
-            f"{path}: was begun with another {', '.join(_differences(whole[0].key, key))}; give restart to begin "
-            "anew, or put back what it was begun with"
+            f"{path}: was begun with another {', '.join(_differences(whole[0].key, key))}; give restart=True "
+            "(--restart) to begin anew, or put back what it was begun with"
         )
     return None
 

@@ -66,7 +66,7 @@ class Stage:
         if camera.aperture > 0:
             raise UnsupportedScene(
                 "reflection maps show what a pinhole sees, and this camera's lens has an aperture; use rl.Mitsuba "
-                "(renderer mitsuba), or an aperture of 0"
+                "(--renderer mitsuba), or an aperture of 0"
             )
         height, width = camera.height, camera.width
         x, y = np.meshgrid(np.arange(width + 1.0), np.arange(height + 1.0))

@@ -131,7 +131,7 @@ def as_whitted(material: AnyMaterial) -> Model:
         return Model(WhittedMaterial(material.reflectance))
     if isinstance(material, Ward):
         raise UnsupportedScene(
-            f"Whitted's model cannot shade the Ward surface {material.name!r}; use rl.Mitsuba (renderer mitsuba)"
+            f"Whitted's model cannot shade the Ward surface {material.name!r}; use rl.Mitsuba (--renderer mitsuba)"
         )
     return _metallic_roughness(material) if isinstance(material, Material) else _of_layers(material)
 

@@ -89,12 +89,12 @@ class Whitted(Renderer):
         if not isinstance(scene.distant, Infinite):
             raise UnsupportedScene(
                 "Whitted's method sees its light map at infinity, and this scene's is on walls; use rl.Mitsuba "
-                "(renderer mitsuba), or an Infinite distant scene"
+                "(--renderer mitsuba), or an Infinite distant scene"
             )
         if any(isinstance(light, SphereLight) for light in scene.lights):
             raise UnsupportedScene(
                 "Whitted's lights have no size, and one of the scene's is a sphere; use rl.Mitsuba "
-                "(renderer mitsuba), or a PointLight of intensity π·radius² times its radiance"
+                "(--renderer mitsuba), or a PointLight of intensity π·radius² times its radiance"
             )
         return PreparedWhitted(self, scene)
 
