@@ -82,7 +82,8 @@ def slowly_printed(darkroom: Darkroom, light: np.ndarray, view: View) -> np.ndar
         for layer, curve in enumerate(film.curves):
             noise = slow_noise(view.seed, layer, height, width, film.grain.taps(pixel))
             density[..., layer] += film.grain.deviation(density[..., layer], curve, pixel**2) * noise
-    seen = film.seen(density)
+    minima = np.array([curve.minimum for curve in film.curves])
+    seen = minima + (density - minima) @ film.crosstalk.T
     out = np.stack([darkroom.shown(seen[..., k], k) for k in range(len(film.curves))], axis=-1)
     return np.broadcast_to(out, light.shape)
 

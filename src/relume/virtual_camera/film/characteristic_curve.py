@@ -50,13 +50,6 @@ class CharacteristicCurve:
         line = self.gamma * self.toe * _softplus((x - self.inertia) / self.toe)
         return self.maximum - self._scale * _softplus((self.span - line) / self.shoulder)
 
-    def slope(self, log_exposure: np.ndarray | float) -> np.ndarray:
-        """dD/dx (…) at log₁₀ exposures (…), density per decade."""
-        x = (np.asarray(log_exposure, np.float64) - self.inertia) / self.toe
-        line = self.gamma * self.toe * _softplus(x)
-        bent = self._scale / self.shoulder * _logistic((self.span - line) / self.shoulder)
-        return bent * self.gamma * _logistic(x)
-
     def log_exposure(self, density: np.ndarray | float) -> np.ndarray:
         """log₁₀ exposure (…) that gives densities (…); raises ValueError outside minimum < D < maximum."""
         density = np.asarray(density, np.float64)
@@ -84,7 +77,3 @@ def _softplus(z: np.ndarray) -> np.ndarray:
 def _softplus_inverse(y: np.ndarray) -> np.ndarray:
     # ln(eʸ − 1), written so that neither large nor small y loses digits.
     return y + np.log(-np.expm1(-y))
-
-
-def _logistic(z: np.ndarray) -> np.ndarray:
-    return np.exp(-np.logaddexp(0.0, -z))

@@ -81,11 +81,6 @@ class FilmStock:
         """Exposure (…, layers) in lx·s by radiance (…, 3), of which a unit gives `factor` lx·s."""
         return np.maximum(radiance, 0) @ (factor * self.sensitivity.T)
 
-    def seen(self, density: np.ndarray) -> np.ndarray:
-        """Densities (…, layers) as they are seen through, of densities (…, layers) of the layers alone."""
-        minima = np.array([curve.minimum for curve in self.curves])
-        return minima + (density - minima) @ self.crosstalk.T
-
 
 GREY = 0.18
 """Reflectance, beside that of the paper's white, of what the light meter looked at."""
