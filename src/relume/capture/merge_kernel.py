@@ -51,9 +51,11 @@ def merge_stretch(
     photographs, count, _ = values.shape
     masked = outside.shape[0] > 0
     left = 0
+    # Once and not for every value: a division takes as long as three photographs.
+    whites = bright[:, 0] + STEPS / bright[:, 1]
     for i in range(count):
         for c in range(3):
-            near, white = limits[c, 0], bright[c, 0] + STEPS / bright[c, 1]
+            near, white = limits[c, 0], whites[c]
             # Sums of eq. 6 over the photographs.
             weighted, total, spread = 0.0, 0.0, 0.0
             longest = near

@@ -89,6 +89,8 @@ def shining(
     What the photograph does not show of a surface shines as the median of what it does, and not at all where it shows
     nothing of it. They send alike in all directions and only from their front.
     """
+    if len(local) == 1:
+        return [local[index]]  # nothing lights it: no small photograph is needed
     step = max(1, max(radiance.shape) // COARSE)
     height, width = (max(1, side // step) for side in radiance.shape[:2])
     # Means over areas: a lamp of a few pixels sends what it sends, wherever it lies.

@@ -196,11 +196,13 @@ def recover_reflectance(
     elsewhere = work.enlarged(first.radiance, ~inside)
 
     without = _of_rows(_lit_again, recovered[..., None], sheen, shown, light, elsewhere)
+    # Of a large plate each is some hundred megabytes.
+    del sheen, shown, elsewhere
     surfaces = []
     for index in range(len(wanted)):
         shapes = looks.of(index, albedo, colours[index], glosses[index])
-        lit = raw[usable[index] & _lit(light, usable[index])] if index in unknown else None
-        surfaces.append(_surface(lit, colours[index], glosses[index], fits[index], shapes))
+        lit = usable[index] & _lit(light, usable[index]) if index in unknown else None
+        surfaces.append(_surface(raw, lit, colours[index], glosses[index], fits[index], shapes))
     progress(1.0)
     textured = np.isin(parts, [i for i, wish in enumerate(wanted) if isinstance(wish.albedo, TexturedAlbedo)])
     light = light.astype(np.float32, copy=False)
@@ -250,15 +252,16 @@ def _require_seen(
 
 
 def _surface(
-    raw: np.ndarray | None, colour: Colour, gloss: Gloss | None, fit: FittedGloss | None, shapes: tuple[Shape, ...]
+    raw: np.ndarray, lit: np.ndarray | None, colour: Colour, gloss: Gloss | None, fit: FittedGloss | None,
+    shapes: tuple[Shape, ...],
 ) -> RecoveredSurface:  # fmt: skip
-    """What was found of a surface, from the albedos (N, 3) of its pixels; None for one that was given."""
-    if raw is None:
+    """What was found of a surface, from the albedos (H, W, 3) where it is lit; `lit` is None for one that was given."""
+    if lit is None:
         return RecoveredSurface(None, None, None, 0, None, None, shapes)
     # A channel at a time: a whole plate's values are copied and ordered for it.
-    each = [np.percentile(raw[:, channel].astype(np.float64), [16, 50, 84]) for channel in range(3)]
+    each = [np.percentile(raw[..., channel][lit].astype(np.float64), [16, 50, 84]) for channel in range(3)]
     low, middle, high = np.stack(each, axis=-1)
-    return RecoveredSurface(colour, triple(middle), triple((high - low) / 2), len(raw), gloss, fit, shapes)
+    return RecoveredSurface(colour, triple(middle), triple((high - low) / 2), int(lit.sum()), gloss, fit, shapes)
 
 
 @dataclass(frozen=True, eq=False)
