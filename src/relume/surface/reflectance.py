@@ -194,10 +194,8 @@ def recover_reflectance(
     # The model's picture, and what was found of each surface.
     shown = _with_even(albedo, parts, wanted, colours)
     elsewhere = work.enlarged(first.radiance, ~inside)
-
     without = _of_rows(_lit_again, recovered[..., None], sheen, shown, light, elsewhere)
-    # Of a large plate each is some hundred megabytes.
-    del sheen, shown, elsewhere
+    del sheen, shown, elsewhere  # hundreds of megabytes each
     surfaces = []
     for index in range(len(wanted)):
         shapes = looks.of(index, albedo, colours[index], glosses[index])
