@@ -7,8 +7,9 @@ a light in its own direction comes back as it was, between the lights the fit be
 beyond them the fit is left, without a seam, for w fades with the distance from the lights. The fit is a control
 variate, as the direct light of a mesh is (`direct_light`), and this is kriging about a drift.
 
-How strongly a light shone, g_i times as strongly as the others as a whole, is its own affair: what its neighbours are
-given of it is R_i − g_i M_i, and the rest, (g_i − 1) M_i, goes with weights a_i that end half way to the next light.
+How strongly and how evenly a lamp shone, g_i times as strongly as the others as a whole, is its own affair: what its
+neighbours are given of it is R_i − g_i M_i, and the rest, (g_i − 1) M_i, goes with weights a_i that end half way to
+the next light. g_i is a plane over the picture: a lamp that is near, or aimed to one side, lights that side more.
 
 A pixel's fit depends on the field alone, so that a picture stays linear in its light:
 Σ_m E_m R(ω_m) = Σ_i e_i R_i + [Σ_m E_m M(ω_m) − Σ_i (g_i e_i − (g_i − 1) o_i) M_i] with e_i = Σ_m E_m w_i(ω_m) and
@@ -52,6 +53,10 @@ _OWN = 3.0
 """How much of the variance of strengths is each lamp's own, over what neighbours share; 1 … 10 are alike."""
 _FEWEST = 20
 """Lit pixels that a strength needs."""
+_EVEN = np.array([[[1.0], [0.0], [0.0]]]) * np.ones(3)
+"""The strength of a light that is as strong as its neighbours, and even: (1, 3, 3)."""
+_NARROW = 0.01
+"""Lit pixels whose places vary by less than this, over half the picture squared, do not show a slope."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -61,7 +66,9 @@ class DiffuseFit:
     lobes : (H, W, 3) float32, b, of the mean of the channels
     constants : (H, W) float32, a, not below 0
     colours : (H, W, 3) float32, whose mean is 1
-    strengths : (N, 3), g, how many times stronger each of the field's lights was than its neighbours; 1 where unknown
+    strengths : (N, 3, 3), g by light, term and channel, how many times stronger each of the field's lights was than
+        its neighbours: at the picture's middle (1 where unknown), and what is added to that from there to the right
+        and downwards, over half the picture's longer side
     """
 
     lobes: np.ndarray
@@ -72,17 +79,20 @@ class DiffuseFit:
     def lit(self, directions: np.ndarray, irradiances: np.ndarray) -> np.ndarray:
         """The picture (H, W, 3) float32 of the fit in light from M directions (M, 3) of irradiances (M, 3).
 
-        Irradiances may be below 0.
+        irradiances : or (M, 3, 3), that are planes over the picture as `strengths` are; they may be below 0
         """
+        shape = self.constants.shape
         picture = np.zeros((self.constants.size, 3), np.float32)
-        lobes, towards, light = self.lobes.reshape(-1, 3), directions.T, np.asarray(irradiances, np.float64)
+        lobes, towards = self.lobes.reshape(-1, 3), directions.T
+        light = np.asarray(irradiances, np.float64).reshape(len(directions), -1)
         constants, total = self.constants.reshape(-1).astype(np.float64), light.sum(axis=0)
         shown = np.flatnonzero(lobes.any(axis=1) | (constants > 0))
         for part in cut(len(shown), _PIXELS):
             pixels = shown[part]
             shading = np.maximum(lobes[pixels].astype(np.float64) @ towards, 0)
-            picture[pixels] = shading @ light + constants[pixels, None] * total
-        return picture.reshape(*self.constants.shape, 3) * self.colours
+            terms = (shading @ light + constants[pixels, None] * total).reshape(len(pixels), -1, 3)
+            picture[pixels] = np.einsum("pt,ptc->pc", _plane(pixels, shape)[:, : terms.shape[1]], terms)
+        return picture.reshape(*shape, 3) * self.colours
 
     def added(self, light: StageLighting, lights: StageLights, given: np.ndarray) -> np.ndarray:
         """What the fit adds (H, W, 3) to the sum of the field's pictures: the bracket of the module's equation.
@@ -92,8 +102,12 @@ class DiffuseFit:
         directed = light.directed(LEAVES)
         directions = np.concatenate([directed.directions, lights.directions])
         own = light.irradiances(lights, Remainder().of_each_alone(lights))
-        taken = self.strengths * given - (self.strengths - 1) * own
-        return self.lit(directions, np.concatenate([directed.irradiances, -taken]))
+        irradiances = np.zeros((len(directions), 3, 3))
+        irradiances[: len(directed.directions), 0] = directed.irradiances
+        # g e − (g − 1) o, with g a plane: o stands at the middle alone.
+        irradiances[len(directed.directions) :] = -self.strengths * (given - own)[:, None]
+        irradiances[len(directed.directions) :, 0] -= own
+        return self.lit(directions, irradiances)
 
 
 def needs_fit(lights: StageLights) -> bool:
@@ -116,24 +130,44 @@ def fit_diffuse(field: ReflectanceField, memory: int, progress: Progress | None 
         if progress:
             progress(band.stop / height)
     lobes, constants, colours = (np.concatenate(each) for each in zip(*found, strict=True))
-    chosen = (each[::apart] for each in (lobes, constants, colours))
-    strengths = strengths_of(np.concatenate(sample, axis=1), field.lights.directions, *chosen)
-    # What neighbours share is no lamp's own, as where a fit is too bright on one side.
-    strengths = 1 + Remainder().own_part(strengths - 1, field.lights, _OWN)
     shape = (height, width)
+    places = _plane(np.arange(0, height * width, apart), shape)
+    values = np.concatenate(sample, axis=1)
+    chosen = lobes[::apart], constants[::apart], colours[::apart], places
+    strengths = strengths_of(values, field.lights.directions, *chosen)
+    # What neighbours share is no lamp's own, as where a fit is too bright on one side.
+    strengths = _EVEN + Remainder().own_part((strengths - _EVEN).reshape(count, -1), field.lights, _OWN).reshape(
+        strengths.shape
+    )
     return DiffuseFit(lobes.reshape(*shape, 3), constants.reshape(shape), colours.reshape(*shape, 3), strengths)
 
 
-def strengths_of(
-    values: np.ndarray, directions: np.ndarray, lobes: np.ndarray, constants: np.ndarray, colours: np.ndarray
-) -> np.ndarray:
-    """How much stronger each light was than the fit says, (N, 3), of values (N, P, 3) and their fit (`fitted`).
+def _plane(pixels: np.ndarray, shape: tuple[int, int]) -> np.ndarray:
+    """1, and how far pixels (P,), row by row, stand to the right of the picture's middle and below it: (P, 3)."""
+    height, width = shape
+    half = max(height, width) / 2
+    right, below = (pixels % width + 0.5 - width / 2) / half, (pixels // width + 0.5 - height / 2) / half
+    return np.stack([np.ones(len(pixels)), right, below], axis=-1)
 
-    The median of value / fit over the pixels that the fit shows well lit. It is a strength as far as these agree: with
-    a middle half as wide as the median itself a quarter of the difference from 1 is believed, and with a wider one
-    nothing, for that is a shape which the fit does not have, as where a light from behind is shadowed.
+
+def strengths_of(
+    values: np.ndarray,
+    directions: np.ndarray,
+    lobes: np.ndarray,
+    constants: np.ndarray,
+    colours: np.ndarray,
+    places: np.ndarray,
+) -> np.ndarray:
+    """How much stronger each light was than the fit says, (N, 3, 3) as `DiffuseFit.strengths`.
+
+    values, lobes, constants, colours : (N, P, 3) and their fit (`fitted`)
+    places : (P, 3), 1 and where the pixels are (`_plane`)
+    A plane through value / fit over the pixels that the fit shows well lit, values off it counting ever less. It is a
+    strength as far as these agree: with a middle half as wide as the median itself a quarter of the difference from 1
+    is believed, and with a wider one nothing, for that is a shape which the fit does not have, as where a light from
+    behind is shadowed.
     """
-    found = np.ones((len(values), 3))
+    found = np.repeat(_EVEN, len(values), axis=0)
     for strength, picture, towards in zip(found, values, directions, strict=True):
         fit = (np.maximum(lobes.astype(np.float64) @ towards, 0) + constants)[:, None] * colours
         bright = fit.mean(axis=-1)
@@ -141,10 +175,25 @@ def strengths_of(
         if lit.sum() < _FEWEST:
             continue
         ratios = picture[lit] / np.maximum(fit[lit], 1e-3 * bright[lit, None])
-        low, middle, high = np.quantile(ratios, [0.25, 0.5, 0.75], axis=0)
+        middle = np.median(ratios, axis=0)
+        plane = _plane_through(places[lit], ratios, middle)
+        low, high = np.quantile(ratios - places[lit] @ plane, [0.25, 0.75], axis=0)
         width = (high - low) / np.maximum(middle, 1e-30)
-        strength += (middle - 1) / (1 + np.minimum(width, 1e4) ** 2) ** 2
+        strength += (plane - _EVEN[0]) / (1 + np.minimum(width, 1e4) ** 2) ** 2
     return found
+
+
+def _plane_through(places: np.ndarray, ratios: np.ndarray, middle: np.ndarray) -> np.ndarray:
+    """Planes (3, 3) over places (P, 3) by least squares to ratios (P, 3), reweighted from their medians (3,) on."""
+    plane = np.stack([middle, np.zeros(3), np.zeros(3)])
+    level = len(ratios) * _NARROW * np.diag([0.0, 1.0, 1.0])
+    for _ in range(_ROUNDS):
+        departure = np.minimum(np.abs(ratios - places @ plane) / _WIDTH, 1e4)
+        weights = 1 / (1 + departure**2) ** 2 + _LOOSE
+        weighted = (places[:, :, None] * weights[:, None, :]).transpose(2, 1, 0)
+        sides = (weighted @ ratios.T[:, :, None])[..., 0]
+        plane = np.linalg.solve(weighted @ places + level, sides[..., None])[..., 0].T
+    return plane
 
 
 def fitted(values: np.ndarray, directions: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
