@@ -43,6 +43,8 @@ if not SHARED.exists():
     SHARED = Path(__file__).resolve().parents[2] / "shared"
 OLAT = SHARED / "data" / "olat"
 WAYS = ("nearest", "triangles", "polynomial", "Lambertian", "relume")
+WORSE = 0.003
+"""What is worse than another way by no more than this is called as good."""
 LIT = 0.02
 """Of the brightest hundredth of a mean picture, above which a pixel of a set without a mask is the subject's."""
 
@@ -157,7 +159,8 @@ def main() -> None:
         if asked.rows:
             for light, angle, line in zip(given.left_out, away, table, strict=True):
                 print(f"  {light:4d} {angle:5.1f}° outside" + " " * 16 + "".join(f"{value:12.3f}" for value in line))
-        lines = {"between the others, median": (within, np.median), "outside, median": (~within, np.median)}
+        lines = {"mean of all": (within | ~within, np.mean), "between the others, median": (within, np.median)}
+        lines |= {"outside, median": (~within, np.median)}
         lines |= {"outside, worst": (~within, np.max), "worst of all": (within | ~within, np.max)}
         if not within.all():
             lines["outermost"] = (away == away.max(), np.max)
@@ -166,6 +169,11 @@ def main() -> None:
             if chosen.any():
                 values = of(table[chosen], axis=0)
                 print(f"  {name:26s}{int(chosen.sum()):6d}  " + "".join(f"{value:12.3f}" for value in values))
+        over = table[:, WAYS.index("relume")] - table[:, [WAYS.index("nearest"), WAYS.index("Lambertian")]].min(axis=1)
+        print(
+            f"  worse than the better of nearest and Lambertian by more than {WORSE}: {(over > WORSE).sum()}, ", end=""
+        )
+        print(f"the worst of them by {over.max():.3f}")
 
 
 if __name__ == "__main__":
