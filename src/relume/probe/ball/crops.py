@@ -13,6 +13,7 @@ from relume.errors import BallNotFound, NotABracket
 from relume.image.colour import luminance
 from relume.image.photograph import Photograph
 from relume.probe.ball.edge_tracking import refined
+from relume.probe.ball.mirror_edge import placed_rim
 from relume.probe.ball.outline import find_outline
 from relume.probe.ball.rim_selection import picked_rim
 from relume.probe.ball.silhouette import Outline, outline_of_circle
@@ -67,7 +68,7 @@ def _outlines(photographs: Sequence[Photograph], picked: Outline | None) -> list
             if picked is not None and index == 0:
                 found.append(picked_rim(light, picked, photograph.name))
             else:
-                found.append(refined(light, find_outline(light, photograph.name), None, ()))
+                found.append(placed_rim(light, find_outline(light, photograph.name), (None,)))
         except BallNotFound as error:
             refusal = refusal or error
             found.append(None)

@@ -7,7 +7,8 @@ from dataclasses import replace
 import numpy as np
 
 from relume.errors import warn
-from relume.probe.ball.edge_tracking import REACH, evened, follow, placed, refined
+from relume.probe.ball.edge_tracking import REACH, evened, follow, placed
+from relume.probe.ball.mirror_edge import placed_rim
 from relume.probe.ball.nested_curves import (
     APART,
     LEAST_APART,
@@ -88,7 +89,7 @@ def picked_rim(
         chosen = outer_of(curves)
         if curves.support[chosen] >= LEAST_SEEN:
             found = outline_without(window, along(curves, chosen, window.focal_length, window.size), pyramid)
-            return refined(radiance, _finely(pyramid, found), focal, ())
+            return placed_rim(radiance, _finely(pyramid, found), (focal,))
     warn(
         f"{name}: no rim is seen near what was picked, x,y,radius {x:.0f},{y:.0f},{radius:.0f}, so it was taken as it "
         "is; look at it with --picture"

@@ -16,7 +16,7 @@ from scipy.ndimage import distance_transform_edt
 from relume.errors import BallNotFound, warn
 from relume.image.bilinear import bilinear
 from relume.image.radiance import OUTSIDE, SATURATED, RadianceMap
-from relume.probe.ball.edge_tracking import refined
+from relume.probe.ball.mirror_edge import placed_rim
 from relume.probe.ball.mirroring import missing_colour
 from relume.probe.ball.outline import find_outline, shown
 from relume.probe.ball.reflectance import BallReflectance
@@ -217,8 +217,7 @@ def unwrap_ball(
         # The tape may be a guess, and the picture a crop: a circle is followed too.
         lenses = [found.radius * float(np.sqrt(1 - sine**2)) / sine, None]
     if outline is None:
-        placed = [refined(shown_light, found, lens, ()) for lens in lenses]
-        found = max(placed, key=lambda each: len(each.points))
+        found = placed_rim(shown_light, found, lenses)
         cut = found.cut(picture.size)
         if cut > MOST_CUT:
             circle = (*found.centre, found.radius)
