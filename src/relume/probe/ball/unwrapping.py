@@ -12,11 +12,12 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 from scipy.ndimage import distance_transform_edt
+from scipy.optimize import brentq
 
 from relume.errors import BallNotFound, warn
 from relume.image.bilinear import bilinear
 from relume.image.radiance import OUTSIDE, SATURATED, RadianceMap
-from relume.probe.ball.mirror_edge import placed_rim
+from relume.probe.ball.mirror_edge import fitted_lens, placed_rim
 from relume.probe.ball.mirroring import missing_colour
 from relume.probe.ball.outline import find_outline, shown
 from relume.probe.ball.reflectance import BallReflectance
@@ -29,6 +30,10 @@ NEUTRAL = 1.2
 """Largest reflectance of a channel, against the smallest, below which a ball is taken for grey."""
 MIXED = 1.0
 """Pixels inside the silhouette that a pixel cut by it reaches when the picture is looked up between its pixels."""
+LONGER = 1.0
+"""Ln of how much longer than by R = f·tan α, or shorter, the lens is sought that draws a ball as large as it is."""
+TURNED = np.radians(1)
+"""Turn of all directions from which on an unsure focal length is a doubt: twice what a good horizon has."""
 CAMERA_FROM_PIXELS = np.diag([1.0, -1.0, -1.0])
 """Turns the pixel frame (y down, z forward) into the camera frame of the world's conventions (y up, z backward)."""
 
@@ -207,15 +212,12 @@ def unwrap_ball(
         sine = min(radius / max(float(np.linalg.norm(camera - centre)), 1e-9), 0.99)
         expected = focal_length * sine / float(np.sqrt(1 - sine**2))
     found = find_outline(shown_light, name, focal_length, expected=expected) if outline is None else outline
-    lenses = [focal_length or found.focal_length]
+    away = float(np.linalg.norm(camera - centre))
+    lenses = _lenses(focal_length, found, picture.size, radius, away, measured, name)
     if lenses[0] is None:
-        if radius is None:
-            raise ValueError(f"{name}: no focal length in its EXIF; give the ball's radius, so that it can be found")
-        sine = radius / float(np.linalg.norm(camera - centre))
-        if sine >= 1:
-            raise ValueError(f"{name}: the given camera position is inside the ball; radius and places are in metres")
-        # The tape may be a guess, and the picture a crop: a circle is followed too.
-        lenses = [found.radius * float(np.sqrt(1 - sine**2)) / sine, None]
+        # The ellipse alone says how long the lens was.
+        assert found.focal_length is not None
+        lenses = [_fitted_lens(shown_light, found, found.focal_length, name)]
     if outline is None:
         found = placed_rim(shown_light, found, lenses)
         cut = found.cut(picture.size)
@@ -242,6 +244,47 @@ def unwrap_ball(
     straight = look_at(camera, centre) @ CAMERA_FROM_PIXELS
     world_from_pixels = straight @ rotation_between(cone.axis, np.array([0.0, 0.0, 1.0]))
     return BallView(picture, focal_length, cone.axis, cone.distance, world_from_pixels, found, reflectance)
+
+
+def _lenses(
+    focal_length: float | None, found: Outline, size: tuple[int, int], radius: float | None, away: float,
+    measured: bool, name: str,
+) -> list[float | None]:  # fmt: skip
+    """The focal lengths by which the rim is placed, the picture's first: as known, by tape measure, or None, fitted."""
+    if focal_length is not None:
+        return [focal_length]
+    if found.focal_length is not None and not (measured and radius is not None):
+        return [None]
+    if radius is None:
+        raise ValueError(f"{name}: no focal length in its EXIF; give the ball's radius, so that it can be found")
+    sine = radius / away
+    if sine >= 1:
+        raise ValueError(f"{name}: the given camera position is inside the ball; radius and places are in metres")
+
+    def too_near(logarithm: float) -> float:
+        return float(np.log(cone_through(found.points, size, float(np.exp(logarithm))).distance * sine))
+
+    # In the picture's middle R = f·tan α; aside of it a ball is drawn larger, and the lens is shorter.
+    lens = float(np.log(found.radius * np.sqrt(1 - sine**2) / sine))
+    if too_near(lens - LONGER) < 0 < too_near(lens + LONGER):
+        lens = float(brentq(too_near, lens - LONGER, lens + LONGER))  # pyright: ignore[reportArgumentType]
+    # The tape may be a guess, and the picture a crop: a circle is followed too.
+    return [float(np.exp(lens)), None]
+
+
+def _fitted_lens(light: np.ndarray, found: Outline, focal_length: float, name: str) -> float:
+    """The focal length that the ball's ellipse has, pixels, with a doubt where that leaves directions open."""
+    lens, unsure = fitted_lens(light, found, focal_length)
+    aside = float(np.hypot(found.centre[0] - light.shape[1] / 2, found.centre[1] - light.shape[0] / 2)) / lens
+    turn = unsure * aside / (1 + aside**2)
+    if turn > TURNED:
+        warn(
+            f"{name}: no focal length in its EXIF, and the shape of the ball gives {lens:.0f} pixels to "
+            f"{100 * unsure:.0f} % only, which turns what it shows by up to {np.degrees(turn):.1f}°; give --radius and "
+            "--distance by tape measure",
+            effect=turn,
+        )
+    return lens
 
 
 def _continued(picture: RadianceMap) -> np.ndarray:
