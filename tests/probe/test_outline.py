@@ -16,6 +16,7 @@ from relume.image.colour import decode_srgb
 from relume.image.files import read_photograph
 from relume.probe.ball.candidates import Candidate, cone_at
 from relume.probe.ball.edge_tracking import follow
+from relume.probe.ball.mirror_edge import Rim, placed_rim
 from relume.probe.ball.mirroring import Mirroring, missing_colour
 from relume.probe.ball.outline import find_outline
 from relume.probe.ball.rim_selection import picked_rim, settled
@@ -427,3 +428,24 @@ def test_the_rim_under_a_bright_ceiling_is_the_same_in_the_whole_picture_and_its
     assert outline.rivals
     by_hand = picked_rim(linear(whole).radiance, outline_of_circle(755.4, 549.8, 72.2), name, whole.focal_length)
     assert by_hand.radius == pytest.approx(72.7, abs=0.5)
+
+
+def test_little_evidence_of_a_rim_counts_where_tape_and_lens_say_its_size(monkeypatch):
+    found = replace(outline_of_circle(120.0, 118.0, 60.3), rivals=((119.0, 118.0, 55.0), (120.0, 118.4, 60.0)))
+    wanted: list[float] = []
+
+    def edge(_pyramid: Pyramid, _outline: Outline, least: float) -> Rim | None:
+        wanted.append(least)
+        return Rim(found, 4.0) if least < 4.0 else None
+
+    monkeypatch.setattr("relume.probe.ball.mirror_edge.mirror_edge", edge)
+    # A step on half of the rim.
+    monkeypatch.setattr(
+        "relume.probe.ball.mirror_edge.refined", lambda _, outline, *__: replace(outline, points=outline.points[::2])
+    )
+    picture, rough = np.ones((240, 240, 3), np.float32), outline_of_circle(120.0, 119.0, 58.5)
+    taken = placed_rim(picture, rough, (None,), 60.0)
+    assert taken.radius == 60.3 and taken.rivals == ((120.0, 118.4, 60.0),)
+    assert placed_rim(picture, rough, (None,), 64.0).radius == 58.5
+    assert placed_rim(picture, rough, (None,)).radius == 58.5
+    assert wanted == [2.0, 2.0, 12.0]

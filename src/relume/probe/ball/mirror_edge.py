@@ -53,6 +53,9 @@ LEVELS = 24
 LEAST_EVIDENCE = 12.0
 """Log-likelihood for each ray, against none of them inside, from which on the change is believed: below 10 in a garden
 whose grass is as fine as what the ball shows of it, and where a ball fills its picture and little is left around it."""
+AGREED, AGREED_EVIDENCE = 0.01, 2.0
+"""How near the size by tape and lens must be, as a share, for less evidence to be believed: on sunlit paving, which the
+ball mirrors along its rim, it is 3 to 9, and the step there was 1.5 % off."""
 ALL_ROUND, MOSTLY, NEAR = 0.95, 0.75, 0.3
 """Share of the rim on which a step must lie in one ellipse to a third of a pixel to be the rim: anywhere, and within so
 many pixels of where the picture stops being squeezed. Bands inside the rim reach 0.8."""
@@ -104,7 +107,10 @@ def mirror_edge(pyramid: Pyramid, outline: Outline, least: float = LEAST_EVIDENC
             continue
         at = factor * outline.radius
         window = pyramid.window(outline.centre, SHOWN * outline.radius, factor)
-        part = Part(np.asarray(window.light, np.float64), window.size, window.focal_length)
+        light = np.asarray(window.light, np.float64)
+        # In any unit: what stands against dark noise below is a share of the usual light.
+        light = light / (float(np.median(light[light > 0])) if np.any(light > 0) else 1.0)
+        part = Part(light, window.size, window.focal_length)
         cone = cone_through(outline_within(window, outline).points, window.size, window.focal_length)
         cone, _ = _divided(part, cone, ROUGH)
         cone, evidence = _divided(part, cone, FINE)
@@ -120,18 +126,26 @@ def mirror_edge(pyramid: Pyramid, outline: Outline, least: float = LEAST_EVIDENC
     return None
 
 
-def placed_rim(radiance: np.ndarray, outline: Outline, lenses: Sequence[float | None]) -> Outline:
+def placed_rim(
+    radiance: np.ndarray, outline: Outline, lenses: Sequence[float | None], expected: float | None = None
+) -> Outline:
     """The rim near an outline that follows edges, placed as precisely as the picture shows it.
 
     radiance : (H, W, 3)
     lenses : focal lengths, pixels, of which the one that explains the rim best is taken; None for a circle
+    expected : its radius in pixels by tape measure and lens
 
     Where the picture plainly stops being squeezed that is the rim, and else where its step or its root is.
     """
     width = radiance.shape[1]
     pyramid = Pyramid.of(radiance, 1.0)
-    rims = [mirror_edge(replace(pyramid, focal_length=lens or TELEPHOTO * width), outline) for lens in lenses]
+    least = LEAST_EVIDENCE if expected is None else AGREED_EVIDENCE
+    rims = [mirror_edge(replace(pyramid, focal_length=lens or TELEPHOTO * width), outline, least) for lens in lenses]
     seen = [rim for rim in rims if rim is not None]
+    if expected is not None:
+        seen = [
+            _with_tape(rim, expected) for rim in seen if _off(rim, expected) < AGREED or rim.evidence > LEAST_EVIDENCE
+        ]
     stepped = max((refined(radiance, outline, lens, ()) for lens in lenses), key=lambda each: len(each.points))
     if not seen:
         return stepped
@@ -140,6 +154,18 @@ def placed_rim(radiance: np.ndarray, outline: Outline, lenses: Sequence[float | 
     apart = float(np.hypot(*np.subtract(best.centre, stepped.centre))) + abs(best.radius - stepped.radius)
     share = len(stepped.points) / RAYS
     return stepped if share > ALL_ROUND or (share > MOSTLY and apart < NEAR) else best
+
+
+def _off(rim: Rim, expected: float) -> float:
+    return abs(float(np.log(rim.outline.radius / expected)))
+
+
+def _with_tape(rim: Rim, expected: float) -> Rim:
+    """The rim without rivals of another size, where tape and lens say its own."""
+    if _off(rim, expected) >= AGREED:
+        return rim
+    kept = tuple(each for each in rim.outline.rivals if abs(float(np.log(each[2] / expected))) < AGREED)
+    return replace(rim, outline=replace(rim.outline, rivals=kept))
 
 
 def fitted_lens(radiance: np.ndarray, outline: Outline, focal_length: float) -> tuple[float, float]:

@@ -219,7 +219,7 @@ def unwrap_ball(
         assert found.focal_length is not None
         lenses = [_fitted_lens(shown_light, found, found.focal_length, name)]
     if outline is None:
-        found = placed_rim(shown_light, found, lenses)
+        found = placed_rim(shown_light, found, lenses, expected)
         cut = found.cut(picture.size)
         if cut > MOST_CUT:
             circle = (*found.centre, found.radius)
