@@ -103,8 +103,9 @@ def test_a_light_that_is_on_the_scale_is_left_to_the_bit(shot: Shot) -> None:
 def test_a_scale_by_exposures_that_the_plate_contradicts_is_kept_and_doubted(shot: Shot) -> None:
     light = painted()
     factors, (line,) = heard(shot, calibrated(seen_on_the_dome(light) / 8, light, None))
+    file = shot.path("light.exr")
     assert np.all(factors == 1) and line.startswith(
-        "light: the plate shows the same places 8 times as dark as light.exr;"
+        f"light: the plate shows the same places 8 times as dark as {file}; are both on one scale"
     )
 
 

@@ -56,7 +56,7 @@ whose grass is as fine as what the ball shows of it, and where a ball fills its 
 AGREED, AGREED_EVIDENCE = 0.01, 2.0
 """How near the size by tape and lens must be, as a share, for less evidence to be believed: on sunlit paving, which the
 ball mirrors along its rim, it is 3 to 9, and the step there was 1.5 % off."""
-ALL_ROUND, MOSTLY, NEAR = 0.95, 0.75, 0.3
+ALL_ROUND, MOSTLY, NEAR = 0.95, 0.75, 0.5
 """Share of the rim on which a step must lie in one ellipse to a third of a pixel to be the rim: anywhere, and within so
 many pixels of where the picture stops being squeezed. Bands inside the rim reach 0.8."""
 LENS_STEP, SHAPE = 0.45, 1.0
