@@ -1,0 +1,360 @@
+// The HDR canvas: a picture of floats, panned and enlarged, developed on the graphics card; nothing of the file changes.
+
+import { COLOURS, COMPARE, COPY, INSIDE, QUAD, TILE as SHOW } from "./shaders.js";
+import { Source, texture, TILE } from "./source.js";
+
+/** @typedef {import("./source.js").LayerFacts} LayerFacts */
+
+const LARGEST_ZOOM = 256;
+const INSIDE_WIDTH = 2048; // columns of a map from inside: finer than a screen shows of it
+
+/** @typedef {"picture" | "wipe" | "difference" | "inside"} Mode */
+
+export class HdrCanvas {
+  /** @param {HTMLCanvasElement} canvas @param {() => void} drawn called after every frame @param {(e: Error) => void} failed */
+  constructor(canvas, drawn, failed) {
+    this.canvas = canvas;
+    this.drawn = drawn;
+    this.failed = failed;
+    const gl = canvas.getContext("webgl2", { alpha: false, antialias: false, preserveDrawingBuffer: true });
+    if (!gl) throw new Error("this browser has no WebGL 2, which the picture is drawn by; try Firefox, Chrome, Edge or Safari");
+    if (!gl.getExtension("EXT_color_buffer_float")) throw new Error("this graphics card draws no floats; try another browser");
+    this.gl = gl;
+    this.programs = {
+      show: program(gl, SHOW), copy: program(gl, COPY), compare: program(gl, COMPARE), inside: program(gl, INSIDE),
+    };
+    this.colours = this.colourTexture();
+    /** @type {Source | null} */ this.one = null;
+    /** @type {Source | null} */ this.other = null;
+    /** @type {WebGLTexture | null} */ this.map = null;
+    this.mapScale = 1;
+    this.view = {
+      x: 0, y: 0, zoom: 1, stops: 0, channel: 0, falseColour: false, low: -10, high: 10, clipping: false, marked: false,
+      /** @type {Mode} */ mode: "picture", wipe: 0.5, wipeLies: false, yaw: 0, pitch: 0, field: Math.PI / 2,
+    };
+    /** @type {{texture: WebGLTexture, buffer: WebGLFramebuffer}[]} */ this.floats = [];
+    this.asked = false;
+    new ResizeObserver(() => this.resized()).observe(canvas);
+  }
+
+  /** @param {LayerFacts} layer @param {import("./source.js").Fetched} fetched @param {boolean} reference */
+  open(layer, fetched, reference = false) {
+    const before = reference ? this.other : this.one;
+    if (before && before.layer.digest === layer.digest) return;
+    before?.close();
+    const source = new Source(this.gl, layer, fetched, () => this.draw(), this.failed);
+    if (reference) this.other = source;
+    else {
+      this.one = source;
+      if (this.map) this.gl.deleteTexture(this.map);
+      this.map = null;
+    }
+    this.draw();
+  }
+
+  closeReference() {
+    this.other?.close();
+    this.other = null;
+    if (this.view.mode === "wipe" || this.view.mode === "difference") this.view.mode = "picture";
+    this.draw();
+  }
+
+  resized() {
+    const density = window.devicePixelRatio || 1;
+    const width = Math.max(1, Math.round(this.canvas.clientWidth * density));
+    const height = Math.max(1, Math.round(this.canvas.clientHeight * density));
+    if (this.canvas.width === width && this.canvas.height === height) return;
+    this.canvas.width = width;
+    this.canvas.height = height;
+    for (const each of this.floats) {
+      this.gl.deleteTexture(each.texture);
+      this.gl.deleteFramebuffer(each.buffer);
+    }
+    this.floats = [];
+    this.draw();
+  }
+
+  // Where things are. Screen coordinates are the canvas's own pixels, from its left and top.
+
+  /** @param {number} x @param {number} y */
+  toPicture(x, y) {
+    const { view } = this;
+    return [view.x + (x - this.canvas.width / 2) / view.zoom, view.y + (y - this.canvas.height / 2) / view.zoom];
+  }
+
+  /** @param {number} x @param {number} y */
+  toScreen(x, y) {
+    const { view } = this;
+    return [(x - view.x) * view.zoom + this.canvas.width / 2, (y - view.y) * view.zoom + this.canvas.height / 2];
+  }
+
+  /** The unit vector of the world that a screen point shows of a map from inside. @param {number} x @param {number} y */
+  directionAt(x, y) {
+    const { right, up, ahead } = this.axes();
+    const a = (2 * x) / this.canvas.width - 1, b = 1 - (2 * y) / this.canvas.height;
+    const d = ahead.map((each, i) => each + a * right[i] + b * up[i]);
+    const length = Math.hypot(...d);
+    return d.map((each) => each / length);
+  }
+
+  axes() {
+    const { yaw, pitch, field } = this.view;
+    const tall = Math.tan(field / 2), wide = (tall * this.canvas.width) / this.canvas.height;
+    const s = Math.sin(yaw), c = Math.cos(yaw), t = Math.sin(pitch), d = Math.cos(pitch);
+    return {
+      ahead: [s * d, t, -c * d],
+      right: [c * wide, 0, s * wide],
+      up: [-s * t * tall, d * tall, c * t * tall],
+    };
+  }
+
+  // What the view is.
+
+  /** @param {Partial<HdrCanvas["view"]>} change */
+  set(change) {
+    Object.assign(this.view, change);
+    this.draw();
+  }
+
+  fit() {
+    if (!this.one) return;
+    const [width, height] = this.one.layer.sizes[0];
+    const zoom = Math.min(this.canvas.width / width, this.canvas.height / height, LARGEST_ZOOM);
+    this.set({ x: width / 2, y: height / 2, zoom, yaw: 0, pitch: 0, field: Math.PI / 2 });
+  }
+
+  /** Enlarge about a point of the screen, which stays where it is. @param {number} factor @param {number} x @param {number} y */
+  enlarge(factor, x, y) {
+    if (this.view.mode === "inside") {
+      this.set({ field: Math.min(Math.max(this.view.field / factor, 0.02), 2.6) });
+      return;
+    }
+    if (!this.one) return;
+    const [width, height] = this.one.layer.sizes[0];
+    const least = Math.min(1, this.canvas.width / width, this.canvas.height / height) / 4;
+    const zoom = Math.min(Math.max(this.view.zoom * factor, least), LARGEST_ZOOM);
+    const [a, b] = this.toPicture(x, y);
+    this.set({ zoom, x: a - (x - this.canvas.width / 2) / zoom, y: b - (y - this.canvas.height / 2) / zoom });
+  }
+
+  /** By pixels of the screen. @param {number} right @param {number} down */
+  pan(right, down) {
+    const { view } = this;
+    if (view.mode === "inside") {
+      const angle = view.field / this.canvas.height;
+      const pitch = Math.min(Math.max(view.pitch + down * angle, -Math.PI / 2), Math.PI / 2);
+      this.set({ yaw: view.yaw - right * angle, pitch });
+    } else this.set({ x: view.x - right / view.zoom, y: view.y - down / view.zoom });
+  }
+
+  // Drawing.
+
+  draw() {
+    if (this.asked) return;
+    this.asked = true;
+    requestAnimationFrame(() => {
+      this.asked = false;
+      this.drawNow();
+      this.drawn();
+    });
+  }
+
+  drawNow() {
+    const { gl, view } = this;
+    gl.bindFramebuffer(gl.FRAMEBUFFER, null);
+    gl.viewport(0, 0, this.canvas.width, this.canvas.height);
+    gl.clearColor(0.07, 0.07, 0.075, 1);
+    gl.clear(gl.COLOR_BUFFER_BIT);
+    if (!this.one) return;
+    if (view.mode === "inside") this.drawInside();
+    else if ((view.mode === "wipe" || view.mode === "difference") && this.other) this.drawCompared(this.one, this.other);
+    else {
+      gl.useProgram(this.programs.show.program);
+      this.developing(this.programs.show);
+      this.drawTiles(this.programs.show, this.one);
+    }
+  }
+
+  /** @param {Linked} linked @param {Source} source */
+  drawTiles(linked, source) {
+    const { gl, canvas } = this, { sizes, scale } = source.layer;
+    const wanted = source.level(this.view.zoom);
+    const [width, height] = sizes[0];
+    const [left, top] = this.toPicture(0, 0), [right, bottom] = this.toPicture(canvas.width, canvas.height);
+    gl.uniform1f(linked.at("scale"), scale);
+    gl.uniform1i(linked.at("tile"), 0);
+    gl.activeTexture(gl.TEXTURE0);
+    source.begin();
+    // The smallest level first: what has not come yet is seen less sharply until it has.
+    for (let level = sizes.length - 1; level >= wanted; level--) {
+      if (level !== wanted && level !== sizes.length - 1 && level !== wanted + 1) continue;
+      const [w, h] = sizes[level], across = width / w, down = height / h;
+      const first = [Math.max(0, Math.floor(left / across / TILE)), Math.max(0, Math.floor(top / down / TILE))];
+      const last = [
+        Math.min(Math.ceil(w / TILE) - 1, Math.floor(right / across / TILE)),
+        Math.min(Math.ceil(h / TILE) - 1, Math.floor(bottom / down / TILE)),
+      ];
+      for (let row = first[1]; row <= last[1]; row++) for (let column = first[0]; column <= last[0]; column++) {
+        const tile = source.tile(level, column, row);
+        if (!tile) continue;
+        const [x0, y0] = this.toScreen(column * TILE * across, row * TILE * down);
+        const [x1, y1] = this.toScreen(
+          Math.min((column * TILE + tile.width) * across, width), Math.min((row * TILE + tile.height) * down, height),
+        );
+        gl.bindTexture(gl.TEXTURE_2D, tile.texture);
+        gl.uniform4f(
+          linked.at("place"), (2 * x0) / canvas.width - 1, 1 - (2 * y1) / canvas.height,
+          (2 * x1) / canvas.width - 1, 1 - (2 * y0) / canvas.height,
+        );
+        gl.uniform4f(linked.at("part"), 0, 1, 1, 0); // row 0 is at the top
+        gl.drawArrays(gl.TRIANGLE_STRIP, 0, 4);
+      }
+    }
+    source.end();
+  }
+
+  /** @param {Source} one @param {Source} other */
+  drawCompared(one, other) {
+    const { gl, view, canvas } = this;
+    if (!this.floats.length) this.floats = [this.floatBuffer(), this.floatBuffer()];
+    gl.useProgram(this.programs.copy.program);
+    for (const [source, target] of /** @type {[Source, typeof this.floats[0]][]} */ ([[one, this.floats[0]], [other, this.floats[1]]])) {
+      gl.bindFramebuffer(gl.FRAMEBUFFER, target.buffer);
+      gl.clearColor(0, 0, 0, -1);
+      gl.clear(gl.COLOR_BUFFER_BIT);
+      this.drawTiles(this.programs.copy, source);
+    }
+    gl.bindFramebuffer(gl.FRAMEBUFFER, null);
+    const linked = this.programs.compare;
+    gl.useProgram(linked.program);
+    this.developing(linked);
+    for (const [unit, name] of /** @type {[number, string][]} */ ([[0, "one"], [1, "other"]])) {
+      gl.activeTexture(gl.TEXTURE0 + unit);
+      gl.bindTexture(gl.TEXTURE_2D, this.floats[unit].texture);
+      gl.uniform1i(linked.at(name), unit);
+    }
+    gl.uniform1i(linked.at("mode"), view.mode === "wipe" ? 1 : 2);
+    gl.uniform2f(linked.at("edge"), view.wipe, view.wipeLies ? 1 : 0);
+    gl.uniform4f(linked.at("place"), -1, -1, 1, 1);
+    gl.uniform4f(linked.at("part"), 0, 0, 1, 1);
+    gl.drawArrays(gl.TRIANGLE_STRIP, 0, 4);
+  }
+
+  drawInside() {
+    const { gl } = this, source = /** @type {Source} */ (this.one);
+    if (!this.map) {
+      this.loadMap(source);
+      return;
+    }
+    const linked = this.programs.inside, { right, up, ahead } = this.axes();
+    gl.useProgram(linked.program);
+    this.developing(linked);
+    gl.activeTexture(gl.TEXTURE0);
+    gl.bindTexture(gl.TEXTURE_2D, this.map);
+    gl.uniform1i(linked.at("map"), 0);
+    gl.uniform1f(linked.at("scale"), this.mapScale);
+    for (const [name, axis] of /** @type {[string, number[]][]} */ ([["right", right], ["up", up], ["ahead", ahead]])) {
+      gl.uniform3fv(linked.at(name), axis);
+    }
+    gl.uniform4f(linked.at("place"), -1, -1, 1, 1);
+    gl.uniform4f(linked.at("part"), 0, 0, 1, 1);
+    gl.drawArrays(gl.TRIANGLE_STRIP, 0, 4);
+  }
+
+  /** One texture of a whole map, at the level that is fine enough. @param {Source} source */
+  loadMap(source) {
+    const { gl } = this, { sizes, half, scale } = source.layer;
+    const level = Math.max(0, sizes.findIndex(([width]) => width <= INSIDE_WIDTH));
+    const [width, height] = sizes[level];
+    const map = texture(gl, width, height, half, null);
+    gl.texParameteri(gl.TEXTURE_2D, gl.TEXTURE_WRAP_S, gl.REPEAT);
+    if (half) {
+      gl.texParameteri(gl.TEXTURE_2D, gl.TEXTURE_MIN_FILTER, gl.LINEAR);
+      gl.texParameteri(gl.TEXTURE_2D, gl.TEXTURE_MAG_FILTER, gl.LINEAR);
+    }
+    this.map = map;
+    this.mapScale = scale;
+    const stop = new AbortController();
+    for (let row = 0; row * TILE < height; row++) for (let column = 0; column * TILE < width; column++) {
+      source.fetched(level, column, row, stop.signal).then((bytes) => {
+        if (this.map !== map) return;
+        const w = Math.min(TILE, width - column * TILE), h = Math.min(TILE, height - row * TILE);
+        gl.bindTexture(gl.TEXTURE_2D, map);
+        const values = half ? new Uint16Array(bytes) : new Float32Array(bytes);
+        gl.texSubImage2D(gl.TEXTURE_2D, 0, column * TILE, row * TILE, w, h, gl.RGBA, half ? gl.HALF_FLOAT : gl.FLOAT, values);
+        this.draw();
+      }).catch(this.failed);
+    }
+  }
+
+  /** @param {Linked} linked */
+  developing(linked) {
+    const { gl, view } = this;
+    gl.uniform1f(linked.at("exposure"), 2 ** view.stops);
+    gl.uniform1i(linked.at("channel"), view.channel);
+    gl.uniform1i(linked.at("falseColour"), view.falseColour ? 1 : 0);
+    gl.uniform2f(linked.at("stops"), view.low, view.high);
+    gl.uniform1i(linked.at("clipping"), view.clipping ? 1 : 0);
+    gl.uniform1i(linked.at("marked"), view.marked ? 1 : 0);
+    gl.activeTexture(gl.TEXTURE7);
+    gl.bindTexture(gl.TEXTURE_2D, this.colours);
+    gl.uniform1i(linked.at("colours"), 7);
+  }
+
+  floatBuffer() {
+    const { gl, canvas } = this;
+    const made = texture(gl, canvas.width, canvas.height, false, null);
+    const buffer = /** @type {WebGLFramebuffer} */ (gl.createFramebuffer());
+    gl.bindFramebuffer(gl.FRAMEBUFFER, buffer);
+    gl.framebufferTexture2D(gl.FRAMEBUFFER, gl.COLOR_ATTACHMENT0, gl.TEXTURE_2D, made, 0);
+    return { texture: made, buffer };
+  }
+
+  colourTexture() {
+    const { gl } = this;
+    const made = /** @type {WebGLTexture} */ (gl.createTexture());
+    gl.bindTexture(gl.TEXTURE_2D, made);
+    gl.texImage2D(gl.TEXTURE_2D, 0, gl.RGBA8, COLOURS.length / 4, 1, 0, gl.RGBA, gl.UNSIGNED_BYTE, COLOURS);
+    for (const name of [gl.TEXTURE_MIN_FILTER, gl.TEXTURE_MAG_FILTER]) gl.texParameteri(gl.TEXTURE_2D, name, gl.LINEAR);
+    for (const name of [gl.TEXTURE_WRAP_S, gl.TEXTURE_WRAP_T]) gl.texParameteri(gl.TEXTURE_2D, name, gl.CLAMP_TO_EDGE);
+    return made;
+  }
+
+  /** The screen's own bytes (red, green, blue, alpha) at a point. @param {number} x @param {number} y */
+  screenAt(x, y) {
+    this.drawNow();
+    const found = new Uint8Array(4);
+    this.gl.readPixels(Math.round(x), this.canvas.height - 1 - Math.round(y), 1, 1, this.gl.RGBA, this.gl.UNSIGNED_BYTE, found);
+    return Array.from(found);
+  }
+
+  /** Whether every tile of the last frame is there. */
+  get settled() {
+    return !this.asked && (this.one?.settled ?? true) && (this.other?.settled ?? true);
+  }
+}
+
+/** @typedef {{program: WebGLProgram, at: (name: string) => WebGLUniformLocation | null}} Linked */
+
+/** @param {WebGL2RenderingContext} gl @param {string} fragment @returns {Linked} */
+function program(gl, fragment) {
+  const made = /** @type {WebGLProgram} */ (gl.createProgram());
+  for (const [kind, text] of /** @type {[number, string][]} */ ([[gl.VERTEX_SHADER, QUAD], [gl.FRAGMENT_SHADER, fragment]])) {
+    const shader = /** @type {WebGLShader} */ (gl.createShader(kind));
+    gl.shaderSource(shader, text);
+    gl.compileShader(shader);
+    gl.attachShader(made, shader);
+    if (!gl.getShaderParameter(shader, gl.COMPILE_STATUS)) throw new Error(`shader: ${gl.getShaderInfoLog(shader)}`);
+  }
+  gl.linkProgram(made);
+  if (!gl.getProgramParameter(made, gl.LINK_STATUS)) throw new Error(`shaders: ${gl.getProgramInfoLog(made)}`);
+  /** @type {Map<string, WebGLUniformLocation | null>} */
+  const places = new Map();
+  return {
+    program: made,
+    at(name) {
+      if (!places.has(name)) places.set(name, gl.getUniformLocation(made, name));
+      return places.get(name) ?? null;
+    },
+  };
+}

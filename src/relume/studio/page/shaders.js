@@ -1,0 +1,123 @@
+// What the graphics card does with a pixel: the same few lines for tiles, for two pictures compared, for a map from inside.
+
+const DEVELOP = `
+precision highp float;
+precision highp sampler2D;
+uniform float exposure;      // 2^stops
+uniform int channel;         // 0 all, 1 red, 2 green, 3 blue, 4 luminance
+uniform bool falseColour;
+uniform vec2 stops;          // of false colour: log2 of the least and of the most
+uniform sampler2D colours;
+uniform bool clipping, marked;
+const vec3 LUMINANCE = vec3(0.2126, 0.7152, 0.0722);
+
+vec3 encoded(vec3 v) {       // sRGB, IEC 61966-2-1
+  v = clamp(v, 0.0, 1.0);
+  return mix(12.92 * v, 1.055 * pow(v, vec3(1.0 / 2.4)) - 0.055, step(0.0031308, v));
+}
+bool hatched(float width) { return mod(gl_FragCoord.x + gl_FragCoord.y, 2.0 * width) < width; }
+
+vec3 developed(vec3 v, float mark) {
+  if (any(isnan(v)) || any(isinf(v))) return hatched(4.0) ? vec3(1.0, 0.0, 1.0) : vec3(0.0);
+  vec3 light = v;
+  if (channel == 4) light = vec3(dot(v, LUMINANCE));
+  else if (channel > 0) light = vec3(channel == 1 ? v.r : channel == 2 ? v.g : v.b);
+  vec3 result;
+  if (falseColour) {
+    float share = (log2(max(dot(light, LUMINANCE), 1e-30)) - stops.x) / max(stops.y - stops.x, 1e-6);
+    result = texture(colours, vec2(clamp(share, 0.001, 0.999), 0.5)).rgb;
+  } else {
+    result = encoded(light * exposure);
+  }
+  if (clipping && !falseColour) {
+    vec3 seen = light * exposure;
+    if (any(greaterThan(seen, vec3(1.0))) && hatched(4.0)) result = vec3(0.9, 0.1, 0.1);
+    else if (all(lessThan(seen, vec3(0.0003))) && hatched(4.0)) result = vec3(0.1, 0.3, 0.9);
+  }
+  if (marked && mark > 0.5 && hatched(3.0)) {
+    result = mark < 1.5 ? vec3(1.0, 0.55, 0.0) : mark < 2.5 ? vec3(0.2, 0.5, 1.0) : vec3(0.6);
+  }
+  return result;
+}
+`;
+
+export const QUAD = `#version 300 es
+uniform vec4 place;          // of the quad, in clip space: left, bottom, right, top
+uniform vec4 part;           // of the texture
+out vec2 at;
+void main() {
+  vec2 corner = vec2(gl_VertexID & 1, gl_VertexID >> 1);
+  at = mix(part.xy, part.zw, corner);
+  gl_Position = vec4(mix(place.xy, place.zw, corner), 0.0, 1.0);
+}`;
+
+export const TILE = `#version 300 es
+${DEVELOP}
+uniform sampler2D tile;
+uniform float scale;
+in vec2 at;
+out vec4 colour;
+void main() {
+  vec4 pixel = texture(tile, at);
+  colour = vec4(developed(pixel.rgb * scale, pixel.a), 1.0);
+}`;
+
+// A tile as it is, into a picture of floats that two of are compared in.
+export const COPY = `#version 300 es
+precision highp float;
+precision highp sampler2D;
+uniform sampler2D tile;
+uniform float scale;
+in vec2 at;
+out vec4 colour;
+void main() {
+  vec4 pixel = texture(tile, at);
+  colour = vec4(pixel.rgb * scale, pixel.a);
+}`;
+
+export const COMPARE = `#version 300 es
+${DEVELOP}
+uniform sampler2D one, other;
+uniform int mode;            // 1 wipe, 2 signed difference
+uniform vec2 edge;           // of the wipe: its place, 0 to 1, and 0 where it is upright, 1 where it lies
+in vec2 at;
+out vec4 colour;
+const vec3 GROUND = vec3(0.07);
+void main() {
+  vec4 a = texture(one, at), b = texture(other, at);
+  if (mode == 1) {
+    bool first = edge.y < 0.5 ? at.x < edge.x : at.y > 1.0 - edge.x;
+    vec4 pixel = first ? a : b;
+    colour = vec4(pixel.a < -0.5 ? GROUND : developed(pixel.rgb, pixel.a), 1.0);
+  } else if (a.a < -0.5 || b.a < -0.5) {
+    colour = vec4(GROUND, 1.0);
+  } else {
+    vec3 more = (a.rgb - b.rgb) * exposure;   // warm where the picture is brighter than the reference, blue where darker
+    float d = dot(more, LUMINANCE);
+    if (isnan(d) || isinf(d)) colour = vec4(hatched(4.0) ? vec3(1.0, 0.0, 1.0) : vec3(0.0), 1.0);
+    else colour = vec4(channel == 0 ? encoded(0.18 + more) : encoded(d > 0.0 ? vec3(d, 0.45 * d, 0.0) : vec3(0.0, -0.35 * d, -d)), 1.0);
+  }
+}`;
+
+// An equirectangular map from inside: −Z in the middle, +X to its right.
+export const INSIDE = `#version 300 es
+${DEVELOP}
+uniform sampler2D map;
+uniform float scale;
+uniform vec3 right, up, ahead;   // of the view, right and up as long as the tangents of half its angles
+in vec2 at;
+out vec4 colour;
+const float PI = 3.14159265358979;
+void main() {
+  vec2 p = 2.0 * at - 1.0;
+  vec3 d = normalize(ahead + p.x * right + p.y * up);
+  vec2 uv = vec2(0.5 + atan(d.x, -d.z) / (2.0 * PI), acos(clamp(d.y, -1.0, 1.0)) / PI);
+  vec4 pixel = textureLod(map, uv, 0.0);
+  colour = vec4(developed(pixel.rgb * scale, pixel.a), 1.0);
+}`;
+
+// Viridis in eight steps (Smith & van der Walt, 2015; CC0), between which the card interpolates.
+export const COLOURS = new Uint8Array([
+  68, 1, 84, 255, 70, 50, 126, 255, 54, 92, 141, 255, 39, 127, 142, 255, 31, 161, 135, 255, 74, 193, 109, 255,
+  160, 218, 57, 255, 253, 231, 37, 255,
+]);
