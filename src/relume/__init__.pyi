@@ -16,7 +16,6 @@ from .export.light_files import LightFiles as LightFiles
 from .export.light_files import write_lights as write_lights
 from .export.shot_files import export_shot as export_shot
 from .image import files as files
-from .image.files import ReadOptions as ReadOptions
 from .image.files import read as read
 from .image.files import read_photograph as read_photograph
 from .image.files import read_radiance as read_radiance
@@ -28,7 +27,6 @@ from .image.response import Response as Response
 from .light.constellations.constellation import constellation as constellation
 from .probe.ball.blending import blend_views as blend_views
 from .probe.ball.unwrapping import unwrap_ball as unwrap_ball
-from .project.developing.develop_files import DevelopedFile as DevelopedFile
 from .project.developing.develop_files import DevelopSettings as DevelopSettings
 from .project.developing.develop_files import develop_file as develop_file
 from .project.developing.develop_files import develop_sequence as develop_sequence
@@ -69,6 +67,8 @@ from .sphere.environment_files import as_environment as as_environment
 from .sphere.environment_files import as_radiance_map as as_radiance_map
 from .sphere.environment_files import read_environment as read_environment
 from .sphere.environment_map import EnvironmentMap as EnvironmentMap
+from .studio.notebook import show as show
+from .studio.server import view as view
 from .surface.reflectance import recover_reflectance as recover_reflectance
 from .virtual_camera import film as film
 from .virtual_camera import lens as lens

@@ -74,15 +74,15 @@ class ReadingOptions:
         Parameter(help="Byte order of a raw .float file; the one that makes sense unless given."),
     ] = None
 
-    def reading(self) -> rl.ReadOptions:
+    def reading(self) -> rl.files.ReadOptions:
         """The same for `rl.read`; raises ValueError that names the option."""
-        limits = rl.ReadOptions()
+        limits = rl.files.ReadOptions()
         pixels = limits.pixels
         if self.largest is not None:
             if not (math.isfinite(self.largest) and self.largest * _MEGAPIXEL >= 1):
                 raise ValueError(f"--largest is {self.largest:g} megapixels; give a number like 500")
             pixels = int(self.largest * _MEGAPIXEL)
-        return rl.ReadOptions(
+        return rl.files.ReadOptions(
             # Who raises the area means long strips too; memory is still held against what the machine has free.
             side=limits.side if pixels <= limits.pixels else pixels,
             pixels=pixels,

@@ -241,7 +241,7 @@ class BesideOptions:
                 raise ValueError(f"{option} {path}: another output has that name; give each its own")
             seen.add(path.resolve())
 
-    def write(self, made: rl.DevelopedFile) -> dict[str, str]:
+    def write(self, made: Any) -> dict[str, str]:
         """Write what is asked for; the files by what they are."""
         files: dict[str, str] = {}
         if self.sheet:

@@ -353,7 +353,7 @@ def info(
             raise unreadable[-1]
 
 
-def _draw(paths: list[Path], out: Path, from_: str | None, reading: rl.ReadOptions) -> None:
+def _draw(paths: list[Path], out: Path, from_: str | None, reading: rl.files.ReadOptions) -> None:
     if len(paths) != 1:
         raise ValueError(f"--draw shows one map; {len(paths)} files are named")
     require_suffix(out, ".png", option="--draw")

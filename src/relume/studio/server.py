@@ -7,6 +7,7 @@ import secrets
 import socket
 import webbrowser
 from collections.abc import Callable, Sequence
+from contextlib import suppress
 from pathlib import Path
 
 from relume.errors import RelumeError
@@ -60,8 +61,12 @@ def view(
     if open_browser:
         webbrowser.open(address)
     # Pixels are quick as they are: compressing 5 MB for the page next door took 20 times as long as sending it.
-    settings = uvicorn.Config(guarded, log_level="critical", ws_per_message_deflate=False, server_header=False)
-    uvicorn.Server(settings).run(sockets=[listening])
+    settings = uvicorn.Config(
+        guarded, log_level="critical", ws_per_message_deflate=False, server_header=False, timeout_graceful_shutdown=1
+    )
+    # Ctrl-C is how it ends, not how it fails.
+    with suppress(KeyboardInterrupt):
+        uvicorn.Server(settings).run(sockets=[listening])
 
 
 def _listening(host: str, port: int) -> socket.socket:
@@ -73,4 +78,5 @@ def _listening(host: str, port: int) -> socket.socket:
     except OSError as error:
         result.close()
         raise RelumeError(f"{host}:{port} cannot be listened at: {error.strerror}; give another port") from None
+    result.listen(128)  # before the address is said: who reads it may ask at once
     return result

@@ -324,7 +324,7 @@ export class HdrCanvas {
   screenAt(x, y) {
     this.drawNow();
     const found = new Uint8Array(4);
-    this.gl.readPixels(Math.round(x), this.canvas.height - 1 - Math.round(y), 1, 1, this.gl.RGBA, this.gl.UNSIGNED_BYTE, found);
+    this.gl.readPixels(Math.floor(x), this.canvas.height - 1 - Math.floor(y), 1, 1, this.gl.RGBA, this.gl.UNSIGNED_BYTE, found);
     return Array.from(found);
   }
 

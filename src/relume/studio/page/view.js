@@ -18,7 +18,7 @@ const state = {
   number: -1, layer: 0, reference: -1, referenceLayer: 0,
   /** @type {[number, number, number, number] | null} */ region: null,
   /** @type {any} */ held: null,
-  fitted: false,
+  fitted: false, exposed: false,
 };
 
 /** @param {unknown} error */
@@ -70,10 +70,11 @@ function tilesOf(number, layer) {
     (await answer(`/tiles/${number}/${layer}/${digest}/${level}/${column}/${row}`, signal)).arrayBuffer();
 }
 
-let opening = 0;
+let opening = 0, busy = 0;
 /** @param {number} number @param {number} [layer] */
 async function open(number, layer = 0) {
   const turn = ++opening;
+  busy++;
   element("message").textContent = state.facts.has(number) ? "" : `opening ${state.files[number].name} …`;
   try {
     const facts = await factsOf(number);
@@ -83,19 +84,23 @@ async function open(number, layer = 0) {
     state.layer = Math.min(layer, facts.layers.length - 1);
     canvas.open(facts.layers[state.layer], tilesOf(number, state.layer));
     if (!state.fitted || !before || before.size.join() !== facts.size.join()) fit();
-    if (!before && facts.kind === "radiance map") await normalise();
+    if (!state.exposed && facts.kind === "radiance map") await normalise();
+    state.exposed = true;
     if (canvas.view.mode === "inside" && facts.mapping !== "latlong") canvas.set({ mode: "picture" });
     element("message").textContent = facts.notes.join(" · ");
     if (lastValue) read(lastValue.x, lastValue.y);
     await remeasure();
   } catch (error) {
     if (turn === opening) failed(error);
+  } finally {
+    busy--;
   }
   list();
 }
 
 /** @param {number} number @param {number} [layer] */
 async function refer(number, layer = 0) {
+  busy++;
   if (number === state.reference && layer === state.referenceLayer) {
     state.reference = -1;
     canvas.closeReference();
@@ -112,6 +117,7 @@ async function refer(number, layer = 0) {
   }
   list();
   await remeasure();
+  busy--;
 }
 
 function fit() {
@@ -501,7 +507,7 @@ function watch() {
 }
 
 /** For tests: the page's own state, and whether all that was asked for is shown. */
-Object.assign(window, { relume: { canvas, state, settled: () => canvas.settled && !asking && state.number >= 0 } });
+Object.assign(window, { relume: { canvas, state, settled: () => canvas.settled && !asking && !busy && state.number >= 0 } });
 
 json("/pictures").then(async ({ files }) => {
   state.files = files;

@@ -1,0 +1,334 @@
+"""The page of `relume view` in a real browser: what keys and the pointer do, by pixels read back and numbers shown."""
+
+from __future__ import annotations
+
+import shutil
+import time
+from collections.abc import Callable, Iterator
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from serving import Server, serving
+
+import relume as rl
+
+pytest.importorskip("uvicorn", reason="the extra studio is not installed")
+playwright = pytest.importorskip("playwright.sync_api", reason="playwright is not installed")
+
+CHROMIUM = next(filter(None, map(shutil.which, ("chromium", "chromium-browser", "google-chrome"))), None)
+pytestmark = pytest.mark.skipif(CHROMIUM is None, reason="no Chromium here; on Debian: apt-get install chromium")
+FLAGS = ["--use-angle=swiftshader", "--enable-unsafe-swiftshader", "--no-sandbox", "--disable-background-networking"]
+WIDTH, HEIGHT = 640, 320
+
+
+def gradient(factor: float = 1.0) -> np.ndarray:
+    """Light that doubles every 40 columns; green and blue are a half and a quarter of red."""
+    red = np.exp2(np.arange(WIDTH) / 40 - 8)[None, :, None] * np.ones((HEIGHT, 1, 1))
+    return (factor * red * np.array([1.0, 0.5, 0.25])).astype(np.float32)
+
+
+@pytest.fixture(scope="module")
+def files(tmp_path_factory: pytest.TempPathFactory) -> list[Path]:
+    folder = tmp_path_factory.mktemp("page")
+    clipped = np.zeros((HEIGHT, WIDTH), np.uint8)
+    clipped[:40, -40:] = 1
+    rl.write(folder / "a.exr", rl.RadianceMap(gradient(), None, clipped, "cd/m²", {"mapping": "latlong"}))
+    rl.write(folder / "b.exr", rl.RadianceMap(gradient(2.0), unit="cd/m²"))
+    odd = gradient()
+    odd[100:140, 100:140] = np.nan
+    layers = {"odd": odd, "matte": np.full((HEIGHT, WIDTH), 0.25, np.float32)}
+    rl.files.write_layers(folder / "layers.exr", layers)
+    return [folder / "a.exr", folder / "b.exr", folder / "layers.exr"]
+
+
+@pytest.fixture(scope="module")
+def server(files: list[Path]) -> Iterator[Server]:
+    with serving(files) as running:
+        yield running
+
+
+@pytest.fixture(scope="module")
+def browser() -> Iterator[Any]:
+    with playwright.sync_playwright() as started:
+        running = started.chromium.launch(executable_path=CHROMIUM, args=FLAGS)
+        yield running
+        running.close()
+
+
+@pytest.fixture
+def page(browser: Any, server: Server) -> Iterator[Page]:
+    context = browser.new_context(viewport={"width": 1280, "height": 720})
+    said: list[str] = []
+    tab = context.new_page()
+    tab.on("pageerror", lambda error: said.append(str(error)))
+    tab.on("console", lambda message: said.append(message.text) if message.type == "error" else None)
+    tab.goto(server.address)
+    result = Page(tab)
+    result.settle()
+    result.press("r", "f")
+    yield result
+    context.close()
+    assert not said
+
+
+class Page:
+    """The tab with what tests do in it."""
+
+    def __init__(self, tab: Any) -> None:
+        self.tab = tab
+
+    def until(self, holds: Callable[[], bool], what: str) -> None:
+        # The page's own rules forbid to evaluate texts, by which Playwright waits: it is asked again and again.
+        end = time.monotonic() + 20
+        while not holds():
+            assert time.monotonic() < end, f"never came: {what}"
+            time.sleep(0.02)
+
+    def settle(self) -> None:
+        self.until(lambda: self.tab.evaluate("!!window.relume?.settled()"), "the picture")
+
+    def press(self, *keys: str) -> None:
+        for key in keys:
+            self.tab.keyboard.press(key)
+        self.settle()
+
+    def shown(self, x: float, y: float) -> list[int]:
+        """The screen's red, green and blue at a pixel of the picture."""
+        return self.tab.evaluate(
+            "([x, y]) => { const c = relume.canvas, p = c.toScreen(x, y); return c.screenAt(p[0], p[1]); }", [x, y]
+        )[:3]
+
+    def point_at(self, x: float, y: float) -> tuple[float, float]:
+        """Where in the window a pixel of the picture lies."""
+        return tuple(
+            self.tab.evaluate(
+                "([x, y]) => { const c = relume.canvas, p = c.toScreen(x, y), b = c.canvas.getBoundingClientRect();"
+                "const d = c.canvas.width / b.width; return [b.left + p[0] / d, b.top + p[1] / d]; }", [x, y],
+            )
+        )  # fmt: skip
+
+    def picture_at(self, x: float, y: float) -> list[float]:
+        """The point of the picture that lies in the window at (x, y)."""
+        return self.tab.evaluate(
+            "([x, y]) => { const c = relume.canvas, b = c.canvas.getBoundingClientRect(), d = c.canvas.width / b.width;"
+            "return c.toPicture((x - b.left) * d, (y - b.top) * d); }", [x, y],
+        )  # fmt: skip
+
+    def text(self, selector: str) -> str:
+        return self.tab.locator(selector).inner_text()
+
+    def view(self, name: str) -> Any:
+        return self.tab.evaluate("(name) => relume.canvas.view[name]", name)
+
+
+def encoded(linear: np.ndarray | list[float]) -> np.ndarray:
+    """sRGB's codes of linear values, 0 to 255."""
+    v = np.clip(np.asarray(linear, np.float64), 0, 1)
+    return 255 * np.where(v <= 0.0031308, 12.92 * v, 1.055 * v ** (1 / 2.4) - 0.055)
+
+
+def test_the_screen_shows_the_exposed_value_and_the_file_is_never_written(page: Page, files: list[Path]):
+    before = files[0].read_bytes()
+    for stops, keys in ((0.0, ()), (1.0, ("e", "e")), (-0.5, ("Shift+E",) * 3)):
+        page.press(*keys)
+        assert page.view("stops") == stops
+        for x in (20, 300, 340, 500):
+            value = gradient()[0, x] * 2.0**stops
+            assert page.shown(x + 0.5, 200.5) == pytest.approx(encoded(value), abs=1.01)
+    assert page.text("#exposure-shown") == "−0.50 stops"
+    page.press("r")
+    assert page.view("stops") == 0 and files[0].read_bytes() == before
+
+
+def test_the_pixel_under_the_pointer_is_the_files_float_and_a_click_holds_it(page: Page):
+    page.tab.mouse.move(*page.point_at(480.5, 160.5))
+    page.until(lambda: "480, 160" in page.text("#value"), "the pixel")
+    said = page.text("#value")
+    assert "16 8 4" in said and "cd/m²" in said and "measured" in said  # 2^(480/40 − 8)
+    assert "90.281° right" in said  # (480.5/640 − ½)·360°
+    page.tab.mouse.down()
+    page.tab.mouse.up()
+    page.tab.mouse.move(*page.point_at(560.5, 160.5))
+    page.until(lambda: "560, 160" in page.text("#value"), "the other pixel")
+    assert "× 4, +2.00 stops" in page.text("#value")
+
+
+def test_a_region_is_drawn_and_measured(page: Page):
+    page.tab.keyboard.down("Shift")
+    page.tab.mouse.move(*page.point_at(480.5, 100.5))
+    page.tab.mouse.down()
+    page.tab.mouse.move(*page.point_at(482.5, 109.5), steps=4)
+    page.tab.mouse.up()
+    page.tab.keyboard.up("Shift")
+    page.until(lambda: "30" in page.text("#statistics"), "the region")
+    mean = gradient()[0, 480:483, 0].mean()
+    assert f"{float(f'{mean:.5g}'):g}" in page.text("#statistics")
+    page.press("Escape")
+    assert page.tab.locator("#region").is_hidden()
+
+
+def test_wheel_and_drag_keep_the_point_that_is_held(page: Page):
+    x, y = (round(each) for each in page.point_at(400.5, 100.5))  # wheels turn at whole pixels
+    held = page.picture_at(x, y)
+    page.tab.mouse.move(x, y)
+    page.tab.mouse.wheel(0, -600)
+    page.settle()
+    assert page.view("zoom") > 4
+    assert page.picture_at(x, y) == pytest.approx(held, abs=0.01)
+    page.tab.mouse.down()
+    page.tab.mouse.move(x + 60, y - 25, steps=3)
+    page.tab.mouse.up()
+    page.settle()
+    assert page.picture_at(x + 60, y - 25) == pytest.approx(held, abs=0.01)
+    page.press("f", "1")
+    assert page.view("zoom") == 1
+
+
+def test_enlarged_pixels_print_their_numbers(page: Page):
+    page.tab.mouse.move(*page.point_at(480.5, 160.5))
+    for _ in range(8):
+        page.tab.mouse.wheel(0, -200)
+    page.settle()
+    assert page.view("zoom") >= 128
+
+    def printed() -> bool:
+        return page.tab.evaluate(
+            "() => { const n = document.getElementById('numbers'); const d = n.getContext('2d')"
+            ".getImageData(0, 0, n.width, n.height).data; return d.some((v) => v > 0); }"
+        )
+
+    page.until(printed, "numbers in the pixels")
+    page.press("f")
+    assert not printed()
+
+
+def test_wipe_and_difference_against_a_reference(page: Page):
+    page.tab.locator("#files button").nth(1).click(button="right")
+    page.settle()
+    page.press("r")
+    assert page.view("mode") == "wipe"
+    # Left of the middle the picture, right of it the reference, twice as bright.
+    assert page.shown(200.5, 100.5) == pytest.approx(encoded(gradient()[0, 200]), abs=1.01)
+    assert page.shown(330.5, 100.5) == pytest.approx(encoded(gradient(2.0)[0, 330]), abs=1.01)
+    x, y = page.point_at(320, 160)
+    page.tab.mouse.move(x, y)
+    page.tab.mouse.down()
+    page.tab.mouse.move(page.point_at(340, 160)[0], y, steps=3)
+    page.tab.mouse.up()
+    page.settle()
+    assert page.shown(330.5, 100.5) == pytest.approx(encoded(gradient()[0, 330]), abs=1.01)
+    assert "50 % RMS" not in page.text("#difference") and "-50 % bias" in page.text("#difference")
+    page.press("d")
+    # Half as bright: the difference is what the picture itself holds, below middle grey.
+    assert page.shown(200.5, 100.5) == pytest.approx(encoded(0.18 - gradient()[0, 200]), abs=1.01)
+    page.press(" ")
+    assert page.text('#files [aria-current="true"]').startswith("b.exr")
+    assert page.view("mode") == "difference"
+    assert page.shown(200.5, 100.5) == pytest.approx(encoded(0.18 + gradient()[0, 200]), abs=1.01)
+
+
+def test_channels_false_colour_clipping_and_marks(page: Page):
+    page.press("Shift+G")
+    assert page.shown(300.5, 200.5) == pytest.approx(encoded([gradient()[0, 300, 1]] * 3), abs=1.01)
+    page.press("l")
+    luminance = gradient()[0, 300] @ [0.2126, 0.7152, 0.0722]
+    assert page.shown(300.5, 200.5) == pytest.approx(encoded([luminance] * 3), abs=1.01)
+    page.press("c", "v")
+    # Viridis ends in dark violet and in yellow.
+    assert page.shown(0.5, 200.5) == pytest.approx([68, 1, 84], abs=6)
+    assert page.shown(639.5, 200.5) == pytest.approx([253, 231, 37], abs=6)
+    assert page.tab.locator("#legend").is_visible() and "cd/m²" in page.text("#legend")
+    page.press("v", "x")
+    beyond = np.array([page.shown(600.5, 200.5 + i) for i in range(12)])
+    assert (beyond[:, 1] < 60).any() and (beyond[:, 1] > 200).any()  # stripes of red and white
+    page.press("x", "m")
+    marked = np.array([page.shown(620.5, 10.5 + i) for i in range(12)])
+    assert (np.abs(marked - [255, 140, 0]).max(1) < 3).any() and (marked[:, 2] > 200).any()
+    assert page.shown(620.5, 60.5) == [255, 255, 255]
+
+
+def test_layers_and_what_is_no_number(page: Page):
+    page.tab.locator("#files button").nth(2).click()
+    page.settle()
+    page.press("r")
+    assert page.text("#layers").split() == ["matte", "odd"] or page.text("#layers").split() == ["odd", "matte"]
+    page.tab.locator("#layers button", has_text="odd").click()
+    page.settle()
+    page.press("f")
+    seen = np.array([page.shown(110.5 + i, 120.5) for i in range(12)])
+    assert ((seen == [255, 0, 255]).all(1)).any()
+    assert "4,800 values are not finite" in page.text("#title")
+    page.tab.locator("#layers button", has_text="matte").click()
+    page.settle()
+    assert page.shown(300.5, 100.5) == pytest.approx(encoded([0.25] * 3), abs=1.01)
+
+
+def test_a_map_from_inside_has_the_direction_under_the_pointer(page: Page):
+    page.press("i")
+    assert page.view("mode") == "inside"
+    box = page.tab.locator("#picture").bounding_box()
+    # −Z is in the middle of the view and of the map; +X lies to the right of it in both.
+    page.tab.mouse.move(box["x"] + box["width"] / 2 + 0.5, box["y"] + box["height"] / 2 + 0.5)
+    page.until(lambda: "320, 160" in page.text("#value"), "the pixel ahead")
+    page.tab.mouse.move(box["x"] + box["width"] - 1, box["y"] + box["height"] / 2)
+    page.until(lambda: "320, 160" not in page.text("#value"), "the pixel to the right")
+    right = np.degrees(np.arctan(box["width"] / box["height"]))
+    assert float(page.text("#value").split("° right")[0].split()[-1]) == pytest.approx(right, abs=0.6)
+    middle = page.tab.evaluate("() => { const c = relume.canvas; return c.screenAt(c.canvas.width / 2, c.canvas.height / 2); }")
+    assert middle[:3] == pytest.approx(encoded(gradient()[0, 320]), abs=2)
+
+
+def test_the_palette_finds_a_command_and_keys_alone_are_enough(page: Page):
+    page.press("Control+k")
+    page.tab.keyboard.type("false col")
+    page.tab.keyboard.press("Enter")
+    page.settle()
+    assert page.view("falseColour") is True
+    page.press("?")
+    assert page.tab.locator("#sheet").is_visible() and "Half a stop brighter" in page.text("#sheet")
+    page.press("Escape", "ArrowDown")
+    page.until(lambda: page.text('#files [aria-current="true"]').startswith("b.exr"), "the next picture")
+    page.press("Shift+Enter", "ArrowUp")
+    page.until(lambda: page.text('#files [aria-current="true"]').startswith("a.exr"), "the picture before")
+    assert "reference" in page.text('#files [data-reference="true"]')
+
+
+def test_a_file_that_changes_is_shown_anew(page: Page, files: list[Path]):
+    kept = files[0].read_bytes()
+    try:
+        rl.write(files[0], rl.RadianceMap(np.full((HEIGHT, WIDTH, 3), 0.5, np.float32)))
+        page.until(lambda: page.shown(20.5, 200.5) == pytest.approx(encoded([0.5] * 3), abs=1.01), "the new picture")
+    finally:
+        files[0].write_bytes(kept)
+
+
+def test_no_element_lacks_a_name_and_nothing_leaves_a_small_window(page: Page):
+    nameless = page.tab.evaluate(
+        "() => [...document.querySelectorAll('button, input, [role=slider]')].filter((e) => !(e.textContent.trim() ||"
+        " e.getAttribute('aria-label') || e.labels?.length)).map((e) => e.outerHTML)"
+    )
+    assert nameless == []
+    for size in ((1280, 720), (640, 360), (3840, 2160)):
+        page.tab.set_viewport_size({"width": size[0], "height": size[1]})
+        page.settle()
+        across = page.tab.evaluate("() => document.documentElement.scrollWidth - document.documentElement.clientWidth")
+        assert across <= 0, size
+
+
+def test_a_notebook_shows_the_picture_without_a_server(browser: Any, tmp_path: Path):
+    shown = rl.show(rl.RadianceMap(gradient(), unit="cd/m²"), stops=0.0, height=400)
+    (tmp_path / "notebook.html").write_text(shown.page, encoding="utf-8")
+    tab = browser.new_page(viewport={"width": 900, "height": 500})
+    try:
+        tab.goto((tmp_path / "notebook.html").as_uri())
+        page = Page(tab)
+        page.settle()
+        assert page.shown(300.5, 100.5) == pytest.approx(encoded(gradient()[0, 300]), abs=1.01)
+        tab.mouse.move(*page.point_at(480.5, 160.5))
+        page.until(lambda: "480, 160: 16 8 4 cd/m²" in page.text("#value"), "the value")
+    finally:
+        tab.close()
+    with pytest.raises(ValueError, match=r"the picture is of shape \(4, 4\); show a radiance map"):
+        rl.show(np.zeros((4, 4)))

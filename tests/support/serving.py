@@ -1,0 +1,75 @@
+"""`relume view` as its own process, for tests that speak to it from outside."""
+
+from __future__ import annotations
+
+import http.client
+import json
+import os
+import signal
+import subprocess
+import sys
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+from urllib.parse import parse_qs, urlsplit
+
+COMMAND = "import sys; from relume.cli import main; sys.exit(main())"
+
+
+@dataclass(frozen=True)
+class Server:
+    """A server that runs: its port, its token, and requests to it."""
+
+    port: int
+    token: str
+    process: subprocess.Popen[str]
+
+    @property
+    def address(self) -> str:
+        return f"http://127.0.0.1:{self.port}/?token={self.token}"
+
+    @property
+    def cookie(self) -> dict[str, str]:
+        return {"Cookie": f"relume-{self.port}={self.token}"}
+
+    def ask(self, path: str, *, method: str = "GET", **headers: str) -> tuple[int, dict[str, str], bytes]:
+        """Status, headers in small letters, body; the path goes out as it is written, the Host as given."""
+        speaking = http.client.HTTPConnection("127.0.0.1", self.port, timeout=30)
+        try:
+            speaking.putrequest(method, path, skip_host=True)
+            for name, value in {"Host": f"127.0.0.1:{self.port}", **headers}.items():
+                speaking.putheader(name, value)
+            speaking.endheaders()
+            answer = speaking.getresponse()
+            return answer.status, {name.lower(): value for name, value in answer.getheaders()}, answer.read()
+        finally:
+            speaking.close()
+
+    def json(self, path: str) -> Any:
+        status, _, body = self.ask(path, **self.cookie)
+        assert status == 200, (status, body)
+        return json.loads(body)
+
+
+@contextmanager
+def serving(files: Sequence[Path]) -> Iterator[Server]:
+    """The command over these files, ended by Ctrl-C, which has to give exit code 0."""
+    environment = {**os.environ, "PYTHONPATH": os.pathsep.join(sys.path)}
+    with subprocess.Popen(
+        [sys.executable, "-c", COMMAND, "view", "--no-browser", "--json", *map(str, files)],
+        env=environment, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True,
+    ) as process:  # fmt: skip
+        assert process.stdout is not None and process.stderr is not None
+        line = process.stdout.readline()
+        assert line, process.stderr.read()
+        parts = urlsplit(json.loads(line)["address"])
+        assert parts.port is not None
+        try:
+            yield Server(parts.port, parse_qs(parts.query)["token"][0], process)
+        finally:
+            process.send_signal(signal.SIGINT)
+            _, said = process.communicate(timeout=20)
+        assert process.returncode == 0, said
+        assert "Traceback" not in said, said
