@@ -17,6 +17,7 @@ check: $(READY)           ## style and types
 	$(VENV)/bin/ruff check .
 	$(VENV)/bin/ruff format --check .
 	$(VENV)/bin/pyright
+	scripts/check-page
 
 bench: $(READY)           ## every benchmark, one after another
 	@set -e; for script in benchmarks/*.py; do \

@@ -22,6 +22,7 @@ if signal.getsignal(signal.SIGINT) is signal.SIG_IGN and threading.current_threa
 LONGEST = ["test_room_truth.py", "test_mitsuba_insert.py", "test_insert.py", "test_filters.py", "test_merge.py"]
 # What `make quick` leaves out: what renders with Mitsuba, runs whole commands and shots, or takes more than 5 s.
 LONG = (
+    "studio/test_page.py",
     *("cli/*", "project/*", "report/*", "physics/*", "image/test_corpus*", "test_examples.py", "test_architecture.py"),
     *("renderers/*mitsuba*", "renderers/test_renderer.py", "renderers/test_environment.py", "renderers/test_sheet.py"),
     *("renderers/test_accumulation.py", "renderers/test_allocation.py", "renderers/test_filters.py"),

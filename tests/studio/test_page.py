@@ -10,9 +10,9 @@ from typing import Any
 
 import numpy as np
 import pytest
-from serving import Server, serving
 
 import relume as rl
+from serving import Server, serving
 
 pytest.importorskip("uvicorn", reason="the extra studio is not installed")
 playwright = pytest.importorskip("playwright.sync_api", reason="playwright is not installed")
@@ -276,7 +276,9 @@ def test_a_map_from_inside_has_the_direction_under_the_pointer(page: Page):
     page.until(lambda: "320, 160" not in page.text("#value"), "the pixel to the right")
     right = np.degrees(np.arctan(box["width"] / box["height"]))
     assert float(page.text("#value").split("° right")[0].split()[-1]) == pytest.approx(right, abs=0.6)
-    middle = page.tab.evaluate("() => { const c = relume.canvas; return c.screenAt(c.canvas.width / 2, c.canvas.height / 2); }")
+    middle = page.tab.evaluate(
+        "() => { const c = relume.canvas; return c.screenAt(c.canvas.width / 2, c.canvas.height / 2); }"
+    )
     assert middle[:3] == pytest.approx(encoded(gradient()[0, 320]), abs=2)
 
 

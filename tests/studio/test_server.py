@@ -9,10 +9,10 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from serving import Server, serving
 
 import relume as rl
 from relume.errors import RelumeError, UnreadableFile
+from serving import Server, serving
 
 pytest.importorskip("starlette", reason="the extra studio is not installed")
 uvicorn = pytest.importorskip("uvicorn", reason="the extra studio is not installed")

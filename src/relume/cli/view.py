@@ -14,7 +14,8 @@ from relume.cli.console import OutputOptions, print_facts, warnings_as_notes
 
 def view(
     files: Annotated[
-        list[Path], Parameter(name="FILES", help="Pictures, radiance maps, light maps, or folders of them.", negative="")
+        list[Path],
+        Parameter(name="FILES", help="Pictures, radiance maps, light maps, or folders of them.", negative=""),
     ],
     /,
     *,

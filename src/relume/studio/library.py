@@ -70,7 +70,9 @@ def readable_files(paths: Sequence[Path]) -> list[Path]:
             inside = sorted(each for each in path.iterdir() if each.is_file() and not each.name.startswith("."))
             pictures = [each for each in inside if _opens(each)]
             if not pictures:
-                raise ValueError(f"{path}: no picture that relume reads is in this folder; name a file or another folder")
+                raise ValueError(
+                    f"{path}: no picture that relume reads is in this folder; name a file or another folder"
+                )
             found += pictures
         elif path.is_file():
             found.append(path)

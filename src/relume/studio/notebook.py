@@ -20,6 +20,9 @@ LARGEST_SIDE = 1024
 """Pixels kept along the longer side: about 6 MB in a notebook."""
 
 
+Picture = rl.RadianceMap | rl.EnvironmentMap | rl.Render | np.ndarray
+
+
 @dataclass(frozen=True)
 class Shown:
     """What `show` gives back: a notebook draws it, with exposure, pan, zoom and the values of pixels.
@@ -39,7 +42,10 @@ class Shown:
 
 
 def show(
-    picture: rl.RadianceMap | rl.EnvironmentMap | rl.Render | np.ndarray, *, stops: float | None = None, height: int = 480
+    picture: rl.RadianceMap | rl.EnvironmentMap | rl.Render | np.ndarray,
+    *,
+    stops: float | None = None,
+    height: int = 480,
 ) -> Shown:
     """Draw a radiance map, an environment map, a render or linear pixels (H, W, 3) in a notebook.
 
@@ -82,7 +88,7 @@ def show(
     return Shown(page, height)
 
 
-def _pixels_of(picture: rl.RadianceMap | rl.EnvironmentMap | rl.Render | np.ndarray) -> tuple[np.ndarray, str]:
+def _pixels_of(picture: Picture) -> tuple[np.ndarray, str]:
     values = picture if isinstance(picture, np.ndarray) else getattr(picture, "radiance", None)
     if not isinstance(values, np.ndarray) or values.ndim != 3 or values.shape[2] != 3 or values.size == 0:
         found = f"of shape {values.shape}" if isinstance(values, np.ndarray) else f"of type {type(picture).__name__}"

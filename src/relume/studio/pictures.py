@@ -193,7 +193,9 @@ def _named(parts: Mapping[str, np.ndarray], first: np.ndarray) -> tuple[str, lis
     """The name of the part that was read as the picture, and the others; variance and marks belong to the picture."""
     name, found = "", []
     for each, values in parts.items():
-        pixels = np.ascontiguousarray(values if values.ndim == 3 else np.repeat(values[..., None], 3, axis=2), np.float32)
+        pixels = np.ascontiguousarray(
+            values if values.ndim == 3 else np.repeat(values[..., None], 3, axis=2), np.float32
+        )
         if not name and pixels.shape == first.shape and np.array_equal(pixels, first, equal_nan=True):
             name = each
         elif each not in ("variance", "clipped"):

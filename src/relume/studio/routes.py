@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import asyncio
 from collections.abc import Callable
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
@@ -19,86 +20,103 @@ from starlette.websockets import WebSocket, WebSocketDisconnect
 from relume.errors import RelumeError
 from relume.studio.library import Library
 from relume.studio.measuring import Box, differences, statistics, value_at, values
+from relume.studio.pictures import Layer, OpenPicture
 
 PAGE = Path(__file__).parent / "page"
 WATCHED_EVERY = 1.0
 """Seconds between looks at the files."""
+UNKEPT = {"cache-control": "no-store"}
 FOREVER = "private, max-age=31536000, immutable"
+BYTES = "application/octet-stream"
 
 
-def application(library: Library) -> Starlette:
-    """The application over a library of pictures, not yet guarded."""
+@dataclass(frozen=True)
+class Answers:
+    """What is answered about a library's pictures."""
 
-    def pictures(_request: Request) -> Response:
-        return _json({"files": [{"name": file.name, "path": str(file)} for file in library.files]})
+    library: Library
 
-    def picture(request: Request) -> Response:
-        return _json(library.picture(_whole(request, "number")).facts())
+    def pictures(self, _request: Request) -> Response:
+        """The files, in the order in which they were named."""
+        return _json({"files": [{"name": file.name, "path": str(file)} for file in self.library.files]})
 
-    def tile(request: Request) -> Response:
+    def picture(self, request: Request) -> Response:
+        """A file's facts and layers, with the names of their contents."""
+        return _json(self.library.picture(_whole(request, "number")).facts())
+
+    def tile(self, request: Request) -> Response:
+        """A tile's pixels under an address that names its content, so that it never changes."""
         number, layer = _whole(request, "number"), _whole(request, "layer")
         level, column, row = (_whole(request, name) for name in ("level", "column", "row"))
-        found = library.layer(number, layer)[1]
-        tag = f'"{found.digest}-{level}-{column}-{row}"'
+        found = self.library.layer(number, layer)[1]
         if request.path_params["digest"] != found.digest:
             raise HTTPException(410, "the file changed; open it again")
-        headers = {"etag": tag, "cache-control": FOREVER}
-        if tag in request.headers.get("if-none-match", ""):
+        headers = {"etag": f'"{found.digest}-{level}-{column}-{row}"', "cache-control": FOREVER}
+        if headers["etag"] in request.headers.get("if-none-match", ""):
             return Response(status_code=304, headers=headers)
-        return Response(found.tile(level, column, row), media_type="application/octet-stream", headers=headers)
+        return Response(found.tile(level, column, row), media_type=BYTES, headers=headers)
 
-    def value(request: Request) -> Response:
-        picture, layer = _asked(request)
+    def value(self, request: Request) -> Response:
+        """One pixel, exactly."""
+        picture, layer = self._asked(request)
         return _json(value_at(picture, layer, _number(request, "x"), _number(request, "y")))
 
-    def box_of_values(request: Request) -> Response:
-        _, layer = _asked(request)
+    def values(self, request: Request) -> Response:
+        """The pixels of a small box, exactly."""
         box = _box(request)
         if box is None:
             raise HTTPException(400, "box is missing; give x,y,width,height")
-        return Response(values(layer, box).tobytes(), media_type="application/octet-stream", headers=_unkept())
+        return Response(values(self._asked(request)[1], box).tobytes(), media_type=BYTES, headers=UNKEPT)
 
-    def region(request: Request) -> Response:
-        picture, layer = _asked(request)
-        return _json(statistics(picture, layer, _box(request)))
+    def statistics(self, request: Request) -> Response:
+        """Those of a box, or of the whole picture."""
+        return _json(statistics(*self._asked(request), _box(request)))
 
-    def compared(request: Request) -> Response:
-        _, layer = _asked(request)
-        other, of = (_number(request, name) for name in ("other", "other_layer"))
+    def difference(self, request: Request) -> Response:
+        """How far a layer is from another one, in a box or everywhere."""
+        other = self.library.layer(_number(request, "other"), _number(request, "other_layer"))[1]
         try:
-            return _json(differences(layer, library.layer(other, of)[1], _box(request)))
+            return _json(differences(self._asked(request)[1], other, _box(request)))
         except ValueError as error:
             raise HTTPException(400, str(error)) from None
 
-    def _asked(request: Request) -> Any:
-        return library.layer(_whole(request, "number"), _number(request, "layer", 0))
-
-    async def events(socket: WebSocket) -> None:
+    async def events(self, socket: WebSocket) -> None:
+        """Says which files changed on disk, until the page is closed."""
         await socket.accept()
         closed = asyncio.create_task(_closed(socket))
-        seen = await run_in_threadpool(library.stamps)
+        seen = await run_in_threadpool(self.library.stamps)
         while not closed.done():
             await asyncio.wait([closed], timeout=WATCHED_EVERY)
-            now = await run_in_threadpool(library.stamps)
+            now = await run_in_threadpool(self.library.stamps)
             for number, (before, stamp) in enumerate(zip(seen, now, strict=True)):
                 if before != stamp and not closed.done():
                     await socket.send_json({"changed": number})
             seen = now
 
+    def _asked(self, request: Request) -> tuple[OpenPicture, Layer]:
+        return self.library.layer(_whole(request, "number"), _number(request, "layer", 0))
+
+
+def application(library: Library) -> Starlette:
+    """The application over a library of pictures, not yet guarded."""
+    answers = Answers(library)
+
     def index(_request: Request) -> Response:
-        return FileResponse(PAGE / "view.html", headers={"cache-control": "no-store"})
+        return FileResponse(PAGE / "view.html", headers=UNKEPT)
 
     return Starlette(
         routes=[
             Route("/", index),
-            Route("/pictures", _answered(pictures)),
-            Route("/pictures/{number:int}", _answered(picture)),
-            Route("/tiles/{number:int}/{layer:int}/{digest}/{level:int}/{column:int}/{row:int}", _answered(tile)),
-            Route("/pictures/{number:int}/value", _answered(value)),
-            Route("/pictures/{number:int}/values", _answered(box_of_values)),
-            Route("/pictures/{number:int}/statistics", _answered(region)),
-            Route("/pictures/{number:int}/difference", _answered(compared)),
-            WebSocketRoute("/events", events),
+            Route("/pictures", _answered(answers.pictures)),
+            Route("/pictures/{number:int}", _answered(answers.picture)),
+            Route("/pictures/{number:int}/value", _answered(answers.value)),
+            Route("/pictures/{number:int}/values", _answered(answers.values)),
+            Route("/pictures/{number:int}/statistics", _answered(answers.statistics)),
+            Route("/pictures/{number:int}/difference", _answered(answers.difference)),
+            Route(
+                "/tiles/{number:int}/{layer:int}/{digest}/{level:int}/{column:int}/{row:int}", _answered(answers.tile)
+            ),
+            WebSocketRoute("/events", answers.events),
             Mount("/page", StaticFiles(directory=PAGE)),
         ]
     )
@@ -111,11 +129,11 @@ def _answered(endpoint: Callable[[Request], Response]) -> Callable[[Request], Re
         try:
             return endpoint(request)
         except LookupError:
-            return JSONResponse({"error": "there is no such picture, layer, tile or pixel"}, 404, _unkept())
+            return JSONResponse({"error": "there is no such picture, layer, tile or pixel"}, 404, UNKEPT)
         except RelumeError as error:
-            return JSONResponse({"error": " ".join(str(error).split())}, 422, _unkept())
+            return JSONResponse({"error": " ".join(str(error).split())}, 422, UNKEPT)
         except HTTPException as error:
-            return JSONResponse({"error": error.detail}, error.status_code, _unkept())
+            return JSONResponse({"error": error.detail}, error.status_code, UNKEPT)
 
     return answer
 
@@ -129,11 +147,7 @@ async def _closed(socket: WebSocket) -> None:
 
 
 def _json(content: Any) -> Response:
-    return JSONResponse(content, headers=_unkept())
-
-
-def _unkept() -> dict[str, str]:
-    return {"cache-control": "no-store"}
+    return JSONResponse(content, headers=UNKEPT)
 
 
 def _whole(request: Request, name: str) -> int:

@@ -42,6 +42,7 @@ class Guard:
         if scope["type"] == "lifespan":
             await self.app(scope, receive, send)
             return
+        # Whoever sent it: the name of the server, and the origin where something changes.
         headers = Headers(scope=scope)
         refused = self._refused(scope, headers)
         if scope["type"] == "websocket":
@@ -56,9 +57,11 @@ class Guard:
                 MutableHeaders(scope=message).update(HEADERS)
             await send(message)
 
+        # Pages and pixels; every answer carries the browser's rules.
         if refused:
             await PlainTextResponse(refused, 403)(scope, receive, send_with_headers)
             return
+        # The token in the address, once: it becomes a cookie.
         query = parse_qs(scope["query_string"].decode("latin-1"), keep_blank_values=True)
         given = query.pop("token", [""])[0]
         if given and scope["method"] in SAFE:
