@@ -226,7 +226,7 @@ def test_other_machines_are_let_in_only_when_that_is_meant(files: list[Path]):
 def test_files_that_are_not_there_and_empty_folders_are_refused(tmp_path: Path):
     with pytest.raises(UnreadableFile, match="no such file"):
         rl.view([tmp_path / "none.exr"], open_browser=False)
-    with pytest.raises(ValueError, match="no picture that relume reads is in this folder"):
+    with pytest.raises(ValueError, match="this folder holds no picture that relume reads"):
         rl.view([tmp_path], open_browser=False)
 
 

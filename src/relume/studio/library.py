@@ -7,7 +7,7 @@ from collections import OrderedDict
 from collections.abc import Sequence
 from pathlib import Path
 
-from relume.errors import RelumeError, UnreadableFile
+import relume as rl
 from relume.studio.pictures import Layer, OpenPicture, open_picture
 
 KEPT_BYTES = 4 * 1024**3
@@ -63,7 +63,7 @@ class Library:
 
 
 def readable_files(paths: Sequence[Path]) -> list[Path]:
-    """The files among paths, and those in folders that look like pictures, by name; raises ValueError, UnreadableFile."""
+    """The files among paths, and the pictures in folders by name; raises ValueError, UnreadableFile."""
     found: list[Path] = []
     for path in paths:
         if path.is_dir():
@@ -71,24 +71,22 @@ def readable_files(paths: Sequence[Path]) -> list[Path]:
             pictures = [each for each in inside if _opens(each)]
             if not pictures:
                 raise ValueError(
-                    f"{path}: no picture that relume reads is in this folder; name a file or another folder"
+                    f"{path}: this folder holds no picture that relume reads; name a file or another folder"
                 )
             found += pictures
         elif path.is_file():
             found.append(path)
         else:
-            raise UnreadableFile(f"{path}: no such file; check its name")
+            raise rl.errors.UnreadableFile(f"{path}: no such file; check its name")
     if not found:
         raise ValueError("no file is given; name pictures or a folder of them")
     return found
 
 
 def _opens(path: Path) -> bool:
-    import relume as rl
-
     try:
         return rl.files.kind_of(path) not in ("RAW", "KTX2")
-    except RelumeError:
+    except rl.RelumeError:
         return False
 
 

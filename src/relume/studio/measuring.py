@@ -51,7 +51,7 @@ def values(layer: Layer, box: Box) -> np.ndarray:
 
 
 def statistics(picture: OpenPicture, layer: Layer, box: Box | None) -> dict[str, Any]:
-    """Mean, deviation, least, median and most of red, green, blue and luminance in a box, the whole picture unless given.
+    """Mean, deviation, least, median and most of red, green, blue and luminance in a box, or the whole picture.
 
     Of an environment map the mean is also weighed by solid angle, and its solid angle and irradiance are given:
     ∫ L dω and ∫ L (n·ω)⁺ dω with n up. Values that are not finite count apart. Raises LookupError.

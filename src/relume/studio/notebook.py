@@ -1,4 +1,4 @@
-"""A picture in a notebook: the canvas of `relume view`, with the picture in the page itself, so that no server is needed."""
+"""A picture in a notebook: the canvas of `relume view` with the picture in the page itself, without a server."""
 
 from __future__ import annotations
 

@@ -41,7 +41,7 @@ class Layer:
         """Names the content: alike for the same pixels, whichever file they came from."""
         seen = hashlib.blake2b(repr(self.pixels.shape).encode(), digest_size=12)
         for array in (self.pixels, self.marks):
-            seen.update(b"" if array is None else memoryview(np.ascontiguousarray(array)).cast("B"))
+            seen.update(b"" if array is None else np.ascontiguousarray(array).tobytes())
         return seen.hexdigest()
 
     @cached_property

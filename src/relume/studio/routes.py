@@ -17,7 +17,7 @@ from starlette.routing import Mount, Route, WebSocketRoute
 from starlette.staticfiles import StaticFiles
 from starlette.websockets import WebSocket, WebSocketDisconnect
 
-from relume.errors import RelumeError
+import relume as rl
 from relume.studio.library import Library
 from relume.studio.measuring import Box, differences, statistics, value_at, values
 from relume.studio.pictures import Layer, OpenPicture
@@ -130,7 +130,7 @@ def _answered(endpoint: Callable[[Request], Response]) -> Callable[[Request], Re
             return endpoint(request)
         except LookupError:
             return JSONResponse({"error": "there is no such picture, layer, tile or pixel"}, 404, UNKEPT)
-        except RelumeError as error:
+        except rl.RelumeError as error:
             return JSONResponse({"error": " ".join(str(error).split())}, 422, UNKEPT)
         except HTTPException as error:
             return JSONResponse({"error": error.detail}, error.status_code, UNKEPT)

@@ -10,7 +10,7 @@ from collections.abc import Callable, Sequence
 from contextlib import suppress
 from pathlib import Path
 
-from relume.errors import RelumeError
+import relume as rl
 from relume.studio.library import Library, readable_files
 
 LOOPBACK = ("127.0.0.1", "localhost", "::1")
@@ -33,7 +33,7 @@ def view(
     allow_remote : needed for a host that other machines reach
     open_browser : whether to open the page, as long as there is a browser
     say : called once with the address, which holds the token that lets in
-    Raises ValueError for another host without `allow_remote` and for no files; UnreadableFile for one that is not there;
+    Raises ValueError for another host without `allow_remote` and for no files; UnreadableFile for one that is missing;
     RelumeError where the extra `studio` is not installed, or the port is taken.
     """
     found = readable_files([Path(file) for file in files])
@@ -48,7 +48,9 @@ def view(
         from relume.studio.routes import application
         from relume.studio.security import Guard
     except ImportError as error:
-        raise RelumeError(f"{error.name} is not installed; the page needs it: pip install 'relume[studio]'") from None
+        raise rl.RelumeError(
+            f"{error.name} is not installed; the page needs it: pip install 'relume[studio]'"
+        ) from None
     listening = _listening(host, port)
     port = listening.getsockname()[1]
     token = secrets.token_urlsafe(32)
@@ -77,6 +79,6 @@ def _listening(host: str, port: int) -> socket.socket:
         result.bind((host, port))
     except OSError as error:
         result.close()
-        raise RelumeError(f"{host}:{port} cannot be listened at: {error.strerror}; give another port") from None
+        raise rl.RelumeError(f"{host}:{port} cannot be listened at: {error.strerror}; give another port") from None
     result.listen(128)  # before the address is said: who reads it may ask at once
     return result
