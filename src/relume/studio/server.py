@@ -36,6 +36,7 @@ def view(
     Raises ValueError for another host without `allow_remote` and for no files; UnreadableFile for one that is missing;
     RelumeError where the extra `studio` is not installed, or the port is taken.
     """
+    # What is shown, and to whom.
     found = readable_files([Path(file) for file in files])
     if host not in LOOPBACK and not allow_remote:
         raise ValueError(
@@ -51,6 +52,7 @@ def view(
         raise rl.RelumeError(
             f"{error.name} is not installed; the page needs it: pip install 'relume[studio]'"
         ) from None
+    # Behind its guard, before its address is said.
     listening = _listening(host, port)
     port = listening.getsockname()[1]
     token = secrets.token_urlsafe(32)
