@@ -223,7 +223,10 @@ def test_wipe_and_difference_against_a_reference(page: Page):
     page.press("d")
     # Half as bright: the difference is what the picture itself holds, below middle grey.
     assert page.shown(200.5, 100.5) == pytest.approx(encoded(0.18 - gradient()[0, 200]), abs=1.01)
-    page.press(" ")
+    page.press("g")
+    assert page.shown(200.5, 100.5) == pytest.approx(encoded([0.18] * 3), abs=1.01)
+    assert "× 0.5" in page.text("#difference") and "alike" in page.text("#difference")
+    page.press("g", " ")
     assert page.text('#files [aria-current="true"]').startswith("b.exr")
     assert page.view("mode") == "difference"
     assert page.shown(200.5, 100.5) == pytest.approx(encoded(0.18 + gradient()[0, 200]), abs=1.01)

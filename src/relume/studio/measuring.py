@@ -84,10 +84,10 @@ def statistics(picture: OpenPicture, layer: Layer, box: Box | None) -> dict[str,
     return found
 
 
-def differences(one: Layer, other: Layer, box: Box | None) -> dict[str, Any]:
+def differences(one: Layer, other: Layer, box: Box | None, gain: float = 1.0) -> dict[str, Any]:
     """How far one picture is from another: root mean square, mean absolute and mean signed error, PSNR.
 
-    The other is the reference: shares are of its mean, and PSNR's peak is its largest value.
+    The other is the reference, multiplied by `gain` first: shares are of its mean, PSNR's peak is its largest value.
     Raises ValueError where their sizes differ, LookupError for an empty box.
     """
     if one.pixels.shape != other.pixels.shape:
@@ -96,7 +96,7 @@ def differences(one: Layer, other: Layer, box: Box | None) -> dict[str, Any]:
     height, width = one.pixels.shape[:2]
     x, y, w, h = box or (0, 0, width, height)
     rows = slice(max(y, 0), max(y + h, 0)), slice(max(x, 0), max(x + w, 0))
-    a, b = one.pixels[rows].astype(np.float64), other.pixels[rows].astype(np.float64)
+    a, b = one.pixels[rows].astype(np.float64), gain * other.pixels[rows].astype(np.float64)
     finite = np.isfinite(a).all(-1) & np.isfinite(b).all(-1)
     if not finite.any():
         raise LookupError
@@ -105,6 +105,7 @@ def differences(one: Layer, other: Layer, box: Box | None) -> dict[str, Any]:
     mean, peak = float(np.abs(b).mean()), float(b.max())
     return {
         "pixels": len(a),
+        "gain": gain,
         "rms": _number(float(np.sqrt(square))),
         "absolute": _number(float(np.abs(a - b).mean())),
         "signed": _number(float((a - b).mean())),

@@ -76,7 +76,8 @@ class Answers:
         """How far a layer is from another one, in a box or everywhere."""
         other = self.library.layer(_number(request, "other"), _number(request, "other_layer"))[1]
         try:
-            return _json(differences(self._asked(request)[1], other, _box(request)))
+            gain = float(request.query_params.get("gain", "1"))
+            return _json(differences(self._asked(request)[1], other, _box(request), gain))
         except ValueError as error:
             raise HTTPException(400, str(error)) from None
 

@@ -30,7 +30,7 @@ export class HdrCanvas {
     this.mapScale = 1;
     this.view = {
       x: 0, y: 0, zoom: 1, stops: 0, channel: 0, falseColour: false, low: -10, high: 10, clipping: false, marked: false,
-      /** @type {Mode} */ mode: "picture", wipe: 0.5, wipeLies: false, yaw: 0, pitch: 0, field: Math.PI / 2,
+      /** @type {Mode} */ mode: "picture", wipe: 0.5, wipeLies: false, gain: 1, yaw: 0, pitch: 0, field: Math.PI / 2,
     };
     /** @type {{texture: WebGLTexture, buffer: WebGLFramebuffer}[]} */ this.floats = [];
     this.asked = false;
@@ -175,9 +175,9 @@ export class HdrCanvas {
     }
   }
 
-  /** @param {Linked} linked @param {Source} source */
-  drawTiles(linked, source) {
-    const { gl, canvas } = this, { sizes, scale } = source.layer;
+  /** @param {Linked} linked @param {Source} source @param {number} [gain] */
+  drawTiles(linked, source, gain = 1) {
+    const { gl, canvas } = this, { sizes } = source.layer, scale = gain * source.layer.scale;
     const wanted = source.level(this.view.zoom);
     const [width, height] = sizes[0];
     const [left, top] = this.toPicture(0, 0), [right, bottom] = this.toPicture(canvas.width, canvas.height);
@@ -222,7 +222,7 @@ export class HdrCanvas {
       gl.bindFramebuffer(gl.FRAMEBUFFER, target.buffer);
       gl.clearColor(0, 0, 0, -1);
       gl.clear(gl.COLOR_BUFFER_BIT);
-      this.drawTiles(this.programs.copy, source);
+      this.drawTiles(this.programs.copy, source, source === other ? view.gain : 1);
     }
     gl.bindFramebuffer(gl.FRAMEBUFFER, null);
     const linked = this.programs.compare;

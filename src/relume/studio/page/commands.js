@@ -32,7 +32,7 @@ export function fillSheet(dialog, list, commands) {
     const dt = document.createElement("dt"), dd = document.createElement("dd");
     for (const key of command.keys) {
       const shown = document.createElement("kbd");
-      shown.textContent = key.replace("Arrow", "").replace("+", " ");
+      shown.textContent = key === " " ? "Space" : key.replace("Arrow", "").replace(/(?<=.)\+(?=.)/g, " ");
       dt.append(shown, " ");
     }
     dd.textContent = command.name;

@@ -67,6 +67,7 @@ export function linesOfDifference(d) {
   /** @type {[string, string][]} */
   const lines = [["RMS", plain(d.rms)], ["absolute", plain(d.absolute)], ["signed", plain(d.signed)]];
   if (d.rms_share !== null) lines.push(["of its mean", `${percent(d.rms_share)} RMS, ${percent(d.bias_share)} bias`]);
+  if (d.gain !== 1) lines.push(["reference", `× ${plain(d.gain)}`]);
   lines.push(["PSNR", d.psnr === null ? "alike" : `${plain(d.psnr)} dB`]);
   return lines;
 }

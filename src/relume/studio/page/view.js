@@ -157,6 +157,21 @@ function show(mode) {
   change({ mode: canvas.view.mode === mode ? "picture" : mode });
 }
 
+/** Multiply the reference so that its median, in the region or everywhere, is the picture's; the panel says by what. */
+async function equalise() {
+  if (state.reference < 0) return;
+  busy++;
+  if (canvas.view.gain !== 1) change({ gain: 1 });
+  else {
+    const [own, other] = await Promise.all([[state.number, state.layer], [state.reference, state.referenceLayer]].map(
+      ([number, layer]) => json(`/pictures/${number}/statistics?layer=${layer}${boxed()}`),
+    ));
+    if (own.median?.[3] > 0 && other.median?.[3] > 0) change({ gain: own.median[3] / other.median[3] });
+  }
+  await remeasure();
+  busy--;
+}
+
 /** Exchange picture and reference. */
 async function flip() {
   if (state.reference < 0) return;
@@ -193,7 +208,8 @@ async function remeasure() {
       .then((s) => print(element("statistics"), linesOfStatistics(s, facts.unit))));
   } else print(element("statistics"), [["None", "Draw one with Shift and the pointer, or A for all."]]);
   if (reference >= 0 && reference + referenceLayer / 1000 !== number + layer / 1000) {
-    jobs.push(json(`/pictures/${number}/difference?layer=${layer}&other=${reference}&other_layer=${referenceLayer}${boxed()}`)
+    jobs.push(json(`/pictures/${number}/difference?layer=${layer}&other=${reference}&other_layer=${referenceLayer}`
+      + `&gain=${canvas.view.gain}${boxed()}`)
       .then((d) => print(element("difference"), linesOfDifference(d)))
       .catch((error) => print(element("difference"), [["None", error.message]])));
   } else print(element("difference"), [["None", "Choose a reference: right-click a picture, or Shift+Enter."]]);
@@ -439,6 +455,7 @@ const commands = [
   { name: "Exchange picture and reference", keys: [" "], act: flip },
   { name: "Wipe against the reference", keys: ["W"], act: () => show("wipe") },
   { name: "Difference from the reference", keys: ["D"], act: () => show("difference") },
+  { name: "The reference at the brightness of the picture, and as it is", keys: ["G"], act: equalise },
   { name: "Turn the wipe", keys: ["Shift+W"], act: () => change({ wipeLies: !canvas.view.wipeLies }) },
   { name: "All channels", keys: ["C"], act: () => change({ channel: 0 }) },
   { name: "Red", keys: ["Shift+R"], act: () => change({ channel: 1 }) },
