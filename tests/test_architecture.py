@@ -42,7 +42,7 @@ ORDER = [
     "report",
 ]
 ORDER += ["cli", "studio"]
-BELOW_ALL = ["errors", "_kernel"]  # single modules any folder may import; they import nothing of ours
+BELOW_ALL = ["errors"]  # a single module any folder may import; it imports nothing of ours
 ABOVE_ALL = ["", "__main__"]  # the package's own __init__ and `python -m relume` see everything
 USERS_OF_THE_PUBLIC_API = ["cli", "studio"]  # they alone may say `import relume`
 

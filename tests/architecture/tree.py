@@ -12,7 +12,7 @@ REPOSITORY = Path(__file__).resolve().parents[2]
 PACKAGE = REPOSITORY / "src" / "relume"
 LISTS = Path(__file__).parent / "not_yet"
 
-# What compiles a function: see src/relume/_kernel.py.
+# What compiles a function: see src/relume/image/kernel.py.
 KERNELS = {"kernel", "inlined", "exact_kernel", "exact_inlined", "exact_small"}
 
 

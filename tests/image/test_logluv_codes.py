@@ -8,7 +8,7 @@ from scipy.spatial import ConvexHull
 
 import naive_logluv
 from naive_logluv import luminance_codes
-from relume._kernel import in_threads
+from relume.image.kernel import in_threads
 from relume.image.files.logluv import codes as logluv_codes
 from relume.image.files.logluv import kernels
 from relume.image.primaries import REC709

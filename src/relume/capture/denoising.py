@@ -27,7 +27,7 @@ def denoise(picture: RadianceMap) -> RadianceMap:
     """
     if picture.variance is None:
         raise ValueError("the radiance map has no variance plane, so its noise is not known; merge a bracket")
-    from relume._kernel import in_threads
+    from relume.image.kernel import in_threads
     from relume.capture.denoising_kernel import BLOCK
 
     radiance, variance = picture.radiance, picture.variance

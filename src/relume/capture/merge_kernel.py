@@ -11,7 +11,7 @@ import math
 
 import numpy as np
 
-from relume._kernel import exact_kernel
+from relume.image.kernel import exact_kernel
 from relume.image.radiance import BLACK, OUTSIDE, SATURATED
 
 STEPS = 512

@@ -113,7 +113,7 @@ def merge(
     A pixel outside every photograph has radiance 0, infinite variance and its own mark.
     Raises NotABracket when hardly any pixel is measured.
     """
-    from relume._kernel import in_threads
+    from relume.image.kernel import in_threads
     from relume.capture.merge_kernel import BESIDE, finish, merge_stretch
 
     width, height = bracket.photographs[0].size

@@ -14,7 +14,7 @@ BAND = 2**18
 
 def in_bands(height: int, width: int, work: Callable[[slice], Result]) -> list[Result]:
     """Call `work(rows)` for the bands of a picture on every core; the results, from the top band down."""
-    from relume._kernel import in_threads
+    from relume.image.kernel import in_threads
 
     # The threads take NumPy's error state along.
     context = copy_context()

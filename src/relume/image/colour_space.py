@@ -91,7 +91,7 @@ def in_rec709(picture: RadianceMap, photograph: Photograph) -> RadianceMap:
     result = converted(replace(picture, variance=None), matrix, space.primaries)
     if picture.variance is None:
         return result
-    from relume._kernel import in_threads
+    from relume.image.kernel import in_threads
 
     radiance, given = picture.radiance, picture.variance
     variance = np.empty_like(given)

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from relume._kernel import inlined
+from relume.image.kernel import inlined
 from relume.sphere.mappings.mapping import continued_round
 
 

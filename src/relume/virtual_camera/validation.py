@@ -46,7 +46,7 @@ def validate_radiance(
 
 
 def _of_bands(radiance: np.ndarray, work: Callable[[np.ndarray], Any]) -> list:
-    from relume._kernel import in_threads
+    from relume.image.kernel import in_threads
 
     step = max(1, _BAND // (radiance.shape[1] * 3))
     return in_threads(lambda begin, end: work(radiance[begin:end]), len(radiance), chunk=step)

@@ -181,7 +181,7 @@ def test_tiles_and_threads_leave_no_trace(monkeypatch):
     monkeypatch.setattr(defocus_blur, "TILE", 32)
     tiled = through(LENS, radiance, depth)
     np.testing.assert_allclose(tiled, whole, rtol=1e-5, atol=1e-6)
-    monkeypatch.setattr("relume._kernel.os.cpu_count", lambda: 1)
+    monkeypatch.setattr("relume.image.kernel.os.cpu_count", lambda: 1)
     assert np.array_equal(through(LENS, radiance, depth), tiled)
 
 

@@ -161,7 +161,7 @@ def test_a_picture_goes_on_as_its_mirror_image() -> None:
 def test_the_same_pixels_come_of_any_number_of_cores(monkeypatch: pytest.MonkeyPatch) -> None:
     picture = np.random.default_rng(8).gamma(0.5, 200.0, (200, 90, 3)).astype(np.float32)
     before, first = picture.copy(), displayed(picture)
-    monkeypatch.setattr("relume._kernel.os.cpu_count", lambda: 1)
+    monkeypatch.setattr("relume.image.kernel.os.cpu_count", lambda: 1)
     assert np.array_equal(displayed(picture), first) and np.array_equal(picture, before)
 
 

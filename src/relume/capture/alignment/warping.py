@@ -78,7 +78,7 @@ def _copied(photograph: Photograph, dx: int, dy: int) -> Photograph:
 
 def _interpolated(photograph: Photograph, motion: Motion, whole_beside_white: bool) -> Photograph:
     # Numba is imported only where a kernel is used.
-    from relume._kernel import in_threads
+    from relume.image.kernel import in_threads
     from relume.capture.alignment.warping_kernel import _lean_outside, _move
 
     width, height = photograph.size

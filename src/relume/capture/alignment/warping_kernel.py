@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from relume._kernel import inlined, kernel
+from relume.image.kernel import inlined, kernel
 
 HIT = 1e-3
 """Pixels; nearer to a pixel its neighbours have no weight."""

@@ -11,7 +11,7 @@ from functools import partial
 
 import numpy as np
 
-from relume._kernel import in_threads, kernel
+from relume.image.kernel import in_threads, kernel
 from relume.image.photograph import Photograph
 
 _ROWS = 16

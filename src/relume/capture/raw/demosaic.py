@@ -10,7 +10,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from relume._kernel import in_threads, kernel
+from relume.image.kernel import in_threads, kernel
 from relume.capture.raw.kernel import mirrored
 from relume.image.radiance import SATURATED
 

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from relume._kernel import in_threads, inlined, kernel
+from relume.image.kernel import in_threads, inlined, kernel
 from relume.image.radiance import BLACK, SATURATED
 
 _ROWS = 64

@@ -10,7 +10,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from relume._kernel import in_threads, kernel
+from relume.image.kernel import in_threads, kernel
 from relume.image.colour import LUMINANCE_WEIGHTS
 from relume.sphere.environment_map import EnvironmentMap
 from relume.sphere.mappings.mapping import LatLong, pixel_directions, shown

@@ -7,7 +7,7 @@ from typing import Protocol
 
 import numpy as np
 
-from relume._kernel import in_threads, kernel
+from relume.image.kernel import in_threads, kernel
 from relume.light.constellations.cells import Cells
 from relume.light.constellations.rectangles import MedianCut
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from relume._kernel import in_threads, inlined, kernel
+from relume.image.kernel import in_threads, inlined, kernel
 from relume.sphere.bilinear_kernels import cell, polar_point
 
 

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from relume._kernel import in_threads, kernel
+from relume.image.kernel import in_threads, kernel
 
 _ROWS = 32
 """Rows summed by one call: the sum over calls is in one order, whatever the threads."""

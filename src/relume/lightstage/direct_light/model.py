@@ -96,7 +96,7 @@ class DirectModel:
         self, samples: Sequence[Sample], wide: slice, rows: slice, directions: np.ndarray, radii: np.ndarray
     ) -> np.ndarray:
         """(M, 2, rows · columns) float32 under each of these lights."""
-        from relume._kernel import in_threads
+        from relume.image.kernel import in_threads
 
         pixels = (wide.stop - wide.start) * self.camera.width
 
@@ -189,7 +189,7 @@ def direct_picture(
     model: DirectModel, samples: Sequence[Sample], wide: slice, rows: slice, light: DirectedLight
 ) -> np.ndarray:
     """Direct light (2, K, 3) of all directions together, each looked at through its `light.rays`."""
-    from relume._kernel import in_threads
+    from relume.image.kernel import in_threads
 
     pixels = (wide.stop - wide.start) * model.camera.width
     rays, count = light.looked_at(), len(samples)

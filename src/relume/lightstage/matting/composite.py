@@ -11,7 +11,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from relume._kernel import in_threads
+from relume.image.kernel import in_threads
 from relume.image import files
 from relume.image.colour_space import decoded
 from relume.image.radiance import RadianceMap

@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from relume._kernel import inlined, kernel
+from relume.image.kernel import inlined, kernel
 
 LEAST_WIDTH = 0.25
 """Texels; nothing narrower can be seen in readings of stripes."""

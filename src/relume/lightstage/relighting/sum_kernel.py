@@ -10,7 +10,7 @@ import numpy as np
 from numba import types
 from numba.extending import overload
 
-from relume._kernel import exact_kernel, exact_small, in_threads, kernel
+from relume.image.kernel import exact_kernel, exact_small, in_threads, kernel
 
 _RUN = 768
 """Values that one inner loop passes: whole pixels, and long enough to make up for starting it."""

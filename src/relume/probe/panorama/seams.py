@@ -179,7 +179,7 @@ def blend(views: Sequence[PanoramaView], seams: Seams, size: int) -> Environment
     saturated pixel never counts where another view measured the direction; where none did the highest bound is kept,
     and `clipped` says SATURATED. What no view sees is OUTSIDE and filled in (`fill`).
     """
-    from relume._kernel import in_threads
+    from relume.image.kernel import in_threads
     from relume.probe.panorama.kernel import add_view
 
     views = [shrunk(view, size / np.pi) for view in views]

@@ -10,7 +10,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from relume._kernel import inlined, kernel
+from relume.image.kernel import inlined, kernel
 from relume.renderers.prefiltered.shading_inputs import by_cosine, key
 from relume.sphere.bilinear_kernels import looked_up, polar_point
 

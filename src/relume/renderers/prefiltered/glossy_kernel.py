@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from relume._kernel import kernel
+from relume.image.kernel import kernel
 from relume.light.reflection.glossy_lookup import glossy
 
 

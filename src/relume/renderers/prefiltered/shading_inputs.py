@@ -8,7 +8,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from relume._kernel import inlined
+from relume.image.kernel import inlined
 from relume.light.reflection.weights import tabulated
 from relume.scene.materials.reflective import Layer, Towards
 from relume.sphere.bilinear_kernels import in_fours

@@ -10,7 +10,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from relume._kernel import exact_kernel, exact_small
+from relume.image.kernel import exact_kernel, exact_small
 
 BINS = 16
 """Candidate splits along each axis, and one."""

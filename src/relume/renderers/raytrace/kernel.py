@@ -13,7 +13,7 @@ from numba import types
 from numba.extending import intrinsic
 from numba.np.arrayobj import make_array
 
-from relume._kernel import exact_inlined, exact_kernel, exact_small
+from relume.image.kernel import exact_inlined, exact_kernel, exact_small
 from relume.renderers.raytrace.patch_kernel import LEVELS, PIECE, meet_leaf
 from relume.renderers.raytrace.polygon_kernel import meet_polygon
 

@@ -11,7 +11,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from relume._kernel import kernel
+from relume.image.kernel import kernel
 from relume.renderers.raytrace.patch_point import CLOSE, INSIDE, TOUCH, polish
 
 CENTRE, RADIUS, AXIS, BENT, BENT_AROUND, FRAME, LIMITS, SPAN, NET, WIDTH = 0, 3, 4, 7, 8, 9, 18, 24, 28, 76

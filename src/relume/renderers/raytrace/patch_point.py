@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from relume._kernel import kernel
+from relume.image.kernel import kernel
 
 ELSEWHERE, CLOSE, INSIDE = 0, 1, 2
 """Where Newton's steps end: nowhere, or far outside the patch; outside it, but within BEYOND of it; inside."""

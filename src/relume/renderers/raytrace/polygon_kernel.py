@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from relume._kernel import exact_kernel
+from relume.image.kernel import exact_kernel
 from relume.scene.shapes.shapes import Polygon
 
 

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from relume._kernel import exact_kernel
+from relume.image.kernel import exact_kernel
 from relume.renderers.raytrace.kernel import LEAF, POLYGON, SPHERE
 from relume.renderers.raytrace.patch_leaves import split
 from relume.renderers.raytrace.polygon_kernel import polygon_measures

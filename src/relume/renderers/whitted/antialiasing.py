@@ -11,7 +11,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from relume._kernel import exact_kernel, exact_small
+from relume.image.kernel import exact_kernel, exact_small
 
 Traced = tuple[np.ndarray, np.ndarray, np.ndarray]
 """What samples are: channels (N, C) float32, what was seen first (N,) int64, and the number of rays (N,) int32."""

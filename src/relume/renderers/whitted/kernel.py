@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from relume._kernel import exact_kernel, exact_small
+from relume.image.kernel import exact_kernel, exact_small
 from relume.renderers.raytrace.kernel import meet, scratch, unowned
 from relume.renderers.raytrace.surface import surface_at
 from relume.renderers.whitted.kernel_data import DISTANT, EYE, LINEAR, NONE, REFLECTED, REFRACTED, SHADOW, SQUARE

@@ -5,7 +5,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from relume._kernel import exact_kernel, exact_small, inlined, kernel
+from relume.image.kernel import exact_kernel, exact_small, inlined, kernel
 
 
 @exact_small

@@ -11,7 +11,7 @@ from functools import cached_property
 
 import numpy as np
 
-from relume._kernel import in_threads
+from relume.image.kernel import in_threads
 from relume.errors import UnsupportedScene, warn
 from relume.light.reflection.convolution import as_latlong
 from relume.renderers.raytrace.raycast import RayCaster

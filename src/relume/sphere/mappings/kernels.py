@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from relume._kernel import inlined, kernel
+from relume.image.kernel import inlined, kernel
 from relume.sphere.bilinear_kernels import arctangent2
 from relume.sphere.mappings.layouts import EQUIDISTANT, EQUISOLID, FLAT, LAT_LONG, OCTAHEDRAL, ORTHOGRAPHIC
 

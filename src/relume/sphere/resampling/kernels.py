@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from relume._kernel import inlined, kernel
+from relume.image.kernel import inlined, kernel
 from relume.sphere.mappings.kernels import FINE, RIM, neighbour, solid_angle, spread
 from relume.sphere.mappings.layouts import EQUIDISTANT, EQUISOLID, LAT_LONG, ORTHOGRAPHIC
 

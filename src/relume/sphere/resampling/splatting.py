@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from relume._kernel import kernel
+from relume.image.kernel import kernel
 from relume.sphere.mappings.kernels import found, neighbour, solid_angle, spreads, toward, turned
 from relume.sphere.mappings.layouts import EQUIDISTANT, EQUISOLID, LAT_LONG, ORTHOGRAPHIC, Layout, Planes
 

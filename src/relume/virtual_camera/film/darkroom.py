@@ -76,7 +76,7 @@ class Darkroom:
 
         Warns where most of the picture is beyond the range of the film.
         """
-        from relume._kernel import in_threads
+        from relume.image.kernel import in_threads
         from relume.virtual_camera.film.printing_kernel import print_rows
 
         radiance = np.ascontiguousarray(radiance)
@@ -134,7 +134,7 @@ class Darkroom:
 
     def _halo(self, radiance: np.ndarray, sensitivity: np.ndarray, pixel: float) -> tuple[np.ndarray, np.ndarray, int]:
         """Shares (layers,), and the halos' exposures (layers, rows, columns) on blocks of step × step pixels."""
-        from relume._kernel import in_threads
+        from relume.image.kernel import in_threads
         from relume.virtual_camera.film.printing_kernel import gather
 
         halation, layers = self.negative.halation, len(self.negative.curves)

@@ -43,7 +43,7 @@ class CorrelatedNoise:
 
     def each_square(self, height: int, width: int, work: Callable[[int, int, np.ndarray], None]) -> None:
         """Call `work(top, left, noise)` on every core, with noise (3, h, w) that covers (height, width) once in all."""
-        from relume._kernel import in_threads
+        from relume.image.kernel import in_threads
 
         side = SIDE - 2 * self.reach
         across = -(-width // side)

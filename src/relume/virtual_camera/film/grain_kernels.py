@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from relume._kernel import exact_inlined, exact_kernel
+from relume.image.kernel import exact_inlined, exact_kernel
 from relume.virtual_camera.film.float_table import looked_up, tabulated
 
 GOLDEN = np.uint64(0x9E3779B97F4A7C15)

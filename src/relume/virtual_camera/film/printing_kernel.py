@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from relume._kernel import exact_kernel
+from relume.image.kernel import exact_kernel
 from relume.virtual_camera.film.float_table import looked_up
 from relume.virtual_camera.film.grain_kernels import GOLDEN, mixed
 

@@ -117,7 +117,7 @@ class Defocus(Relative):
         Raises ValueError without a depth map, and for discs that are wider than the picture.
         """
         # Numba is imported only where a kernel is used.
-        from relume._kernel import in_threads
+        from relume.image.kernel import in_threads
         from relume.virtual_camera.lens.defocus_kernels import _defocus
         from relume.virtual_camera.lens.disc_table import disc_table, size_of
         from relume.virtual_camera.lens.disocclusion import hidden_background, unmixed

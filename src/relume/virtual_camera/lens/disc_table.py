@@ -10,7 +10,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from relume._kernel import exact_kernel
+from relume.image.kernel import exact_kernel
 from relume.virtual_camera.lens.blades import Blades
 
 FINE = 8

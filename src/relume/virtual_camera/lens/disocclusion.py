@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from relume._kernel import exact_kernel
+from relume.image.kernel import exact_kernel
 
 STEP = 1.0
 """Pixels of radius between neighbours from which one hides the other; slanted surfaces differ by less."""

@@ -96,7 +96,7 @@ class LensGeometry(Relative):
 
     def _resampled(self, radiance: np.ndarray, view: View, *, undo: bool) -> np.ndarray:
         # Numba is imported only where a kernel is used.
-        from relume._kernel import in_threads
+        from relume.image.kernel import in_threads
         from relume.virtual_camera.lens.geometry_kernels import _resample
 
         if self.distortion is None and self.lateral is None:

@@ -31,7 +31,7 @@ class _Falloff(Relative, ABC):
         """The falloff (rows, W) float64 of rows top…bottom."""
 
     def _scaled(self, radiance: np.ndarray, view: View, *, undo: bool) -> np.ndarray:
-        from relume._kernel import in_threads
+        from relume.image.kernel import in_threads
 
         height, width = radiance.shape[:2]
         out = np.empty_like(radiance)

@@ -6,7 +6,7 @@ from collections.abc import Callable
 
 import numpy as np
 
-from relume._kernel import in_threads
+from relume.image.kernel import in_threads
 from relume.image.colour import LUMINANCE_WEIGHTS
 from relume.virtual_camera.tone import luminance_kernels as kernels
 

@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from relume._kernel import exact_kernel, kernel
+from relume.image.kernel import exact_kernel, kernel
 
 BLOCK = 256
 """Mantissas, each below 2, that are multiplied before a logarithm is taken: their product stays below 2²⁵⁶."""

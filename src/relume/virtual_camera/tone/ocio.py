@@ -80,7 +80,7 @@ class Ocio(Relative):
         Rec. 709, for a display, view or look that it does not have, and for a view whose code values have no known
         decoding.
         """
-        from relume._kernel import in_threads
+        from relume.image.kernel import in_threads
 
         gain = np.float32(GREY / np.exp(adaptation.values[0]))
         processor, is_encoded = self._processor()

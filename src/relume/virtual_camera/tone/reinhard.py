@@ -118,7 +118,7 @@ class ReinhardLocal(_Keyed):
 
     def display_values(self, radiance: np.ndarray, view: View, adaptation: Adaptation) -> np.ndarray:
         """Display values (H, W, 3) (eq. 9)."""
-        from relume._kernel import in_threads
+        from relume.image.kernel import in_threads
         from relume.virtual_camera.tone.luminance_curve import WEIGHTS
         from relume.virtual_camera.tone.reinhard_local_kernel import TILE, dodge_and_burn
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from relume._kernel import kernel
+from relume.image.kernel import kernel
 
 TILE = 192
 """Pixels along a tile's side: with the widest Gaussian's reach around it, its planes stay in a core's own cache."""

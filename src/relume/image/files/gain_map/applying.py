@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from relume._kernel import in_threads, kernel
+from relume.image.kernel import in_threads, kernel
 from relume.errors import warn
 from relume.image.files.gain_map.metadata import GainMapMetadata
 from relume.image.files.metadata import icc_profile

@@ -14,7 +14,7 @@ import os
 import numpy as np
 from PIL import Image
 
-from relume._kernel import in_threads
+from relume.image.kernel import in_threads
 from relume.image.colour import luminance, triple
 from relume.image.files.gain_map import applying as gain_map_applying
 from relume.image.files.gain_map import layout as gain_map_layout

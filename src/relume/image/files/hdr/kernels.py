@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from relume._kernel import exact_inlined, exact_kernel
+from relume.image.kernel import exact_inlined, exact_kernel
 
 ENDS_EARLY, EMPTY_RUN, LONG_RUN, NOTHING_TO_REPEAT, OTHER_LENGTH = 1, 2, 3, 4, 5
 """Why `find_lines` stopped before the last line."""

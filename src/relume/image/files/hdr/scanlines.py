@@ -54,7 +54,7 @@ def decode(
     salvage : take a file that ends early as far as it goes, if it holds a whole line
     Raises FormatError with the line and byte where the file breaks its format.
     """
-    from relume._kernel import in_threads
+    from relume.image.kernel import in_threads
     from relume.image.files.hdr.kernels import decode_lines, find_lines
 
     view = along(radiance, axes)
@@ -88,7 +88,7 @@ def encoded(
     matrix : (3, 3) that its channels are mixed by first; None to leave them
     compressed : by new runs, in lines of 8 to 32767 pixels; others are flat
     """
-    from relume._kernel import in_threads
+    from relume.image.kernel import in_threads
     from relume.image.files.hdr.kernels import encode_lines
 
     lines, length, _ = radiance.shape

@@ -155,7 +155,7 @@ class Rows:
 
         picture : (H, W, …)
         """
-        from relume._kernel import in_threads
+        from relume.image.kernel import in_threads
         from relume.image.files.logluv import kernels
 
         blocks = self.blocks
@@ -224,7 +224,7 @@ def find(path: str | os.PathLike[str], blocks: Blocks, options: ReadOptions) -> 
 
 def packed(words: np.ndarray, bits: int, rows: int) -> list[memoryview]:
     """The strips of `rows` rows each that hold (H, W) uint32 words."""
-    from relume._kernel import in_threads
+    from relume.image.kernel import in_threads
     from relume.image.files.logluv import kernels
 
     width = words.shape[1]

@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from relume._kernel import exact_kernel
+from relume.image.kernel import exact_kernel
 from relume.image.files.logluv.codes import CELL, GRID, LOWEST, NEUTRAL, SIGN
 
 _NEUTRAL_U, _NEUTRAL_V = NEUTRAL

@@ -55,7 +55,7 @@ def write_avif(path: str | os.PathLike[str], signal: np.ndarray, transfer: int) 
 
 def _ten_bits(signal: np.ndarray) -> np.ndarray:
     """uint16 codes 0 to 1023 of 0 to 65535, rounded."""
-    from relume._kernel import in_threads
+    from relume.image.kernel import in_threads
 
     codes = np.empty_like(signal)
 

@@ -174,7 +174,7 @@ def write_tiff(path: str | os.PathLike[str], photograph: Photograph) -> None:
     """
     import imagecodecs
 
-    from relume._kernel import in_threads
+    from relume.image.kernel import in_threads
 
     pixels = _with_alpha(photograph)
     pixels = pixels.astype(pixels.dtype.newbyteorder("<"), copy=False)

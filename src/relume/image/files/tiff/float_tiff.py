@@ -85,7 +85,7 @@ def write(path: str | os.PathLike[str], image: RadianceMap, encoding: FloatTIFF 
     """
     import imagecodecs
 
-    from relume._kernel import in_threads
+    from relume.image.kernel import in_threads
 
     warn_of_losses(path, image, None)
     width, height = image.size

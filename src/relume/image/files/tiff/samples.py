@@ -42,7 +42,7 @@ def pieces(path: str | os.PathLike[str], order: str, layout: Layout, rows: int) 
 
     order : "<" or ">", the byte order of the file
     """
-    from relume._kernel import in_threads
+    from relume.image.kernel import in_threads
 
     blocks = [index for index in range(len(layout.places)) if _place_of(layout, index)[1] < rows]
     each = layout.block[0] * layout.block[1] * 8 * (1 if layout.planar else layout.samples)

@@ -11,7 +11,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from relume._kernel import kernel
+from relume.image.kernel import kernel
 from relume.virtual_camera.lens.glare.convolution import NEAR, Canvas, Transfer, symmetric_transfer
 
 SAMPLES = 8192

@@ -132,7 +132,7 @@ class TurningCamera(Relative):
 
 
 def _along(path: HomographyPath, radiance: np.ndarray, known: np.ndarray) -> np.ndarray:
-    from relume._kernel import in_threads
+    from relume.image.kernel import in_threads
     from relume.virtual_camera.lens.motion.kernels import along_paths
 
     height, width = radiance.shape[:2]

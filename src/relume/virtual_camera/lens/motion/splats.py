@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from relume._kernel import inlined, kernel
+from relume.image.kernel import inlined, kernel
 
 TILE = 64
 """Pixels along a side: what reaches a tile is then few times what it holds, and its planes fit a core's cache."""

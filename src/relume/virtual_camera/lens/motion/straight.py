@@ -42,7 +42,7 @@ class StraightMotion(Relative):
 
     def apply(self, radiance: np.ndarray, view: View) -> np.ndarray:
         """Radiance (H, W, 3) float32 that the sensor gathers."""
-        from relume._kernel import in_threads
+        from relume.image.kernel import in_threads
         from relume.virtual_camera.lens.motion.kernels import gathered, level_sums, upright_sums
 
         rows, columns, weights = self._weights()

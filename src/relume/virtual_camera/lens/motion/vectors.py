@@ -41,7 +41,7 @@ class MotionVectors(Relative):
 
 
 def _carried(shutter: Shutter, radiance: np.ndarray, view: View) -> tuple[np.ndarray, np.ndarray]:
-    from relume._kernel import in_threads
+    from relume.image.kernel import in_threads
     from relume.virtual_camera.lens.motion.splats import TILE, carried_tile, reaches
 
     height, width = radiance.shape[:2]

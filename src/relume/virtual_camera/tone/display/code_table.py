@@ -168,7 +168,7 @@ def coded(
     """
     if values.ndim != 3 or values.shape[2] != 3 or values.dtype != np.float32:
         raise ValueError(f"values are {values.shape} {values.dtype}; expected (H, W, 3) float32")
-    from relume._kernel import in_threads
+    from relume.image.kernel import in_threads
     from relume.virtual_camera.tone.display.code_table_kernels import lookup
 
     height, width = values.shape[:2]

@@ -160,7 +160,7 @@ def _banded(
     further: Callable[[np.ndarray], np.ndarray] | None = None,
 ) -> np.ndarray:
     """The values times gain in other primaries, some rows at a time, and each band taken further by `further`."""
-    from relume._kernel import in_threads
+    from relume.image.kernel import in_threads
 
     if values.ndim != 3 or values.shape[2] != 3 or values.dtype != np.float32:
         raise ValueError(f"values are {values.shape} {values.dtype}; expected (H, W, 3) float32")

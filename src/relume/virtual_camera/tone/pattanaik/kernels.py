@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from relume._kernel import inlined, kernel
+from relume.image.kernel import inlined, kernel
 from relume.virtual_camera.tone.pattanaik.transducers import BEYOND, COMMON_RESPONSE, ROD_SHARE
 
 _ONE, _ZERO = np.float32(1), np.float32(0)

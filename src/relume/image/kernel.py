@@ -32,7 +32,7 @@ def _cache_folder(module: str) -> str:
     Numba alone looks at the file that holds a kernel, not at those whose functions and numbers are compiled into it:
     these are all that it imports.
     """
-    package = Path(__file__).parent
+    package = Path(__file__).parents[1]
     own = package / (module.removeprefix("relume.").replace(".", "/") + ".py")
     waiting, sources = [own], {Path(__file__): Path(__file__).read_bytes()}
     while waiting:
