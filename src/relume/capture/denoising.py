@@ -27,8 +27,8 @@ def denoise(picture: RadianceMap) -> RadianceMap:
     """
     if picture.variance is None:
         raise ValueError("the radiance map has no variance plane, so its noise is not known; merge a bracket")
-    from relume.image.kernel import in_threads
     from relume.capture.denoising_kernel import BLOCK
+    from relume.image.kernel import in_threads
 
     radiance, variance = picture.radiance, picture.variance
     height, width = radiance.shape[:2]

@@ -113,8 +113,8 @@ def merge(
     A pixel outside every photograph has radiance 0, infinite variance and its own mark.
     Raises NotABracket when hardly any pixel is measured.
     """
-    from relume.image.kernel import in_threads
     from relume.capture.merge_kernel import BESIDE, finish, merge_stretch
+    from relume.image.kernel import in_threads
 
     width, height = bracket.photographs[0].size
     frames = [p.pixels.reshape(-1, 3) for p in bracket.photographs]

@@ -8,8 +8,8 @@ from functools import cached_property
 import numpy as np
 from scipy.ndimage import correlate1d
 
-from relume.image.kernel import in_threads
 from relume.capture.alignment.kernel import _features, _reduce
+from relume.image.kernel import in_threads
 from relume.image.photograph import Photograph
 
 LONGEST = 1400

@@ -10,8 +10,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from relume.image.kernel import in_threads, kernel
 from relume.capture.raw.kernel import mirrored
+from relume.image.kernel import in_threads, kernel
 from relume.image.radiance import SATURATED
 
 _ROWS = 32

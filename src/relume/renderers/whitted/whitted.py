@@ -11,8 +11,8 @@ from functools import cached_property
 
 import numpy as np
 
-from relume.image.kernel import in_threads
 from relume.errors import UnsupportedScene, warn
+from relume.image.kernel import in_threads
 from relume.light.reflection.convolution import as_latlong
 from relume.renderers.raytrace.raycast import RayCaster
 from relume.renderers.raytrace.surface import Surfaces

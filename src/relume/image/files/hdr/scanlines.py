@@ -54,8 +54,8 @@ def decode(
     salvage : take a file that ends early as far as it goes, if it holds a whole line
     Raises FormatError with the line and byte where the file breaks its format.
     """
-    from relume.image.kernel import in_threads
     from relume.image.files.hdr.kernels import decode_lines, find_lines
+    from relume.image.kernel import in_threads
 
     view = along(radiance, axes)
     lines, length, _ = view.shape
@@ -88,8 +88,8 @@ def encoded(
     matrix : (3, 3) that its channels are mixed by first; None to leave them
     compressed : by new runs, in lines of 8 to 32767 pixels; others are flat
     """
-    from relume.image.kernel import in_threads
     from relume.image.files.hdr.kernels import encode_lines
+    from relume.image.kernel import in_threads
 
     lines, length, _ = radiance.shape
     steps = np.ldexp(1.0, 136 - np.arange(256))

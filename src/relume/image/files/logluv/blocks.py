@@ -155,8 +155,8 @@ class Rows:
 
         picture : (H, W, …)
         """
-        from relume.image.kernel import in_threads
         from relume.image.files.logluv import kernels
+        from relume.image.kernel import in_threads
 
         blocks = self.blocks
         pieces = list(self._pieces(max(1, _WORDS // blocks.layout.block[0])))
@@ -224,8 +224,8 @@ def find(path: str | os.PathLike[str], blocks: Blocks, options: ReadOptions) -> 
 
 def packed(words: np.ndarray, bits: int, rows: int) -> list[memoryview]:
     """The strips of `rows` rows each that hold (H, W) uint32 words."""
-    from relume.image.kernel import in_threads
     from relume.image.files.logluv import kernels
+    from relume.image.kernel import in_threads
 
     width = words.shape[1]
 

@@ -7,8 +7,8 @@ from typing import Any
 
 import numpy as np
 
-from relume.image.kernel import exact_kernel
 from relume.image.files.logluv.codes import CELL, GRID, LOWEST, NEUTRAL, SIGN
+from relume.image.kernel import exact_kernel
 
 _NEUTRAL_U, _NEUTRAL_V = NEUTRAL
 _FAR = 8.0  # u′ and v′ beyond are as good as this, and no float64 that no integer could hold

@@ -171,8 +171,8 @@ def _fitting_scale(radiance: np.ndarray) -> float:
 
 def _words(path: str | os.PathLike[str], radiance: np.ndarray, bits: int, scale: float) -> np.ndarray:
     """(H, W) uint32; raises ValueError for pixels that have none, and warns of those that lose something."""
-    from relume.image.kernel import in_threads
     from relume.image.files.logluv import kernels
+    from relume.image.kernel import in_threads
 
     height, width = radiance.shape[:2]
     words = np.empty(height * width, np.uint32)

@@ -78,8 +78,8 @@ def profile_of(display: Srgb | DisplayP3) -> bytes:
 
 
 def _write_gain_map(path: str | os.PathLike[str], values: np.ndarray, display: HdrGainMap) -> Clipping:
-    from relume.image.kernel import in_threads
     from relume.image.files.gain_map import gain_map
+    from relume.image.kernel import in_threads
 
     base, dark = encoded_and_clipped(values, display)
     brightest = np.float32(2.0**display.headroom)
