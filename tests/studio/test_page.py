@@ -309,6 +309,40 @@ def test_a_file_that_changes_is_shown_anew(page: Page, files: list[Path]):
         files[0].write_bytes(kept)
 
 
+@pytest.mark.parametrize("shown", ["picture", "wipe", "sheet", "palette"])
+def test_axe_finds_nothing_serious(page: Page, shown: str):
+    axe = pytest.importorskip("axe_playwright_python.sync_playwright", reason="axe-playwright-python is not installed")
+    if shown == "wipe":
+        page.tab.locator("#files button").nth(1).click(button="right")
+        page.press("v")
+    elif shown != "picture":
+        page.press({"sheet": "?", "palette": "Control+k"}[shown])
+    found = axe.Axe().run(page.tab).response["violations"]
+    assert [(each["id"], each["nodes"][0]["html"]) for each in found if each["impact"] in ("serious", "critical")] == []
+
+
+def test_frames_that_come_slowly_are_rough_while_they_move_and_sharp_after(page: Page):
+    page.tab.evaluate(
+        "() => { const c = relume.canvas; window.seen = []; const plain = c.drawNow.bind(c);"
+        " c.drawNow = (rough) => { seen.push(!!rough); plain(rough); };"
+        " c.lasting = 200; let n = 0; const step = () => { c.lasting = 200; c.pan(2, 0); if (++n < 6)"
+        " requestAnimationFrame(step); }; step(); }"
+    )
+    page.until(lambda: len(page.tab.evaluate("window.seen")) >= 6, "six frames")
+    page.settle()
+    seen = page.tab.evaluate("window.seen")
+    assert True in seen and seen[-1] is False
+    # What the screen itself holds then, not what a drawing for the test makes of it.
+    shown = page.tab.evaluate(
+        "() => { const c = relume.canvas, p = c.toScreen(300.5, 200.5), out = new Uint8Array(4), gl = c.gl;"
+        " gl.bindFramebuffer(gl.FRAMEBUFFER, null);"
+        " gl.readPixels(Math.floor(p[0]), c.canvas.height - 1 - Math.floor(p[1]), 1, 1, gl.RGBA,"
+        " gl.UNSIGNED_BYTE, out);"
+        " return Array.from(out).slice(0, 3); }"
+    )
+    assert shown == pytest.approx(encoded(gradient()[0, 300]), abs=1.01)
+
+
 def test_no_element_lacks_a_name_and_nothing_leaves_a_small_window(page: Page):
     nameless = page.tab.evaluate(
         "() => [...document.querySelectorAll('button, input, [role=slider]')].filter((e) => !(e.textContent.trim() ||"

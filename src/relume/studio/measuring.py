@@ -61,16 +61,20 @@ def statistics(picture: OpenPicture, layer: Layer, box: Box | None) -> dict[str,
     part = layer.pixels[max(y, 0) : max(y + h, 0), max(x, 0) : max(x + w, 0)]
     if part.size == 0:
         raise LookupError
-    rows = part.reshape(-1, 3).astype(np.float64)
+    rows = part.reshape(-1, 3)
     finite = np.isfinite(rows).all(axis=1)
-    kept = rows[finite]
+    kept = rows if finite.all() else rows[finite]
     found: dict[str, Any] = {"pixels": len(rows), "not_finite": int(len(rows) - len(kept))}
     if len(kept):
-        four = np.column_stack([kept, kept @ LUMINANCE])
+        # One channel after the other: all of 24 megapixels in float64 at once would be a gigabyte.
+        four = (*kept.T, kept @ LUMINANCE)
         found |= {
-            "mean": _plain(four.mean(0)), "deviation": _plain(four.std(0)), "least": _plain(four.min(0)),
-            "median": _plain(np.median(four, axis=0)), "most": _plain(four.max(0)),
-        }  # fmt: skip
+            "mean": [_number(float(each.mean(dtype=np.float64))) for each in four],
+            "deviation": [_number(float(each.std(dtype=np.float64))) for each in four],
+            "least": [_number(float(str(each.min()))) for each in four],
+            "median": [_number(_median(each)) for each in four],
+            "most": [_number(float(str(each.max()))) for each in four],
+        }
     mapping = picture.mapping
     if mapping is not None and (height, width) == mapping.shape(height):
         areas = mapping.solid_angles(height)[max(y, 0) : max(y + h, 0), max(x, 0) : max(x + w, 0)].ravel()[finite]
@@ -128,6 +132,15 @@ def _direction(mapping: rl.mappings.Mapping, u: float, v: float, rows: int) -> d
         "elevation": round(float(np.degrees(np.arcsin(np.clip(y, -1, 1)))), 3),
         "solid_angle": float(area),
     }
+
+
+def _median(values: np.ndarray) -> float:
+    """As NumPy's of float64, of values as they are: of an even number the mean of the two in the middle."""
+    low, high = (len(values) - 1) // 2, len(values) // 2
+    sorted_there = np.partition(values, (low, high))
+    if low == high:
+        return float(str(sorted_there[low]))
+    return (float(sorted_there[low]) + float(sorted_there[high])) / 2
 
 
 def _number(value: float) -> float | str:

@@ -69,13 +69,12 @@ def show(
         for row in range(-(-small.shape[0] // TILE))
     }
     smallest, largest, odd = layer.extent
-    lit = kept[np.isfinite(kept).all(-1)] @ np.array([0.2126, 0.7152, 0.0722])
-    median = float(np.median(lit)) if lit.size else 0.0
+    median = layer.median
     facts = {
         "layer": {
             "name": layer.name, "digest": layer.digest, "half": layer.halves, "scale": layer.scale,
             "sizes": [[level.shape[1], level.shape[0]] for level in layer.levels],
-            "smallest": smallest, "largest": largest, "odd": odd, "marked": False,
+            "smallest": smallest, "largest": largest, "median": layer.median, "odd": odd, "marked": False,
         },
         "stops": stops if stops is not None else float(np.log2(0.18 / median)) if median > 0 else 0.0,
         "unit": unit, "reduced": reduced, "size": [pixels.shape[1], pixels.shape[0]],

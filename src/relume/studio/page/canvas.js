@@ -1,12 +1,13 @@
 // The HDR canvas: a picture of floats, panned and enlarged, developed on the graphics card; nothing of the file changes.
 
-import { COLOURS, COMPARE, COPY, INSIDE, QUAD, TILE as SHOW } from "./shaders.js";
+import { COLOURS, COMPARE, COPY, INSIDE, PLAIN, QUAD, TILE as SHOW } from "./shaders.js";
 import { Source, texture, TILE } from "./source.js";
 
 /** @typedef {import("./source.js").LayerFacts} LayerFacts */
 
 const LARGEST_ZOOM = 256;
 const INSIDE_WIDTH = 2048; // columns of a map from inside: finer than a screen shows of it
+const SLOW = 24, MOVING = 150; // milliseconds: a frame that lasts longer is rough, while others follow within the second
 
 /** @typedef {"picture" | "wipe" | "difference" | "inside"} Mode */
 
@@ -21,7 +22,8 @@ export class HdrCanvas {
     if (!gl.getExtension("EXT_color_buffer_float")) throw new Error("this graphics card draws no floats; try another browser");
     this.gl = gl;
     this.programs = {
-      show: program(gl, SHOW), copy: program(gl, COPY), compare: program(gl, COMPARE), inside: program(gl, INSIDE),
+      show: program(gl, SHOW), plain: program(gl, PLAIN), copy: program(gl, COPY), compare: program(gl, COMPARE),
+      inside: program(gl, INSIDE),
     };
     this.colours = this.colourTexture();
     /** @type {Source | null} */ this.one = null;
@@ -34,6 +36,10 @@ export class HdrCanvas {
     };
     /** @type {{texture: WebGLTexture, buffer: WebGLFramebuffer}[]} */ this.floats = [];
     this.asked = false;
+    this.last = -Infinity; // when the last frame was drawn
+    this.lasting = 0; // milliseconds between frames, smoothed, while they follow each other
+    this.rough = 0; // the timer of the sharp frame that follows a rough one
+    /** @type {{texture: WebGLTexture, buffer: WebGLFramebuffer, width: number, height: number} | null} */ this.half = null;
     new ResizeObserver(() => this.resized()).observe(canvas);
   }
 
@@ -71,6 +77,11 @@ export class HdrCanvas {
       this.gl.deleteFramebuffer(each.buffer);
     }
     this.floats = [];
+    if (this.half) {
+      this.gl.deleteTexture(this.half.texture);
+      this.gl.deleteFramebuffer(this.half.buffer);
+      this.half = null;
+    }
     this.draw();
   }
 
@@ -152,26 +163,64 @@ export class HdrCanvas {
   draw() {
     if (this.asked) return;
     this.asked = true;
-    requestAnimationFrame(() => {
+    requestAnimationFrame((now) => {
       this.asked = false;
-      this.drawNow();
+      const rough = this.isSlow(now);
+      clearTimeout(this.rough);
+      this.rough = rough ? window.setTimeout(() => this.sharpen(), MOVING) : 0;
+      this.drawNow(rough);
       this.drawn();
     });
   }
 
-  drawNow() {
+  /** Whether frames follow each other more slowly than the eye likes. @param {number} now */
+  isSlow(now) {
+    const gap = now - this.last;
+    this.last = now;
+    if (gap > MOVING) this.lasting = 0;
+    else this.lasting = this.lasting ? 0.8 * this.lasting + 0.2 * gap : gap;
+    // Once rough, it stays so until nothing moves: the picture does not flicker between the two.
+    return gap <= MOVING && (this.lasting > SLOW || this.rough > 0);
+  }
+
+  sharpen() {
+    this.rough = 0;
+    this.last = -Infinity;
+    this.draw();
+  }
+
+  /** @param {boolean} [rough] by a quarter of the pixels, as slow machines do while the picture moves */
+  drawNow(rough = false) {
     const { gl, view } = this;
+    if (rough && view.mode === "picture") {
+      this.half ??= this.halfBuffer();
+      const { buffer, width, height } = this.half;
+      gl.bindFramebuffer(gl.FRAMEBUFFER, buffer);
+      gl.viewport(0, 0, width, height);
+      this.drawView();
+      gl.bindFramebuffer(gl.READ_FRAMEBUFFER, buffer);
+      gl.bindFramebuffer(gl.DRAW_FRAMEBUFFER, null);
+      gl.blitFramebuffer(0, 0, width, height, 0, 0, this.canvas.width, this.canvas.height, gl.COLOR_BUFFER_BIT, gl.NEAREST);
+      return;
+    }
     gl.bindFramebuffer(gl.FRAMEBUFFER, null);
     gl.viewport(0, 0, this.canvas.width, this.canvas.height);
+    this.drawView();
+  }
+
+  drawView() {
+    const { gl, view } = this;
     gl.clearColor(0.07, 0.07, 0.075, 1);
     gl.clear(gl.COLOR_BUFFER_BIT);
     if (!this.one) return;
     if (view.mode === "inside") this.drawInside();
     else if ((view.mode === "wipe" || view.mode === "difference") && this.other) this.drawCompared(this.one, this.other);
     else {
-      gl.useProgram(this.programs.show.program);
-      this.developing(this.programs.show);
-      this.drawTiles(this.programs.show, this.one);
+      const plain = !view.channel && !view.falseColour && !view.clipping && !view.marked;
+      const linked = plain ? this.programs.plain : this.programs.show;
+      gl.useProgram(linked.program);
+      this.developing(linked);
+      this.drawTiles(linked, this.one);
     }
   }
 
@@ -185,17 +234,25 @@ export class HdrCanvas {
     gl.uniform1i(linked.at("tile"), 0);
     gl.activeTexture(gl.TEXTURE0);
     source.begin();
-    // The smallest level first: what has not come yet is seen less sharply until it has.
-    for (let level = sizes.length - 1; level >= wanted; level--) {
-      if (level !== wanted && level !== sizes.length - 1 && level !== wanted + 1) continue;
-      const [w, h] = sizes[level], across = width / w, down = height / h;
+    /** The tiles of a level that are seen; null for those that have not come. @param {number} level */
+    const seen = (level) => {
+      const [w, h] = sizes[level], across = width / w, down = height / h, found = [];
       const first = [Math.max(0, Math.floor(left / across / TILE)), Math.max(0, Math.floor(top / down / TILE))];
       const last = [
         Math.min(Math.ceil(w / TILE) - 1, Math.floor(right / across / TILE)),
         Math.min(Math.ceil(h / TILE) - 1, Math.floor(bottom / down / TILE)),
       ];
       for (let row = first[1]; row <= last[1]; row++) for (let column = first[0]; column <= last[0]; column++) {
-        const tile = source.tile(level, column, row);
+        found.push({ tile: source.tile(level, column, row), column, row });
+      }
+      return found;
+    };
+    // The smallest level first: what has not come yet is seen less sharply until it has.
+    const sharp = seen(wanted), complete = sharp.every(({ tile }) => tile);
+    const coarser = complete ? [] : [...new Set([sizes.length - 1, wanted + 1])].filter((each) => each > wanted && each < sizes.length);
+    for (const level of [...coarser, wanted]) {
+      const [w, h] = sizes[level], across = width / w, down = height / h;
+      for (const { tile, column, row } of level === wanted ? sharp : seen(level)) {
         if (!tile) continue;
         const [x0, y0] = this.toScreen(column * TILE * across, row * TILE * down);
         const [x1, y1] = this.toScreen(
@@ -310,6 +367,19 @@ export class HdrCanvas {
     return { texture: made, buffer };
   }
 
+  /** A quarter of the canvas's pixels, in the screen's own bytes. */
+  halfBuffer() {
+    const { gl, canvas } = this;
+    const width = Math.ceil(canvas.width / 2), height = Math.ceil(canvas.height / 2);
+    const made = /** @type {WebGLTexture} */ (gl.createTexture());
+    gl.bindTexture(gl.TEXTURE_2D, made);
+    gl.texStorage2D(gl.TEXTURE_2D, 1, gl.RGBA8, width, height);
+    const buffer = /** @type {WebGLFramebuffer} */ (gl.createFramebuffer());
+    gl.bindFramebuffer(gl.FRAMEBUFFER, buffer);
+    gl.framebufferTexture2D(gl.FRAMEBUFFER, gl.COLOR_ATTACHMENT0, gl.TEXTURE_2D, made, 0);
+    return { texture: made, buffer, width, height };
+  }
+
   colourTexture() {
     const { gl } = this;
     const made = /** @type {WebGLTexture} */ (gl.createTexture());
@@ -330,7 +400,7 @@ export class HdrCanvas {
 
   /** Whether every tile of the last frame is there. */
   get settled() {
-    return !this.asked && (this.one?.settled ?? true) && (this.other?.settled ?? true);
+    return !this.asked && !this.rough && (this.one?.settled ?? true) && (this.other?.settled ?? true);
   }
 }
 

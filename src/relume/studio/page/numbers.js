@@ -17,11 +17,15 @@ let asking = "";
  */
 export function drawNumbers(overlay, canvas, address, digest, failed) {
   const { width, height } = canvas.canvas;
+  const density = window.devicePixelRatio || 1, { zoom } = canvas.view;
+  // Hidden while there are none: a browser that draws by software would lay it over every frame.
+  const shown = !!canvas.one && canvas.view.mode === "picture" && zoom >= ENLARGED * density;
+  if (overlay.hidden && !shown) return;
+  overlay.hidden = !shown;
   if (overlay.width !== width || overlay.height !== height) Object.assign(overlay, { width, height });
   const context = /** @type {CanvasRenderingContext2D} */ (overlay.getContext("2d"));
   context.clearRect(0, 0, width, height);
-  const density = window.devicePixelRatio || 1, { zoom } = canvas.view;
-  if (!canvas.one || canvas.view.mode !== "picture" || zoom < ENLARGED * density) return;
+  if (!shown || !canvas.one) return;
   const size = canvas.one.layer.sizes[0];
   const [left, top] = canvas.toPicture(0, 0).map((each) => Math.max(0, Math.floor(each)));
   const [right, bottom] = canvas.toPicture(width, height).map((each, i) => Math.min(size[i], Math.ceil(each)));

@@ -1,7 +1,7 @@
 // A layer of a picture as tiles: fetched when they are seen, kept on the graphics card, the longest unseen let go first.
 
 /** @typedef {{name: string, digest: string, half: boolean, scale: number, sizes: [number, number][], smallest: number,
- *   largest: number, odd: number, marked: boolean}} LayerFacts */
+ *   largest: number, median: number, odd: number, marked: boolean}} LayerFacts */
 /** @typedef {{name: string, kind: string, unit: string, mapping: string | null, size: [number, number],
  *   layers: LayerFacts[], notes: string[]}} PictureFacts */
 /** @typedef {{texture: WebGLTexture, width: number, height: number}} Tile */
@@ -62,6 +62,7 @@ export class Source {
 
   /** Fetch what the frame asked for. */
   end() {
+    this.wanted.sort((one, other) => parseInt(other) - parseInt(one)); // the small levels first
     while (this.wanted.length && this.coming.size < AT_ONCE) {
       const key = /** @type {string} */ (this.wanted.shift());
       const stop = new AbortController();

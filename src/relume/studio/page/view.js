@@ -127,7 +127,9 @@ function fit() {
 
 /** The exposure at which the median of the region, or of the picture, is middle grey, 18 % of white. */
 async function normalise() {
-  if (state.number < 0) return;
+  const layer = state.facts.get(state.number)?.layers[state.layer];
+  if (!layer) return;
+  if (!state.region && layer.median > 0) return setStops(Math.log2(0.18 / layer.median));
   const s = await json(`/pictures/${state.number}/statistics?layer=${state.layer}${boxed()}`);
   const median = s.median?.[3], mean = s.mean?.[3];
   const grey = median > 0 ? median : mean;

@@ -1,0 +1,186 @@
+"""The numbers of the page of `relume view`: installed size, first paint, a 24-megapixel map, frames, pixel read-out.
+
+A Chromium of the machine draws by software (SwiftShader). Frames are counted over seconds of panning and of turning
+the exposure in a window of 1920×1080, each frame asked for by the browser itself; beside them stands the processor time
+of the browser's processes a frame, which other programs on the machine do not change as much as wall time.
+"""
+
+from __future__ import annotations
+
+import importlib.metadata
+import re
+import shutil
+import statistics
+import subprocess
+import sys
+import tempfile
+import time
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from playwright.sync_api import Browser, sync_playwright
+
+import relume as rl
+
+sys.path.insert(0, str(Path(__file__).parents[1] / "tests" / "support"))
+from serving import Server, serving
+
+FLAGS = ["--use-angle=swiftshader", "--enable-unsafe-swiftshader", "--no-sandbox", "--disable-background-networking"]
+SECONDS = 4.0
+"""Of panning, of exposure: each."""
+MOVED = """([what, seconds]) => new Promise((done) => {
+  const c = relume.canvas, gl = c.gl, one = new Uint8Array(4), times = [];
+  let frames = 0, worked = 0, begin = 0;
+  const step = (now) => {
+    if (!begin) begin = now;
+    if (now - begin > 1000 * seconds) return done({ frames, seconds: (now - begin) / 1000, script: worked / frames });
+    const before = performance.now();
+    if (what === "pan") c.pan(frames % 2 ? 7 : -5, frames % 3 ? 3 : -4);
+    else if (what === "exposure") c.set({ stops: 3 * Math.sin(frames / 9) });
+    else c.enlarge(frames % 80 < 40 ? 1.02 : 1 / 1.02, 700, 500);
+    worked += performance.now() - before;
+    frames++;
+    requestAnimationFrame(step);
+  };
+  requestAnimationFrame(step);
+})"""
+
+
+def large_map(rows: int, columns: int) -> np.ndarray:
+    """Linear light over twelve stops, with detail in every pixel."""
+    random = np.random.default_rng(1)
+    smooth = np.exp2(np.linspace(-8, 4, columns, dtype=np.float32))[None, :, None]
+    return smooth * random.uniform(0.5, 1.5, (rows, columns, 3)).astype(np.float32)
+
+
+def requirements(names: list[str], extra: str = "") -> set[str]:
+    """The distributions that these need, without optional parts; with those of one extra of the first."""
+    found: set[str] = set()
+    for name in names:
+        for line in importlib.metadata.requires(name) or []:
+            needed, _, condition = line.partition(";")
+            if "extra" in condition and (not extra or not re.search(rf"extra\s*==\s*['\"]{extra}['\"]", condition)):
+                continue
+            distribution = re.split(r"[^\w.-]", needed.strip())[0].lower()
+            try:
+                importlib.metadata.distribution(distribution)
+            except importlib.metadata.PackageNotFoundError:
+                continue  # of another platform
+            if distribution not in found:
+                found |= {distribution} | requirements([distribution])
+    return found
+
+
+def size_of(distribution: str) -> int:
+    files = importlib.metadata.files(distribution) or []
+    return sum(place.stat().st_size for each in files if (place := Path(str(each.locate()))).is_file())
+
+
+def installed() -> None:
+    both, without = requirements(["relume"], "studio"), requirements(["relume"])
+    of_extra = sorted(both - without)
+    page = Path(rl.__file__).parent / "studio"
+    own = sum(each.stat().st_size for each in page.rglob("*") if each.is_file() and each.suffix != ".pyc")
+    total = sum(map(size_of, of_extra))
+    print(f"{total / 1e6:.1f} MB  the extra: {', '.join(of_extra)} (limit 10); relume's own part {own / 1e6:.2f} MB")
+
+
+@contextmanager
+def chromium() -> Iterator[Browser]:
+    found = next(filter(None, map(shutil.which, ("chromium", "chromium-browser", "google-chrome"))))
+    with sync_playwright() as started:
+        running = started.chromium.launch(executable_path=found, args=FLAGS)
+        yield running
+        running.close()
+
+
+def settled(tab: Any) -> None:
+    while not tab.evaluate("!!window.relume?.settled()"):
+        time.sleep(0.005)
+
+
+def first_paint(browser: Browser, file: Path) -> None:
+    """From the command's start to the picture in the page, the browser already running."""
+    whole, address, painted = [], [], []
+    for _ in range(5):
+        begin = time.perf_counter()
+        with serving([file]) as server:
+            address.append(time.perf_counter() - begin)
+            tab = browser.new_page(viewport={"width": 1280, "height": 720})
+            tab.goto(server.address, wait_until="commit")
+            settled(tab)
+            whole.append(time.perf_counter() - begin)
+            entries = "performance.getEntriesByName('first-contentful-paint').map((e) => e.startTime)[0]"
+            painted.append(tab.evaluate(entries) / 1000)
+            tab.close()
+    print(
+        f"{statistics.median(whole):.2f} s  command to picture (limit 1.5): address after "
+        f"{statistics.median(address):.2f} s, first paint {statistics.median(painted):.2f} s after the page was asked"
+    )
+
+
+def opened(browser: Browser, server: Server, file: Path) -> None:
+    """A map of 24 megapixels: from asking for the page to its picture; the server reads the file in this time."""
+    tab = browser.new_page(viewport={"width": 1920, "height": 1080})
+    begin = time.perf_counter()
+    tab.goto(server.address, wait_until="commit")
+    settled(tab)
+    seconds = time.perf_counter() - begin
+    print(f"{seconds:.2f} s  {file.name}, 6000×4000, {file.stat().st_size / 1e6:.0f} MB: asked to shown (limit 2)")
+    tab.close()
+
+
+def frames(browser: Browser, server: Server, label: str, width: int = 1920, height: int = 1080) -> None:
+    tab = browser.new_page(viewport={"width": width, "height": height})
+    tab.goto(server.address)
+    settled(tab)
+    session = browser.new_browser_cdp_session()
+
+    def used() -> float:
+        return sum(each["cpuTime"] for each in session.send("SystemInfo.getProcessInfo")["processInfo"])
+
+    for name in ("fitted", "one to one"):
+        tab.keyboard.press("f" if name == "fitted" else "1")
+        settled(tab)
+        for what in ("pan", "exposure"):
+            before = used()
+            told = tab.evaluate(MOVED, [what, SECONDS])
+            spent = (used() - before) / told["frames"]
+            print(
+                f"{told['frames'] / told['seconds']:.0f} frames/s  {what}, {name}, {label} at {width}×{height} "
+                f"(limit 50): {1000 * spent:.1f} ms of processor time a frame"
+            )
+    tab.close()
+
+
+def read_out(server: Server, pixels: np.ndarray) -> None:
+    random = np.random.default_rng(3)
+    wrong = 0
+    for x, y in zip(random.integers(0, pixels.shape[1], 200), random.integers(0, pixels.shape[0], 200), strict=True):
+        said = np.array(server.json(f"/pictures/0/value?x={x}&y={y}")["rgb"], np.float32)
+        wrong += int((said.view(np.uint32) != pixels[y, x].view(np.uint32)).any())
+    print(f"{wrong} of 200 pixels read out differ from the file's float32 in any bit (limit 0)")
+
+
+def main() -> None:
+    chrome = subprocess.run(["chromium", "--version"], capture_output=True, text=True).stdout.strip()
+    print(f"Chromium {chrome}, SwiftShader; Python {sys.version.split()[0]}")
+    installed()
+    with tempfile.TemporaryDirectory() as folder, chromium() as browser:
+        small, large = Path(folder) / "small.exr", Path(folder) / "large.exr"
+        rl.write(small, rl.RadianceMap(large_map(512, 1024)))
+        pixels = large_map(4000, 6000)
+        rl.write(large, rl.RadianceMap(pixels))
+        first_paint(browser, small)
+        with serving([large]) as server:
+            opened(browser, server, large)
+            opened(browser, server, large)
+            frames(browser, server, "24 megapixels")
+            read_out(server, pixels)
+
+
+if __name__ == "__main__":
+    main()
