@@ -10,6 +10,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass, replace
+from functools import lru_cache
 
 import numpy as np
 
@@ -42,6 +43,8 @@ DRAWS = 3
 """Sets of directions that the gloss is found with, each by itself; their scatter is part of the error."""
 STEP = np.array([1e-3, 5e-3])
 """Differences for derivatives: a fortieth of the usual F₀, a hundredth of the roughness."""
+KEPT = 16
+"""Glosses whose light is kept: the starts, or a place, the four round it and the steps that failed from there."""
 
 
 @dataclass(frozen=True)
@@ -155,9 +158,11 @@ def _from_two(
     plate_error = PATTERN * _of_groups(shared.plate, shared.cells)
     probe_error = LIGHT * _of_groups(shared.probe, shared.cells)
 
+    at_camera, at_probe = _splits(to_camera), _splits(to_probe)
+
     def residuals(theta: np.ndarray, gain: float = 1.0) -> np.ndarray:
-        gloss, base = _split(to_camera, theta)
-        gloss_there, base_there = _split(to_probe, theta)
+        gloss, base = at_camera(*map(float, theta))
+        gloss_there, base_there = at_probe(*map(float, theta))
         ratio = base_there / np.maximum(base, 1e-30)
         predicted = gain * gloss_there + (shared.plate - gain * gloss) * ratio
         # The plate's error counts as it arrives in the prediction (total least squares): with any other weight the
@@ -178,10 +183,10 @@ def _of_groups(values: np.ndarray, cells: np.ndarray) -> np.ndarray:
 
 def _from_one(shared: Shared, camera: Camera, scene: Scene, seed: int, notes: tuple[str, ...]) -> FittedGloss:
     to_camera = arriving(scene, shared.points, shared.normals, np.array(camera.position), seed=seed)
-    scale = PATTERN * shared.plate
+    scale, at_camera = PATTERN * shared.plate, _splits(to_camera)
 
     def residuals(theta: np.ndarray, gain: float = 1.0) -> np.ndarray:
-        gloss, base = _split(to_camera, theta)
+        gloss, base = at_camera(*map(float, theta))
         # An even albedo: what it leaves unexplained is pattern, and makes the errors as wide as it is strong.
         gloss = gain * gloss
         albedo = np.median((shared.plate - gloss) / np.maximum(base, 1e-30), axis=0)
@@ -190,9 +195,17 @@ def _from_one(shared: Shared, camera: Camera, scene: Scene, seed: int, notes: tu
     return _fitted(residuals, shared.cells, np.full_like(scale, PATTERN), 1, USUALLY, notes, STARTS)[0]
 
 
-def _split(light: Arriving, theta: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """The gloss, and the base per unit of albedo, that points send to a viewer."""
-    return light.gloss_and_base(glossy((1.0, 1.0, 1.0), Gloss(float(theta[0]), float(theta[1]))))
+def _splits(light: Arriving) -> Callable[[float, float], tuple[np.ndarray, np.ndarray]]:
+    """The gloss, and the base per unit of albedo, that points send to a viewer, for F₀ and roughness.
+
+    The last are kept: a descent asks again for the place it has come to, and for all round it where a step failed.
+    """
+
+    @lru_cache(KEPT)
+    def split(f0: float, roughness: float) -> tuple[np.ndarray, np.ndarray]:
+        return light.gloss_and_base(glossy((1.0, 1.0, 1.0), Gloss(f0, roughness)))
+
+    return split
 
 
 def _fitted(
