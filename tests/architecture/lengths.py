@@ -24,6 +24,7 @@ def comment_lines(text: str) -> frozenset[int]:
     )
 
 
+@cache
 def functions_too_long(package: Path) -> list[str]:
     """Functions above 100 lines; a compiled kernel may be longer, since a call inside it costs."""
     return [
@@ -34,6 +35,7 @@ def functions_too_long(package: Path) -> list[str]:
     ]
 
 
+@cache
 def functions_without_steps(package: Path) -> list[str]:
     """Functions above 50 lines with fewer than three comments: these are the reader's table of contents."""
     faults = []

@@ -5,6 +5,7 @@ from __future__ import annotations
 import ast
 from collections.abc import Iterator
 from dataclasses import dataclass, field
+from functools import cache
 from pathlib import Path
 
 from architecture.tree import modules, parsed
@@ -23,6 +24,7 @@ class _Module:
     runs: list[ast.stmt] = field(default_factory=list)
 
 
+@cache
 def unreached(package: Path) -> list[str]:
     """Top-level functions, classes and constants that are reached by nothing a user can call."""
     known = {name: _module(name, path, tree) for name, path, tree in _sources(package)}

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import re
 from collections.abc import Iterator
+from functools import cache
 from pathlib import Path
 
 # As a word of prose, as a part of an identifier (`is_told`) and inside a name of several words (`ToldFilm`).
@@ -20,6 +21,7 @@ def texts(repository: Path) -> Iterator[tuple[str, str]]:
             yield file.relative_to(repository).as_posix(), file.read_text(encoding="utf-8")
 
 
+@cache
 def private_words(repository: Path) -> list[str]:
     """Uses of `told` and `tells`, which hide what happens: given, named, says, warns, returns, stores."""
     return [
@@ -30,6 +32,7 @@ def private_words(repository: Path) -> list[str]:
     ]
 
 
+@cache
 def lines_too_long(repository: Path) -> list[str]:
     """Lines of documents above 120 characters, but for tables and addresses."""
     return [

@@ -39,7 +39,7 @@ def test_a_dry_run_looks_at_the_board_the_balls_and_the_times(tmp_path, capsys):
 
 
 def test_a_shot_in_words_is_looked_at_without_being_written(tmp_path, capsys):
-    plates, balls = sorted((ROOM / "plate").glob("*.jpg")), sorted((ROOM / "ball_0").glob("*.jpg"))
+    plates, balls = sorted((ROOM / "plate").glob("*.jpg")), sorted((ROOM / "ball_0").glob("*_000[567].jpg"))
     words = ["insert", "--plate", *plates, "--ball", *balls, "--object", OBJECT, "-o", tmp_path / "out", "--dry-run"]
     said = printed([*words, "-v"], capsys)
     # This ball was photographed by another camera from another place, so its place in the plate is guessed.
@@ -151,7 +151,8 @@ def test_a_rim_that_is_given_is_not_sought(monkeypatch):
 
     monkeypatch.setattr(shot_check, "_any_ball", sought)
     shot = read_shot(ROOM / "shot.toml")
-    balls = [each.model_copy(update={"pick": (400.0, 300.0, 296.0)}) for each in shot.light.balls or []]
+    known = {"pick": (400.0, 300.0, 296.0), "photographs": ["ball_0/IMG_000[56].jpg"]}
+    balls = [each.model_copy(update=known) for each in shot.light.balls or []]
     picked = shot.model_copy(update={"light": shot.light.model_copy(update={"balls": balls})})
     found = shot_check.check_shot(picked).facts["balls"]
     assert [each["ball"] for each in found] == [{"x": 400.0, "y": 300.0, "radius": 296.0, "from": "the shot file"}] * 2  # pyright: ignore

@@ -177,18 +177,6 @@ def test_a_grid_of_another_size_than_the_plate_is_refused(copied_room: tuple[Pat
         insert(shot.model_copy(update={"camera": shot.camera.model_copy(update={"grid": other})}), out, renderer=FAKE)
 
 
-def test_a_single_photograph_is_a_plate_when_the_balls_say_its_camera(copied_room: tuple[Path, Path]) -> None:
-    path, out = copied_room
-    shot = read_shot(path)
-    single = shot.plate.model_copy(update={"photographs": ["plate/IMG_0003.jpg"], "denoise": False})
-    # The photographs of one ball say it, and a second would have to be found too.
-    assert shot.light.balls is not None
-    light = shot.light.model_copy(update={"balls": shot.light.balls[:1], "size": 64})
-    result = insert(shot.model_copy(update={"plate": single, "light": light}), out, renderer=FAKE)
-    reference = read_radiance(out / "composite.exr").radiance[result.change.matte == 0]
-    assert np.isfinite(reference).all()
-
-
 def test_a_radiance_map_is_a_plate_and_a_map_is_light(room: Room, copied_room: tuple[Path, Path]) -> None:
     path, out = copied_room
     shot = read_shot(path)

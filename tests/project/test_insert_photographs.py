@@ -12,8 +12,7 @@ import numpy as np
 import pytest
 
 from dng_files import sensed, write_dng
-from relume.capture.brackets.merging import merge_brackets
-from relume.capture.brackets.result import MergedBracket
+from relume.capture.brackets.result import MergedBracket, MergedCamera
 from relume.capture.lens.vignetting import Vignetting
 from relume.capture.response.camera_profile import CameraProfile, write_profile
 from relume.errors import InvalidShot, NotABracket, UnreadableFile
@@ -25,14 +24,19 @@ from relume.project.stages import Stages, Steps
 from shoots import textured
 
 ROOM = Path(__file__).parents[2] / "examples" / "room"
+RIM = (320.0, 320.0, 296.255)
+"""Of the ball in its photographs: 5960.26 pixels of focal length, √(20.144² − 1) radii away."""
 
 
 @pytest.fixture
 def shot(tmp_path: Path) -> Shot:
     """The room with one ball, merged as it lies: what is asked here needs no more."""
     shutil.copytree(ROOM, tmp_path / "room")
-    whole = read_shot(tmp_path / "room" / "shot.toml")
-    return changed(whole, {"align": False, "deghost": False, "denoise": False}, {"align": False, "deghost": False})
+    return as_it_lies(read_shot(tmp_path / "room" / "shot.toml"))
+
+
+def as_it_lies(room: Shot) -> Shot:
+    return changed(room, {"align": False, "deghost": False, "denoise": False}, {"align": False, "deghost": False})
 
 
 def changed(shot: Shot, plate: Mapping[str, object], ball: Mapping[str, object]) -> Shot:
@@ -71,10 +75,19 @@ def test_camera_raws_without_the_facts_of_the_others_are_refused(shot: Shot) -> 
         read_photographs(timeless)
 
 
+@pytest.fixture(scope="module")
+def merged() -> tuple[list[MergedBracket], MergedCamera]:
+    """The room's one ball, and its camera."""
+    shot = as_it_lies(read_shot(ROOM / "shot.toml"))
+    (_, *balls), cameras = _merged(shot, read_photographs(shot))
+    (camera,) = cameras.values()
+    return balls, camera
+
+
 @pytest.fixture
-def profiled(shot: Shot) -> Shot:
+def profiled(shot: Shot, merged: tuple[list[MergedBracket], MergedCamera]) -> Shot:
     """With two profiles of the room's camera beside it that balance white differently."""
-    found = merge_brackets(shot.files(shot.plate.photographs)).camera
+    _, found = merged
     fall_off = Vignetting((-0.2,)).to_dict()
     for name, balance in (("one.json", (1.5, 1.0, 0.7)), ("other.json", (1.0, 1.0, 2.0))):
         profile = CameraProfile(found.name, found.response, vignetting=fall_off, balance=balance)
@@ -83,9 +96,13 @@ def profiled(shot: Shot) -> Shot:
 
 
 def test_the_profile_of_a_camera_counts_for_its_plate_and_its_light(profiled: Shot, tmp_path: Path) -> None:
-    both = calibrated(changed(profiled, {"profile": "one.json"}, {"profile": "one.json"}), tmp_path / "both")
+    def of(name: str, plate: str | None, ball: str | None) -> Calibrated:
+        known = changed(profiled, {"profile": plate}, {"profile": ball, "rim": RIM})
+        return calibrated(known, tmp_path / name)
+
+    both = of("both", "one.json", "one.json")
     for name, plate, ball in (("plate", "one.json", None), ("ball", None, "one.json")):
-        found = calibrated(changed(profiled, {"profile": plate}, {"profile": ball}), tmp_path / name)
+        found = of(name, plate, ball)
         assert np.array_equal(found.plate.radiance, both.plate.radiance)
         assert np.array_equal(found.probe.light.radiance, both.probe.light.radiance)
 
@@ -101,48 +118,49 @@ def test_two_ways_to_one_response_are_refused(shot: Shot, tmp_path: Path, own: d
         calibrated(changed(shot, {}, own), tmp_path)
 
 
-def test_the_rim_of_a_ball_may_be_picked_or_given_in_the_shot_file(shot: Shot) -> None:
-    merged = _merged(shot, read_photographs(shot))[0][1:]
-    width, height = merged[0].picture.size
-    radius = 296.255 * width / 640  # 5960.26 pixels of focal length, √(20.144² − 1) radii away
-    right, off = (width / 2, height / 2, radius), (width / 2 + 1, height / 2, 0.985 * radius)
+def test_the_rim_of_a_ball_may_be_picked_or_given_in_the_shot_file(
+    shot: Shot, merged: tuple[list[MergedBracket], MergedCamera]
+) -> None:
+    balls, _ = merged
+    assert balls[0].picture.size == (640, 640)
+    off = (RIM[0] + 1, RIM[1], 0.985 * RIM[2])
 
     def lit(**ball: object) -> Probe:
-        return blended(changed(shot, {}, ball), merged, None)
+        return blended(changed(shot, {}, ball), balls, None)
 
-    given, picked, exact = lit(rim=right), lit(pick=off), lit(rim=off)
+    given, picked, exact = lit(rim=RIM), lit(pick=off), lit(rim=off)
     differences = [float(np.abs(np.log(each.light.radiance / given.light.radiance)).mean()) for each in (picked, exact)]
     assert differences[0] < 0.5 * differences[1]
     # A chrome ball gives back 0.55 of what falls in steeply: seen straight on, towards its camera.
     assert shot.light.ball is not None
     chrome = shot.light.ball.model_copy(update={"reflectance": "chrome"})
-    light = changed(shot, {}, {"rim": right}).light.model_copy(update={"ball": chrome})
-    brighter = blended(shot.model_copy(update={"light": light}), merged, None).light.radiance / given.light.radiance
+    light = changed(shot, {}, {"rim": RIM}).light.model_copy(update={"ball": chrome})
+    brighter = blended(shot.model_copy(update={"light": light}), balls, None).light.radiance / given.light.radiance
     assert brighter.max() == pytest.approx(1 / 0.550, rel=0.02) and brighter.min() >= 0.999
 
 
-def test_a_coloured_ball_whose_reflectance_is_given_is_no_doubt(shot: Shot) -> None:
-    merged = _merged(shot, read_photographs(shot))[0][1:]
-    width, height = merged[0].picture.size
-    rim = (width / 2, height / 2, 296.255 * width / 640)
-    y, x = np.mgrid[:height, :width] + 0.5
-    inside = (np.hypot(x - rim[0], y - rim[1]) < rim[2])[..., None]
+def test_a_coloured_ball_whose_reflectance_is_given_is_no_doubt(
+    shot: Shot, merged: tuple[list[MergedBracket], MergedCamera]
+) -> None:
+    (ball, *_), _ = merged
+    picture = ball.picture
+    y, x = np.mgrid[: picture.size[1], : picture.size[0]] + 0.5
+    inside = (np.hypot(x - RIM[0], y - RIM[1]) < RIM[2])[..., None]
     red = (0.8, 0.2, 0.2)
-    picture = merged[0].picture
     coloured = replace(
-        merged[0], picture=replace(picture, radiance=picture.radiance * np.where(inside, red, 1).astype(np.float32))
+        ball, picture=replace(picture, radiance=picture.radiance * np.where(inside, red, 1).astype(np.float32))
     )
 
     def light(bracket: MergedBracket, reflectance: object) -> np.ndarray:
-        one = changed(shot, {}, {"rim": rim})
+        one = changed(shot, {}, {"rim": RIM})
         assert one.light.ball is not None
-        ball = one.light.ball.model_copy(update={"reflectance": reflectance})
-        known = one.model_copy(update={"light": one.light.model_copy(update={"ball": ball})})
+        mirror = one.light.ball.model_copy(update={"reflectance": reflectance})
+        known = one.model_copy(update={"light": one.light.model_copy(update={"ball": mirror})})
         return blended(known, [bracket], None).light.radiance
 
     with warnings.catch_warnings():
         warnings.simplefilter("error")
-        found, neutral = light(coloured, red), light(merged[0], 1.0)
+        found, neutral = light(coloured, red), light(ball, 1.0)
     assert float(np.abs(np.log(found / neutral)).mean()) < 0.01
     # One number for it leaves the doubt.
     with pytest.warns(UserWarning, match=r"nothing in the ball is as \w+ as .*give its reflectance"):

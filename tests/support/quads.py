@@ -33,7 +33,8 @@ def filtered(
     middles = normalised(quads.mean(1)) if middles is None else middles
     own = np.ones((count, 4), bool) if own is None else own
     # A table looked up by the view is looked up by the directions themselves.
-    views, corners = middles.astype(np.float32), quads.reshape(-1, 3).astype(np.float32)
+    # In rows, as pictures have them: in another order of memory each kernel would be compiled once more.
+    views, corners = (np.ascontiguousarray(each.reshape(-1, 3), np.float32) for each in (middles, quads))
     samples = Samples(
         views, views, np.zeros(count, np.int32), np.arange(4 * count, dtype=np.int32).reshape(-1, 4),
         corners, corners, np.where(own.reshape(-1), 0, -1).astype(np.int32),
