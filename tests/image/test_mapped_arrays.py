@@ -119,3 +119,19 @@ def test_freed_memory_goes_back_to_the_system():
     give_back_freed()
     assert before - resident() > 100e6
     assert last.sum() == 10_000
+
+
+@pytest.mark.skipif(not MAPS, reason="files are not mapped here")
+def test_what_is_put_away_takes_no_memory_and_keeps_every_bit(tmp_path):
+    mapped = Mapped()
+    small = np.ones(10)
+    assert mapped.put_away(tmp_path, small) is small
+    plane = np.random.default_rng(0).random((1500, 1000, 3), np.float32)
+    begun, copy = resident(), plane.copy()
+    away = mapped.put_away(tmp_path, copy)
+    del copy
+    assert resident() - begun < 0.2 * plane.nbytes
+    np.testing.assert_array_equal(away, plane)
+    mapped.release()
+    np.testing.assert_array_equal(away, plane)
+    assert not list(tmp_path.iterdir())

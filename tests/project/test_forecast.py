@@ -62,7 +62,7 @@ def test_a_disk_without_room_is_said_before_anything_is_done(tmp_path, monkeypat
     out = tmp_path / "new" / "out"
     assert main(["insert", str(ROOM / "shot.toml"), "-o", str(out)]) == 3
     (line,) = capsys.readouterr().err.splitlines()
-    assert f"{out}: a plate of 0.393 megapixels needs up to 0.14 GB there while it is worked on" in line
+    assert f"{out}: a plate of 0.393 megapixels needs up to 0.17 GB there while it is worked on" in line
     assert "and 0.1 GB are free; make room, or choose another -o" in line
     assert not out.exists()
 

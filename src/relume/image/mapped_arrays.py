@@ -106,6 +106,18 @@ class Mapped:
                 for begin, shape in zip(begins[:-1], shapes, strict=True)
             ]
 
+    def put_away(self, folder: Path, array: np.ndarray) -> np.ndarray:
+        """The same array in a file of that folder as `zeros` makes them, if it is large; memory of all is given back.
+
+        Raises OutputNotWritten where the disk is full.
+        """
+        if array.nbytes < LARGE or not MAPS:
+            return array
+        (kept,) = self.zeros(folder, [array.shape], array.dtype.type)
+        kept[...] = array
+        self.release()
+        return kept
+
 
 def give_back_freed() -> None:
     """Give the system back what was freed: glibc keeps it, for each thread apart, and may never need it again."""

@@ -31,9 +31,10 @@ LAMP = 100.0
 """Radiance of a lamp above, in light of 1: most places have one, and it decides where shadows and noise are."""
 GREY = 0.3
 """Reflectance of the real surfaces in it."""
-DISK = 350
+DISK = 440
 """Bytes a pixel that an insertion holds on the disk at most: plate 25, denoised 25, reflectance 37, render 80, pictures
-12; and either the render's parts 92 and its planes 80, or the layers while they are written 104 and written 56."""
+12; and either the render's parts 92 and its planes 80, or what was matched to the plate 52, the composite and the model
+48, and the layers while they are written 104 and written 56."""
 START, A_MEGAPIXEL = 25.0, 4.0
 """Seconds of two cores for all but the rays: balls, light and gloss, and what is done to each pixel of the plate."""
 SMALL_MEMORY, LARGE_MEMORY = (0.9, 0.9), (2.3, 0.07)

@@ -46,6 +46,10 @@ class Stages:
     others: tuple[Path, ...] = ()
     mapped: Mapped = field(default_factory=Mapped)
 
+    def put_away(self, array: np.ndarray) -> np.ndarray:
+        """The same array in a nameless file beside the stages, if it is large; raises OutputNotWritten."""
+        return self.mapped.put_away(self.folder, array)
+
     def get(self, name: str, made_from: object, make: Callable[[], Result]) -> tuple[Result, bool]:
         """The result of step `name`, and whether it was kept from an earlier run.
 

@@ -11,6 +11,7 @@ from relume.image import bands
 from relume.image.photograph import Photograph
 from relume.renderers.results import Change
 from relume.virtual_camera.film.grain import Grain
+from relume.virtual_camera.plate_matching import matching
 from relume.virtual_camera.plate_matching.matching import (
     Match,
     add_grain,
@@ -82,6 +83,22 @@ def test_the_fall_off_comes_before_the_blur():
     both = match_to_plate(one, Match(vignetting, sharpness))
     np.testing.assert_array_equal(both.objects, sharpness.apply(match_to_plate(one, Match(vignetting))).objects)
     np.testing.assert_array_equal(both.matte, sharpness.blurred(one.matte))
+
+
+def test_a_plate_in_strips_is_matched_as_in_one_and_each_plane_is_put_away(monkeypatch: pytest.MonkeyPatch):
+    one, match = change(), Match(Vignetting((-0.4,)), Sharpness(1.3))
+    plate = np.random.default_rng(3).random((*SIZE, 3), np.float32) + 0.1
+    whole, away = match_to_plate(one, match, plate), []
+
+    def put_away(plane: np.ndarray) -> np.ndarray:
+        away.append(plane.copy())
+        return away[-1]
+
+    monkeypatch.setattr(matching, "ROWS", 7)
+    strips = match_to_plate(one, match, plate, put_away=put_away)
+    for name in ("objects", "difference", "matte", "objects_variance", "difference_variance"):
+        np.testing.assert_array_equal(getattr(strips, name), getattr(whole, name), err_msg=name)
+        assert any(getattr(strips, name) is each for each in away), name
 
 
 def test_grain_fills_up_what_the_covered_share_of_the_plates_grain_lacks():

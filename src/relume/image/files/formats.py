@@ -10,7 +10,7 @@ gives its sensor's own values. Format libraries are imported at first use.
 from __future__ import annotations
 
 import os
-from collections.abc import Iterable, Mapping
+from collections.abc import Callable, Iterable, Mapping
 from importlib import import_module
 from pathlib import Path
 from typing import Any
@@ -202,12 +202,14 @@ def write_layers(
     *,
     unit: str = "relative",
     attributes: Mapping[str, str] | None = None,
+    between: Callable[[], None] = lambda: None,
 ) -> None:
     """Write named layers of one size as the parts of one EXR, always float32.
 
     layers : name → (H, W, 3), stored as R, G, B, or (H, W), stored as Y
     unit : of the three-channel layers, "relative" or "cd/m²"
     attributes : strings stored with every layer
+    between : called when a layer was read for the last time, for what gives its memory back
 
     Raises ValueError for another suffix, shape or unit, or sizes that differ; OutputNotWritten.
     """
@@ -215,7 +217,7 @@ def write_layers(
 
     if Path(path).suffix.lower() != ".exr":
         raise ValueError(f'{path} ends in "{Path(path).suffix}"; layers are written to .exr')
-    exr.write_layers(path, layers, unit, attributes or {})
+    exr.write_layers(path, layers, unit, attributes or {}, between=between)
 
 
 def read_layers(path: str | os.PathLike[str], options: ReadOptions = ReadOptions()) -> dict[str, np.ndarray]:

@@ -122,18 +122,21 @@ def composited(
     with steps.timed("composite"):
         # Scene-linear, without grain.
         real = place.recovered
-        change = match_to_plate(change, match, plate.radiance, None if real is None else real.textured)
+        textured = None if real is None else real.textured
+        put_away = steps.stages.put_away
+        change = match_to_plate(change, match, plate.radiance, textured, put_away)
         without = plate.radiance if real is None else real.without
         occluder = None
         if shot.match.occluder is not None:
             occluder = read_matte(shot.path(shot.match.occluder), plate.size)
         mode = Ratio(apply_vignetting(without, match)) if shot.match.mode == "ratio" else Additive()
-        composite = composed(plate.radiance, change, mode=mode, occluder=occluder)
+        composite = put_away(composed(plate.radiance, change, mode=mode, occluder=occluder))
         if occluder is not None:
             change = _behind(change, occluder)
         # With grain, and developed.
         photograph, film = development.photograph, development.film
         grainy = add_grain(composite, change.matte, match)
+        grainy = composite if grainy is composite else put_away(grainy)
         if photograph is None:
             picture, before = (_developed(each, film, development) for each in (grainy, plate.radiance))
         else:

@@ -87,7 +87,8 @@ def insert(
     doubts = ranked([*gathered.doubts, *doubts])
     result = Inserted(calibrated, place, composite, steps.seconds, tuple(steps.kept), doubts)
     with steps.timed("write"):
-        write_outcome(result, out)
+        write_outcome(result, out, steps.stages)
+        steps.stages.mapped.release()
     return result
 
 

@@ -16,6 +16,7 @@ from relume.image.radiance import RadianceMap
 from relume.project.insertion.composite import Composite
 from relume.project.insertion.photographs import Calibrated
 from relume.project.insertion.place import Place
+from relume.project.stages import Stages
 from relume.renderers.results import Change
 from relume.scene.cameras.camera import Camera
 from relume.sphere.environment_files import as_radiance_map
@@ -90,18 +91,22 @@ def write_picture(result: Inserted, out: Path, name: str) -> None:
     files.write(out / f"{name}.png", result.picture)
 
 
-def write_outcome(result: Inserted, out: Path) -> None:
-    """Write everything but the report."""
+def write_outcome(result: Inserted, out: Path, stages: Stages) -> None:
+    """Write everything but the report.
+
+    stages : of the job; what is not needed is put away beside them
+    """
     unit, change = result.plate.unit, result.change
     without, recovered = result.composited.without, result.place.recovered
-    model, variance = np.empty(without.shape, np.float32), np.empty(without.shape, np.float32)
+    model = np.empty(without.shape, np.float32)
 
     def work(rows: slice) -> None:
         shows = 1 - change.matte[rows, :, None]
         model[rows] = shows * without[rows] + change.difference[rows] + change.objects[rows]
-        variance[rows] = change.objects_variance[rows] + change.difference_variance[rows]
 
     in_bands(without.shape[0], without.shape[1], work)
+    model = stages.put_away(model)
+    variance = stages.put_away(change.objects_variance + change.difference_variance)
     write_picture(result, out, "composite")
     files.write_layers(
         out / "layers.exr",
@@ -118,6 +123,7 @@ def write_outcome(result: Inserted, out: Path) -> None:
             **({} if recovered is None else {"reflectance": recovered.albedo}),
         },
         unit=unit,
+        between=stages.mapped.release,
     )
     files.write(out / "light.exr", as_radiance_map(result.calibrated.probe.light))
     for index, calibration in enumerate(result.calibrated.calibrations.values()):

@@ -16,7 +16,10 @@ from relume.image.photograph import Photograph
 from relume.image.texture import texture
 from relume.renderers.results import Change
 from relume.virtual_camera.film.grain import ROUNDING, Grain
-from relume.virtual_camera.plate_matching.sharpness import Sharpness
+from relume.virtual_camera.plate_matching.sharpness import PutAway, Sharpness, as_it_is
+
+ROWS = 512
+"""Of a picture whose shadows are made less sharp at once."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -39,7 +42,11 @@ class Match:
 
 
 def match_to_plate(
-    change: Change, match: Match, plate: np.ndarray | None = None, textured: np.ndarray | None = None
+    change: Change,
+    match: Match,
+    plate: np.ndarray | None = None,
+    textured: np.ndarray | None = None,
+    put_away: PutAway = as_it_is,
 ) -> Change:
     """The change as the plate's lens would have drawn it, for compositing over that plate.
 
@@ -47,6 +54,7 @@ def match_to_plate(
         less sharp. The texture in them too unless given
     textured : (H, W) bool, where real surfaces were rendered with the plate as their texture; all unless given.
         Elsewhere what is taken has none of the plate in it and is made less sharp as it is
+    put_away : what is done with each plane that is made, for large ones to go to a file
     Light falls off in front of the sensor and is spread on it, so the fall-off comes first. It dims all that was
     rendered in scene radiance. The reflectance of the real surfaces must then have been recovered from the plate
     divided by the fall-off, and for `Ratio` `without` be dimmed too (`dimmed`): a render from a reflectance that still
@@ -54,21 +62,48 @@ def match_to_plate(
     """
     if match.vignetting is not None:
         falloff = match.vignetting.falloff((change.matte.shape[1], change.matte.shape[0]))[..., None]
-        change = replace(
-            change,
-            objects=(change.objects * falloff).astype(np.float32),
-            difference=(change.difference * falloff).astype(np.float32),
-            objects_variance=(change.objects_variance * falloff**2).astype(np.float32),
-            difference_variance=(change.difference_variance * falloff**2).astype(np.float32),
-        )
+        dimmed: dict[str, np.ndarray] = {}
+        for name, factor in (
+            ("objects", falloff), ("difference", falloff),
+            ("objects_variance", falloff**2), ("difference_variance", falloff**2),
+        ):  # fmt: skip
+            dimmed[name] = put_away(_times(getattr(change, name), factor))
+        change = replace(change, **dimmed)
     if match.sharpness is None:
         return change
-    soft = match.sharpness.apply(change)
     if plate is None or match.sharpness.sigma == 0:
-        return soft
-    even = texture(plate, textured)
-    shaded = match.sharpness.blurred(np.minimum(change.difference, 0) / even) * even
-    return replace(soft, difference=match.sharpness.blurred(np.maximum(change.difference, 0)) + shaded)
+        return match.sharpness.apply(change, put_away)
+    difference = put_away(_softened(change.difference, texture(plate, textured), match.sharpness))
+    # The difference is done: nothing of it is softened once more.
+    rest = match.sharpness.apply(replace(change, difference=difference[:0]), put_away)
+    return replace(rest, difference=difference)
+
+
+def _times(plane: np.ndarray, factor: np.ndarray) -> np.ndarray:
+    """A plane (H, W, 3) times a factor (H, W, 1), float32; in bands, whose product in double stays small."""
+    result = np.empty(plane.shape, np.float32)
+
+    def work(rows: slice) -> None:
+        result[rows] = plane[rows] * factor[rows]
+
+    in_bands(plane.shape[0], plane.shape[1], work)
+    return result
+
+
+def _softened(difference: np.ndarray, even: np.ndarray, sharpness: Sharpness) -> np.ndarray:
+    """A difference (H, W, 3) whose light is made less sharp, and whose shadows are as shares of the texture `even`.
+
+    By rows, with those that reach into them, so that a large picture takes no more memory than the result.
+    """
+    result = np.empty_like(difference)
+    for top in range(0, len(difference), ROWS):
+        bottom = min(top + ROWS, len(difference))
+        begin = max(top - sharpness.reach, 0)
+        around, own = slice(begin, bottom + sharpness.reach), slice(top - begin, bottom - begin)
+        part = difference[around]
+        shaded = sharpness.blurred(np.minimum(part, 0) / even[around])[own] * even[top:bottom]
+        result[top:bottom] = sharpness.blurred(np.maximum(part, 0))[own] + shaded
+    return result
 
 
 def apply_vignetting(radiance: np.ndarray, match: Match) -> np.ndarray:
@@ -76,7 +111,7 @@ def apply_vignetting(radiance: np.ndarray, match: Match) -> np.ndarray:
     if match.vignetting is None:
         return radiance
     height, width = radiance.shape[:2]
-    return (radiance * match.vignetting.falloff((width, height))[..., None]).astype(np.float32)
+    return _times(radiance, match.vignetting.falloff((width, height))[..., None])
 
 
 def grain_share(matte: np.ndarray) -> np.ndarray:

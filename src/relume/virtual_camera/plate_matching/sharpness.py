@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -23,6 +24,14 @@ REACH = 5.0
 """Deviations to which the blur is followed: what lies beyond is 1e-6 of the light."""
 
 
+PutAway = Callable[[np.ndarray], np.ndarray]
+
+
+def as_it_is(plane: np.ndarray) -> np.ndarray:
+    """The plane, which stays in memory."""
+    return plane
+
+
 @dataclass(frozen=True)
 class Sharpness:
     """A round Gaussian point spread, over and above the width of the pixels.
@@ -40,6 +49,11 @@ class Sharpness:
         if not (np.isfinite(self.sigma) and self.sigma >= 0):
             raise ValueError(f"sigma is {self.sigma}; expected pixels, 0 or more")
 
+    @property
+    def reach(self) -> int:
+        """Pixels to which light is spread; what lies farther off changes nothing."""
+        return 0 if self.sigma == 0 else int(np.ceil(REACH * max(self.sigma, 0.5)))
+
     def blurred(self, plane: np.ndarray) -> np.ndarray:
         """A plane (H, W) or (H, W, C) softened; zeros further than REACH deviations from all else stay exactly 0.
 
@@ -50,7 +64,7 @@ class Sharpness:
         from scipy.ndimage import convolve1d
 
         taps = _taps(self.sigma)
-        soft, reach = np.empty_like(plane), len(taps) // 2
+        soft, reach = np.empty_like(plane), self.reach
 
         def work(rows: slice) -> None:
             # With the rows that reach into the band; the picture's own border is the only one.
@@ -65,22 +79,20 @@ class Sharpness:
         in_bands(plane.shape[0], plane.shape[1], work)
         return soft
 
-    def apply(self, change: Change) -> Change:
+    def apply(self, change: Change, put_away: PutAway = as_it_is) -> Change:
         """The change as the plate's lens would have drawn it: objects, matte and difference softened alike.
 
         change : premultiplied, rendered with pixels as wide as they are (a box filter) and without a lens of its own
+        put_away : what is done with each plane that is made, for large ones to go to a file
         The variances go with the light, which overstates what is left of the noise. Depth, normal and albedo are kept.
         """
         if self.sigma == 0:
             return change
-        return replace(
-            change,
-            objects=self.blurred(change.objects),
-            difference=self.blurred(change.difference),
-            matte=np.clip(self.blurred(change.matte), 0, 1),
-            objects_variance=self.blurred(change.objects_variance),
-            difference_variance=self.blurred(change.difference_variance),
-        )
+        soft: dict[str, np.ndarray] = {}
+        for name in ("objects", "difference", "matte", "objects_variance", "difference_variance"):
+            plane = self.blurred(getattr(change, name))
+            soft[name] = put_away(np.clip(plane, 0, 1) if name == "matte" else plane)
+        return replace(change, **soft)
 
 
 def measured_sharpness(plate: RadianceMap) -> Sharpness | None:
@@ -89,7 +101,13 @@ def measured_sharpness(plate: RadianceMap) -> Sharpness | None:
     plate : scene-linear, not denoised where there is a choice: denoising rounds weak edges
     Clipped pixels are left out: an edge of a lamp looks sharper than it is.
     """
-    light = luminance(plate.radiance.astype(np.float64))
+    height, width = plate.radiance.shape[:2]
+    light = np.empty((height, width))
+
+    def work(rows: slice) -> None:
+        light[rows] = luminance(plate.radiance[rows].astype(np.float64))
+
+    in_bands(height, width, work)
     if plate.clipped is not None:
         light[plate.clipped != 0] = np.nan
     for scale in SCALES:
@@ -121,7 +139,7 @@ def _taps(sigma: float) -> np.ndarray:
     from scipy.optimize import nnls
     from scipy.special import ndtr
 
-    reach = int(np.ceil(REACH * max(sigma, 0.5)))
+    reach = Sharpness(sigma).reach
     place = (np.arange(-16 * (reach + 1), 16 * (reach + 1)) + 0.5) / 16
 
     def ramp(x: np.ndarray) -> np.ndarray:

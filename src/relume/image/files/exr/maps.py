@@ -8,7 +8,7 @@ as it is, with whiteLuminance 1. Attributes: see `exr.attributes`.
 from __future__ import annotations
 
 import os
-from collections.abc import Collection, Mapping
+from collections.abc import Callable, Collection, Mapping
 from pathlib import Path
 from typing import Any
 
@@ -83,6 +83,7 @@ def write_layers(
     unit: str,
     attributes: Mapping[str, str],
     halves: Collection[str] = (),
+    between: Callable[[], None] = lambda: None,
 ) -> None:
     """As `formats.write_layers`; those named in `halves` are stored as half, all others as float32.
 
@@ -100,6 +101,7 @@ def write_layers(
     for name, layer in layers.items():
         planes = _planes(name, layer, np.float16 if name in halves else np.float32, Path(path).parent, mapped)
         parts.append(Part(name, planes, dict(header if "Y" in planes else lit)))
+        between()
     write_parts(path, parts, mapped)
 
 
