@@ -2,15 +2,18 @@
 
     PYTHON benchmarks/shoots/measure.py FOLDER COMPARE_TO_TRUTH.py [NAME …] [--samples N …] [--relume COMMAND]
 
-PYTHON has NumPy, SciPy, OpenEXR and scikit-image; it needs no relume, which runs as COMMAND (`relume` unless given).
-FOLDER is where make.py put the shoots, or lies a link to another shoot of their layout, whose folder then holds its own
-shot.toml. FOLDER/NAME/out_N gets the composite. Printed for every shoot and number of samples, a row of a table:
+PYTHON has NumPy, SciPy, OpenEXR, Pillow and scikit-image; it needs no relume, which runs as COMMAND (`relume` unless
+given). FOLDER is where make.py put the shoots, or lies a link to another shoot of their layout, whose folder then holds
+its own shot.toml. FOLDER/NAME/out_N gets the composite. Printed for every shoot and number of samples, two rows:
 
 - object and effect, error and bias, as COMPARE_TO_TRUTH.py has them, and what it says of the truth's second seed taken
   for a composite: the truth's own noise, √2 times, below which no renderer can come;
 - PSNR and SSIM over the objects as the objects-with-lighting benchmark has them (Ummenhofer et al. 2024): encoded by
   a gamma of 2.2, one exposure fitted to what is not white, no colours balanced; the truth is exposed so that 98 % of
   the objects' values are below white. The second seed's own stand in brackets.
+
+The second row has the truth as the camera's lens passes it. Photographs are darker towards their corners, a composite
+keeps the plate as it was photographed, and make.py's truth has none of that: the plate alone errs by it.
 """
 
 from __future__ import annotations
@@ -21,6 +24,7 @@ import re
 import shutil
 import subprocess
 import sys
+import tempfile
 import time
 from pathlib import Path
 from typing import Any
@@ -29,6 +33,8 @@ import numpy as np
 import OpenEXR
 from scipy.optimize import minimize_scalar
 from skimage.metrics import peak_signal_noise_ratio, structural_similarity
+
+from virtual_camera import CAMERAS
 
 HERE = Path(__file__).parent
 GAMMA = 2.2
@@ -62,6 +68,16 @@ def objects_with_lighting(ours: np.ndarray, truth: np.ndarray, inside: np.ndarra
     return float(psnr), float(map_[inside].mean())
 
 
+def through_lens(truth: Path, passed: np.ndarray, folder: Path) -> Path:
+    """The truth (H, W, 3) as a lens passes it, (H, W, 1), in another folder."""
+    for path in truth.glob("*.exr"):
+        pixels = read(path) * (1 if path.name.startswith("mask") else passed)
+        header = {"compression": OpenEXR.ZIP_COMPRESSION, "type": OpenEXR.scanlineimage}
+        with OpenEXR.File(header, {"RGB": np.ascontiguousarray(pixels, np.float32)}) as file:
+            file.write(str(folder / path.name))
+    return folder
+
+
 def compared(tool: Path, composite: Path, truth: Path) -> dict[str, float]:
     """What the shoots' own program says, and PSNR and SSIM."""
     run = [sys.executable, str(tool), str(composite), str(truth), "--json"]
@@ -87,14 +103,20 @@ def inserted(relume: list[str], folder: Path, samples: int) -> tuple[Path, float
     return out / "composite.exr", time.perf_counter() - start
 
 
-def row(name: str, samples: int, ours: dict[str, float], noise: dict[str, float] | None) -> str:
+def measured(tool: Path, composite: Path, truth: Path) -> tuple[dict[str, float], dict[str, float] | None]:
+    """The composite's numbers, and those of the truth's second seed where there is one."""
+    second = truth / "with_all_2.exr"
+    return compared(tool, composite, truth), compared(tool, second, truth) if second.is_file() else None
+
+
+def row(name: str, ours: dict[str, float], noise: dict[str, float] | None) -> str:
     def beside(key: str, form: str) -> str:
         return form.format(ours[key]) + ("" if noise is None else f" ({form.format(noise[key])})")
 
     cells = [beside("object_error", "{:.3f}"), beside("effect_error", "{:.3f}")]
     cells += [f"{ours[key]:+.3f}" for key in ("object_bias", "effect_bias")]
     cells += [beside("psnr", "{:.1f}"), beside("ssim", "{:.3f}")]
-    return f"| {name}, {samples} | " + " | ".join(cells) + " |"
+    return f"| {name} | " + " | ".join(cells) + " |"
 
 
 def main() -> None:
@@ -111,13 +133,17 @@ def main() -> None:
     print("|---|---|---|---|---|---|---|", flush=True)
     for name in names:
         folder = given.folder / name
-        second = folder / "truth/with_all_2.exr"
-        noise = compared(given.compare, second, folder / "truth") if second.is_file() else None
+        truth = folder / "truth"
         for samples in given.samples:
             composite, seconds = folder / f"out_{samples}/composite.exr", 0.0
             if not given.again:
                 composite, seconds = inserted(given.relume.split(), folder, samples)
-            print(row(name, samples, compared(given.compare, composite, folder / "truth"), noise), flush=True)
+            print(row(f"{name}, {samples}", *measured(given.compare, composite, truth)), flush=True)
+            if name in CAMERAS:
+                with tempfile.TemporaryDirectory() as beside:
+                    seen = through_lens(truth, CAMERAS[name].passed(*read(composite).shape[:2]), Path(beside))
+                    numbers = measured(given.compare, composite, seen)
+                print(row("the truth through the lens", *numbers), flush=True)
             print(f"{name}, {samples}: {seconds:.0f} s", file=sys.stderr, flush=True)
 
 

@@ -90,14 +90,17 @@ class Camera:
         longest = 0.9 / float(self.exposure(np.float64(radiance), 1.0))
         return float(2 ** (np.floor(np.log2(longest) * 3) / 3))
 
-    def values(self, radiance: np.ndarray, seconds: float, seed: int) -> np.ndarray:
-        """(H, W, 3) uint8."""
-        height, width = radiance.shape[:2]
-        generator = np.random.default_rng(seed)
-        # Light falls off with the square of the distance from the middle.
+    def passed(self, height: int, width: int) -> np.ndarray:
+        """(H, W, 1), the share of light that the lens passes: it falls off with the square of the distance from the
+        middle."""
         y, x = np.mgrid[:height, :width] + 0.5
         r2 = ((x - width / 2) ** 2 + (y - height / 2) ** 2) / (width**2 + height**2) * 4
-        light = self.exposure(radiance.astype(np.float64), seconds) * (1 - self.falloff * r2[..., None])
+        return 1 - self.falloff * r2[..., None]
+
+    def values(self, radiance: np.ndarray, seconds: float, seed: int) -> np.ndarray:
+        """(H, W, 3) uint8."""
+        generator = np.random.default_rng(seed)
+        light = self.exposure(radiance.astype(np.float64), seconds) * self.passed(*radiance.shape[:2])
         caught = generator.poisson(np.clip(light, 0, 4) * self.electrons)
         x = np.clip((caught + generator.normal(0, self.read_noise, light.shape)) / self.electrons, 0, 1)
         value = self.curve(x) ** (1 + np.array([0.012, 0.0, -0.01]))
