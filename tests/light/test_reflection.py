@@ -137,14 +137,16 @@ def test_on_the_edge_of_a_half_lit_sphere_a_highlight_is_half_as_bright(n):
 def test_a_table_is_the_sum_over_all_pixels(lobe, rows):
     # Of 10, 32 and 72 columns only the first divide the map's 30. No pixel lies on an entry's horizon, where steps are.
     light = cut_up(spiky(15), lobe.width)
-    slow = naive.reflection_sums(light.radiance, lobe, rows)
+    # Of the largest table one column in seven, at all places within those of the map.
+    every = 7 if rows == 36 else 1
+    slow = naive.reflection_sums(light.radiance, lobe, rows, every)
     table, bound = convolved(light, lobe, rows)
-    error = np.abs(table / slow - 1).max()
+    error = np.abs(table[:, ::every] / slow - 1).max()
     assert error <= max(bound, 1e-10)
     assert bound <= TOLERANCE <= 1e-4
     found = reflection_map(light, lobe, rows, SUM)
     assert found.error_bound == bound
-    np.testing.assert_allclose(found.table, slow, rtol=bound + 1e-6)
+    np.testing.assert_allclose(found.table[:, ::every], slow, rtol=bound + 1e-6)
 
 
 @EVERY

@@ -35,12 +35,20 @@ def camera_at(azimuth, elevation, target=(0.01, 0, -0.02)):
 def photograph_of_the_board(camera, cells=4, **details):
     """Every pixel is the mean of cells × cells rays: black and white squares on a light table."""
     fine = camera.resized(camera.width * cells, camera.height * cells)
-    rays = fine.rays()
+    grey = np.full((camera.height, camera.width), 0.85)
+    # The board, edge by edge of its squares, lies within these pixels: rays elsewhere would meet the even table.
+    edges = np.meshgrid(*(SQUARE * (np.arange(n + 1) - n / 2) for n in SQUARES))
+    seen = camera.project(np.stack([edges[0], np.zeros_like(edges[0]), edges[1]], -1).reshape(-1, 3))
+    low, high = np.maximum(seen.min(0) - 3, 0).astype(int), (seen.max(0) + 4).astype(int)
+    part = np.s_[low[1] : high[1], low[0] : high[0]]
+    rows, columns = grey[part].shape
+    x, y = low[0] * cells + np.arange(columns * cells) + 0.5, low[1] * cells + np.arange(rows * cells) + 0.5
+    rays = fine.rays_through(np.stack(np.meshgrid(x, y), -1).reshape(-1, 2)).reshape(rows * cells, columns * cells, 3)
     points = fine.position - (fine.position[1] / rays[..., 1])[..., None] * rays
     x, z = points[..., 0] / SQUARE, points[..., 2] / SQUARE
     board = (np.abs(x) < SQUARES[0] / 2) & (np.abs(z) < SQUARES[1] / 2) & (rays[..., 1] < 0)
     dark = board & ((np.floor(x + SQUARES[0] / 2) + np.floor(z)) % 2 == 0)
-    grey = np.where(dark, 0.05, 0.85).reshape(camera.height, cells, camera.width, cells).mean((1, 3))
+    grey[part] = np.where(dark, 0.05, 0.85).reshape(rows, cells, columns, cells).mean((1, 3))
     return Photograph(np.repeat(np.round(255 * grey).astype(np.uint8)[..., None], 3, axis=2), **details)
 
 
@@ -113,7 +121,8 @@ def test_a_photograph_without_a_board_says_what_was_sought():
 
 
 def test_a_board_of_other_squares_is_not_taken_for_the_one_described():
-    photograph = photograph_of_the_board(camera_at(0, 40), focal_length=720.0)
+    photograph = photograph_of_the_board(camera_at(0, 40).resized(240, 180), focal_length=360.0)
+    assert camera_from_grid(photograph, squares=SQUARES, square=SQUARE).width == 240
     with pytest.raises(GridNotFound, match="no grid of 12×6 squares"):
         camera_from_grid(photograph, squares=(12, 6), square=SQUARE)
 

@@ -138,12 +138,20 @@ def latlong_pixels(radiance: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     return np.array(directions), np.array(flux)
 
 
-def reflection_sums(radiance: np.ndarray, function: Callable[[np.ndarray], np.ndarray], rows: int) -> np.ndarray:
-    """Σ I[L] · Area[L] · f(N·L) of Miller & Hoffman (1984, §6), entry by entry: (rows, 2·rows, 3)."""
+def reflection_sums(
+    radiance: np.ndarray, function: Callable[[np.ndarray], np.ndarray], rows: int, every: int = 1
+) -> np.ndarray:
+    """Σ I[L] · Area[L] · f(N·L) of Miller & Hoffman (1984, §6), entry by entry: (rows, 2·rows, 3).
+
+    every : sum for one column in so many
+    """
     directions, flux = latlong_pixels(radiance)
+    lit = flux.any(axis=1)  # what is black adds nothing
+    directions, flux = directions[lit], flux[lit]
     entries, _ = latlong_pixels(np.zeros((rows, 2 * rows, 3)))
-    table = np.stack([function(np.clip(directions @ n, -1, 1)) @ flux for n in entries])
-    return table.reshape(rows, 2 * rows, 3)
+    chosen = entries.reshape(rows, 2 * rows, 3)[:, ::every]
+    table = np.stack([function(np.clip(directions @ n, -1, 1)) @ flux for n in chosen.reshape(-1, 3)])
+    return table.reshape(chosen.shape)
 
 
 def wigner(degree: int, order: int, spin: int, angle: float) -> float:
