@@ -2,6 +2,9 @@
 VENV := .venv
 READY := $(VENV)/.relume-setup
 
+# Where this is set, each process of the suite compiles tests and package anew, which takes ten seconds.
+unexport PYTHONDONTWRITEBYTECODE
+
 .PHONY: demo test quick check bench
 
 demo: $(READY)            ## insert the objects of examples/room and say where the pictures are

@@ -5,6 +5,7 @@ import signal
 import sys
 import threading
 from fnmatch import fnmatch
+from functools import cache
 from pathlib import Path
 
 import pytest
@@ -71,6 +72,7 @@ def pytest_ignore_collect(collection_path: Path, config: pytest.Config) -> bool 
     return None
 
 
+@cache
 def _is_long(path: Path) -> bool:
     within = path.relative_to(Path(__file__).parent).as_posix()
     return any(fnmatch(within, pattern) for pattern in LONG)

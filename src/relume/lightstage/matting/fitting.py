@@ -70,7 +70,8 @@ def fitted_alone(readings: np.ndarray, search: Search) -> np.ndarray:
     """The one box along an axis that explains readings (P, K) best: (P, 3) middle, width, summed squared misfit."""
     fitted = np.empty((len(readings), 3), np.float32)
     boxes = search.table, search.middles, search.widths
-    _for_all(matte_kernel.fit_one, readings, search.cumulative, *boxes, fitted)
+    # In rows, as the kernels get them elsewhere: in another order of memory they would be compiled once more.
+    _for_all(matte_kernel.fit_one, np.ascontiguousarray(readings), search.cumulative, *boxes, fitted)
     return fitted
 
 
@@ -84,7 +85,14 @@ def fitted_near(readings: np.ndarray, search: Search, fitted: np.ndarray, shape:
         middle, width = fitted[:, 0].reshape(shape), fitted[:, 1].reshape(shape)
         expected, strength = _expected(middle, width)
         drawn = fitted.copy()
-        _for_all(matte_kernel.fit_near, readings, search.cumulative, expected.ravel(), strength.ravel(), drawn)
+        _for_all(
+            matte_kernel.fit_near,
+            np.ascontiguousarray(readings),
+            search.cumulative,
+            expected.ravel(),
+            strength.ravel(),
+            drawn,
+        )
         fitted = drawn
     return fitted
 

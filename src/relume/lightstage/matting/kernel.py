@@ -149,7 +149,7 @@ def _alternated(cumulatives, search, readings, counts, areas, held, rounds, read
     for which in range(2):
         _read_area(cumulatives, counts, areas[which], reads[which])
     share, misfit = _shared(reads, readings)
-    for turn in range(rounds):
+    for turn in range(rounds):  # given as np.int64: for each number written out the kernel would be compiled anew
         for which in range(2):
             if held[which]:
                 continue
@@ -207,7 +207,9 @@ def fit_two(begin, end, readings, cumulatives, boxes, counts, single, straight, 
                     bits[1, picture] = 1.0 - first if other else first
                 for which in range(2):
                     _nearest_boxes(search, bits[which], counts, areas[which])
-            share, misfit = _alternated(cumulatives, search, readings[pixel], counts, areas, held, 3, reads, wanted)
+            share, misfit = _alternated(
+                cumulatives, search, readings[pixel], counts, areas, held, np.int64(3), reads, wanted
+            )
             if misfit < least:
                 least, best_share = misfit, share
                 best[:] = areas
@@ -260,7 +262,9 @@ def fit_among(begin, end, pixels, numbers, readings, cumulatives, boxes, counts,
             areas[0], areas[1] = before[pixel, :4], before[pixel, 4:8]
             if start > 0:
                 areas[start % 2] = around[(start - 1) // 2]
-            share, misfit = _alternated(cumulatives, search, readings[pixel], counts, areas, held, 1, reads, wanted)
+            share, misfit = _alternated(
+                cumulatives, search, readings[pixel], counts, areas, held, np.int64(1), reads, wanted
+            )
             cost = misfit + together * _apart(areas, 0, around[:seen], share)
             cost += together * _apart(areas, 1, around[:seen], 1.0 - share)
             if cost < least:
