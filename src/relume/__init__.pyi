@@ -23,7 +23,6 @@ from .image.files import write as write
 from .image.photograph import Exposure as Exposure
 from .image.photograph import Photograph as Photograph
 from .image.radiance import RadianceMap as RadianceMap
-from .image.response import Response as Response
 from .light.constellations.constellation import constellation as constellation
 from .probe.ball.blending import blend_views as blend_views
 from .probe.ball.unwrapping import unwrap_ball as unwrap_ball
@@ -69,6 +68,7 @@ from .sphere.environment_files import read_environment as read_environment
 from .sphere.environment_map import EnvironmentMap as EnvironmentMap
 from .studio.notebook import show as show
 from .studio.server import view as view
+from .studio.shots.studio import open_studio as open_studio
 from .surface.reflectance import recover_reflectance as recover_reflectance
 from .virtual_camera import film as film
 from .virtual_camera import lens as lens

@@ -34,14 +34,18 @@ class Server:
     def cookie(self) -> dict[str, str]:
         return {"Cookie": f"relume-{self.port}={self.token}"}
 
-    def ask(self, path: str, *, method: str = "GET", **headers: str) -> tuple[int, dict[str, str], bytes]:
+    def ask(
+        self, path: str, *, method: str = "GET", body: bytes | None = None, **headers: str
+    ) -> tuple[int, dict[str, str], bytes]:
         """Status, headers in small letters, body; the path goes out as it is written, the Host as given."""
         speaking = http.client.HTTPConnection("127.0.0.1", self.port, timeout=30)
         try:
             speaking.putrequest(method, path, skip_host=True)
             for name, value in {"Host": f"127.0.0.1:{self.port}", **headers}.items():
                 speaking.putheader(name, value)
-            speaking.endheaders()
+            if body is not None and "Content-Length" not in headers:
+                speaking.putheader("Content-Length", str(len(body)))
+            speaking.endheaders(body)
             answer = speaking.getresponse()
             return answer.status, {name.lower(): value for name, value in answer.getheaders()}, answer.read()
         finally:
@@ -52,13 +56,20 @@ class Server:
         assert status == 200, (status, body)
         return json.loads(body)
 
+    def post(self, path: str, content: Any = None, **headers: str) -> tuple[int, Any]:
+        """What the page itself posts: status and the JSON that comes back."""
+        own: dict[str, str] = {"Origin": f"http://127.0.0.1:{self.port}", **self.cookie, **headers}
+        body = content if isinstance(content, bytes) else json.dumps(content or {}).encode()
+        status, _, answer = self.ask(path, method="POST", body=body, **own)  # pyright: ignore[reportArgumentType]
+        return status, json.loads(answer)
+
 
 @contextmanager
-def serving(files: Sequence[Path]) -> Iterator[Server]:
+def serving(files: Sequence[Path | str], command: str = "view") -> Iterator[Server]:
     """The command over these files, ended by Ctrl-C, which has to give exit code 0."""
     environment = {**os.environ, "PYTHONPATH": os.pathsep.join(sys.path)}
     with subprocess.Popen(
-        [sys.executable, "-c", COMMAND, "view", "--no-browser", "--json", *map(str, files)],
+        [sys.executable, "-c", COMMAND, command, "--no-browser", "--json", *map(str, files)],
         env=environment, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True,
     ) as process:  # fmt: skip
         assert process.stdout is not None and process.stderr is not None

@@ -31,6 +31,7 @@ from .raw.merging import RawCalibration as RawCalibration
 from .raw.merging import calibrate_raw as calibrate_raw
 from .raw.merging import merge_raw as merge_raw
 from .response.calibration import Calibration as Calibration
+from .response.calibration import Response as Response
 from .response.camera_profile import CameraProfile as CameraProfile
 from .response.camera_profile import read_profile as read_profile
 from .response.camera_profile import write_profile as write_profile

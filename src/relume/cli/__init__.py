@@ -20,6 +20,7 @@ COMMANDS = {
     "render": "Render a scene or a mesh under an environment map: a picture, frames or a movie.",
     "insert": "Insert objects into a photograph, lit by the light photographed there.",
     "view": "Show pictures and maps in the browser, with their values, errors and differences.",
+    "studio": "Make a composite by looking and pointing: a shot and its photographs in the browser.",
     "develop": "Develop radiance into a picture: lens, glare, film or tone, display; and back.",
     "demo": "Run the main job on the example room and say where the pictures are.",
 }

@@ -14,3 +14,4 @@ from .ray_tree_plot import draw_ray_tree as draw_ray_tree
 from .reflection_sheet import draw_reflection_sheet as draw_reflection_sheet
 from .shot_check import ShotCheck as ShotCheck
 from .shot_check import check_shot as check_shot
+from .shot_check import placed_meshes as placed_meshes

@@ -9,6 +9,7 @@ from .lights import PointLight as PointLight
 from .lights import SphereLight as SphereLight
 from .materials.materials import Ward as Ward
 from .materials.materials import dispersed as dispersed
+from .materials.presets import PRESETS as PRESETS
 from .materials.presets import material_preset as material_preset
 from .materials.reflective import Reflective as Reflective
 from .materials.whitted import Checks as Checks

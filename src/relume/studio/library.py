@@ -23,6 +23,14 @@ class Library:
         self._locks = [threading.Lock() for _ in self.files]
         self._changing = threading.Lock()
 
+    def add(self, file: Path) -> int:
+        """The number of a file, which is taken in unless it is there already."""
+        with self._changing:
+            if file not in self.files:
+                self._locks.append(threading.Lock())
+                self.files = (*self.files, file)
+            return self.files.index(file)
+
     def picture(self, number: int) -> OpenPicture:
         """The picture of a file as it is now; raises LookupError for a number there is none of, UnreadableFile."""
         if not 0 <= number < len(self.files):

@@ -84,13 +84,13 @@ class Answers:
     async def events(self, socket: WebSocket) -> None:
         """Says which files changed on disk, until the page is closed."""
         await socket.accept()
-        closed = asyncio.create_task(_closed(socket))
+        ended = asyncio.create_task(closed(socket))
         seen = await run_in_threadpool(self.library.stamps)
-        while not closed.done():
-            await asyncio.wait([closed], timeout=WATCHED_EVERY)
+        while not ended.done():
+            await asyncio.wait([ended], timeout=WATCHED_EVERY)
             now = await run_in_threadpool(self.library.stamps)
             for number, (before, stamp) in enumerate(zip(seen, now, strict=True)):
-                if before != stamp and not closed.done():
+                if before != stamp and not ended.done():
                     await socket.send_json({"changed": number})
             seen = now
 
@@ -108,22 +108,28 @@ def application(library: Library) -> Starlette:
     return Starlette(
         routes=[
             Route("/", index),
-            Route("/pictures", _answered(answers.pictures)),
-            Route("/pictures/{number:int}", _answered(answers.picture)),
-            Route("/pictures/{number:int}/value", _answered(answers.value)),
-            Route("/pictures/{number:int}/values", _answered(answers.values)),
-            Route("/pictures/{number:int}/statistics", _answered(answers.statistics)),
-            Route("/pictures/{number:int}/difference", _answered(answers.difference)),
-            Route(
-                "/tiles/{number:int}/{layer:int}/{digest}/{level:int}/{column:int}/{row:int}", _answered(answers.tile)
-            ),
+            *picture_routes(library),
             WebSocketRoute("/events", answers.events),
             Mount("/page", StaticFiles(directory=PAGE)),
         ]
     )
 
 
-def _answered(endpoint: Callable[[Request], Response]) -> Callable[[Request], Response]:
+def picture_routes(library: Library) -> list[Route]:
+    """What is answered about a library's pictures, wherever they are shown."""
+    answers = Answers(library)
+    return [
+        Route("/pictures", answered(answers.pictures)),
+        Route("/pictures/{number:int}", answered(answers.picture)),
+        Route("/pictures/{number:int}/value", answered(answers.value)),
+        Route("/pictures/{number:int}/values", answered(answers.values)),
+        Route("/pictures/{number:int}/statistics", answered(answers.statistics)),
+        Route("/pictures/{number:int}/difference", answered(answers.difference)),
+        Route("/tiles/{number:int}/{layer:int}/{digest}/{level:int}/{column:int}/{row:int}", answered(answers.tile)),
+    ]
+
+
+def answered(endpoint: Callable[[Request], Response]) -> Callable[[Request], Response]:
     """The endpoint, with what cannot be answered as one line of JSON."""
 
     def answer(request: Request) -> Response:
@@ -139,7 +145,7 @@ def _answered(endpoint: Callable[[Request], Response]) -> Callable[[Request], Re
     return answer
 
 
-async def _closed(socket: WebSocket) -> None:
+async def closed(socket: WebSocket) -> None:
     try:
         while True:
             await socket.receive_text()

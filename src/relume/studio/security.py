@@ -54,7 +54,9 @@ class Guard:
 
         async def send_with_headers(message: Message) -> None:
             if message["type"] == "http.response.start":
-                MutableHeaders(scope=message).update(HEADERS)
+                given = MutableHeaders(scope=message)
+                for name, rule in HEADERS.items():
+                    given.setdefault(name, rule)
             await send(message)
 
         # Pages and pixels; every answer carries the browser's rules.

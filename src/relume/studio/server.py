@@ -9,9 +9,13 @@ import webbrowser
 from collections.abc import Callable, Sequence
 from contextlib import suppress
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import relume as rl
 from relume.studio.library import Library, readable_files
+
+if TYPE_CHECKING:
+    from starlette.applications import Starlette
 
 LOOPBACK = ("127.0.0.1", "localhost", "::1")
 
@@ -36,18 +40,42 @@ def view(
     Raises ValueError for another host without `allow_remote` and for no files; UnreadableFile for one that is missing;
     RelumeError where the extra `studio` is not installed, or the port is taken.
     """
-    # What is shown, and to whom.
     found = readable_files([Path(file) for file in files])
+    require_host(host, allow_remote, "reads these files")
+
+    def application() -> Starlette:
+        from relume.studio.routes import application as answering
+
+        return answering(Library(found))
+
+    serve(application, host, port, allow_remote=allow_remote, open_browser=open_browser, say=say)
+
+
+def require_host(host: str, allow_remote: bool, does: str) -> None:
+    """Raises ValueError for a host that other machines reach, where that is not meant; `does`: what they then do."""
     if host not in LOOPBACK and not allow_remote:
         raise ValueError(
-            f"host is {host}, which other machines reach; whoever has the address then reads these files: add "
+            f"host is {host}, which other machines reach; whoever has the address then {does}: add "
             "allow_remote (--allow-remote) if that is meant"
         )
+
+
+def serve(
+    application: Callable[[], Starlette],
+    host: str,
+    port: int,
+    *,
+    allow_remote: bool,
+    open_browser: bool,
+    say: Callable[[str], None] | None,
+) -> None:
+    """Serve an application behind its guard until interrupted; raises RelumeError, as `view` says."""
     try:
         import uvicorn
 
-        from relume.studio.routes import application
         from relume.studio.security import Guard
+
+        answering = application()
     except ImportError as error:
         raise rl.RelumeError(
             f"{error.name} is not installed; the page needs it: pip install 'relume[studio]'"
@@ -57,7 +85,7 @@ def view(
     port = listening.getsockname()[1]
     token = secrets.token_urlsafe(32)
     names = frozenset(f"{name}:{port}" for name in ("127.0.0.1", "localhost", "[::1]"))
-    guarded = Guard(application(Library(found)), token, None if allow_remote else names, f"relume-{port}")
+    guarded = Guard(answering, token, None if allow_remote else names, f"relume-{port}")
     shown = f"[{host}]" if ":" in host else host
     address = f"http://{shown}:{port}/?token={token}"
     if say is not None:

@@ -1,0 +1,148 @@
+// Objects drawn while they are dragged: triangles through the plate's camera, matte, under the light that was measured,
+// each with a shadow on the table away from where most of it comes from.
+
+const VERTEX = `#version 300 es
+precision highp float;
+layout(location = 0) in vec3 corner; layout(location = 1) in vec3 normal; layout(location = 2) in vec3 colour;
+uniform mat3 turn; uniform vec3 foot, moved; uniform float scale;
+uniform mat3 rotation; uniform vec3 position; uniform float focal; uniform vec2 centre; uniform float lens[5];
+uniform vec3 view; uniform vec2 canvas; uniform bool shadow; uniform vec3 light; uniform float ground;
+out vec3 facing, albedo;
+void main() {
+  vec3 p = turn * (corner - foot) * scale + foot + moved;
+  if (shadow) p -= light * ((p.y - ground - 0.0005) / max(light.y, 0.05));
+  vec3 q = transpose(rotation) * (p - position);
+  float w = -q.z;
+  vec2 s = vec2(q.x, -q.y) / w;
+  float r = dot(s, s), R = 1.0 + r * (lens[0] + r * (lens[1] + r * lens[4]));
+  s = vec2(s.x * R + 2.0 * lens[2] * s.x * s.y + lens[3] * (r + 2.0 * s.x * s.x),
+           s.y * R + lens[2] * (r + 2.0 * s.y * s.y) + 2.0 * lens[3] * s.x * s.y);
+  vec2 screen = (centre + focal * s - view.xy) * view.z / canvas * 2.0;
+  gl_Position = vec4(screen.x * w, -screen.y * w, (1.0 - 0.02 / w) * w, w);
+  facing = turn * normal;
+  albedo = colour;
+}`;
+const FRAGMENT = `#version 300 es
+precision highp float;
+in vec3 facing, albedo; out vec4 colour;
+uniform vec3 irradiance[9]; uniform float exposure; uniform bool shadow, chosen; uniform mat3 unturned;
+void main() {
+  if (shadow) { colour = vec4(0.0, 0.0, 0.0, 0.4); return; }
+  vec3 n = unturned * normalize(facing);
+  vec3 E = irradiance[0] + irradiance[1] * n.x + irradiance[2] * n.y + irradiance[3] * n.z + irradiance[4] * n.x * n.y
+    + irradiance[5] * n.y * n.z + irradiance[6] * n.z * n.x + irradiance[7] * (n.x * n.x - n.y * n.y) + irradiance[8] * (3.0 * n.z * n.z - 1.0);
+  vec3 L = clamp(max(E, 0.0) * albedo * exposure / 3.14159265, 0.0, 1.0);
+  L = mix(12.92 * L, 1.055 * pow(L, vec3(1.0 / 2.4)) - 0.055, step(vec3(0.0031308), L));
+  colour = vec4(L, 1.0);
+}`;
+
+/** @typedef {{buffer: WebGLBuffer, array: WebGLVertexArrayObject, count: number}} Mesh */
+/** @typedef {{mesh: Mesh, foot: number[], moved: number[], turn: number, scale: number}} Placed */
+
+export class Drawing {
+  /** @param {HTMLCanvasElement} canvas */
+  constructor(canvas) {
+    this.canvas = canvas;
+    const gl = canvas.getContext("webgl2", { alpha: true, stencil: true, antialias: true, premultipliedAlpha: false, preserveDrawingBuffer: true });
+    if (!gl) throw new Error("this browser has no WebGL 2, which objects are drawn by");
+    this.gl = gl;
+    this.program = /** @type {WebGLProgram} */ (gl.createProgram());
+    for (const [kind, text] of /** @type {[number, string][]} */ ([[gl.VERTEX_SHADER, VERTEX], [gl.FRAGMENT_SHADER, FRAGMENT]])) {
+      const shader = /** @type {WebGLShader} */ (gl.createShader(kind));
+      gl.shaderSource(shader, text);
+      gl.compileShader(shader);
+      if (!gl.getShaderParameter(shader, gl.COMPILE_STATUS)) throw new Error(`shader: ${gl.getShaderInfoLog(shader)}`);
+      gl.attachShader(this.program, shader);
+    }
+    gl.linkProgram(this.program);
+    if (!gl.getProgramParameter(this.program, gl.LINK_STATUS)) throw new Error(`shaders: ${gl.getProgramInfoLog(this.program)}`);
+  }
+
+  /** @param {ArrayBuffer} bytes corners, normals and colours: nine floats a corner @returns {Mesh} */
+  mesh(bytes) {
+    const { gl } = this;
+    const array = /** @type {WebGLVertexArrayObject} */ (gl.createVertexArray()), buffer = /** @type {WebGLBuffer} */ (gl.createBuffer());
+    gl.bindVertexArray(array);
+    gl.bindBuffer(gl.ARRAY_BUFFER, buffer);
+    gl.bufferData(gl.ARRAY_BUFFER, bytes, gl.STATIC_DRAW);
+    for (let i = 0; i < 3; i++) {
+      gl.enableVertexAttribArray(i);
+      gl.vertexAttribPointer(i, 3, gl.FLOAT, false, 36, 12 * i);
+    }
+    gl.bindVertexArray(null);
+    return { buffer, array, count: bytes.byteLength / 36 };
+  }
+
+  /** @param {Mesh} mesh */
+  forget(mesh) {
+    this.gl.deleteVertexArray(mesh.array);
+    this.gl.deleteBuffer(mesh.buffer);
+  }
+
+  /**
+   * @param {Placed[]} objects
+   * @param {import("./projection.js").Lens} lens
+   * @param {{x: number, y: number, zoom: number}} view
+   * @param {{irradiance: number[][], exposure: number, turn: number, ground: number}} light turn: degrees about +Y
+   */
+  draw(objects, lens, view, light) {
+    const { gl, canvas } = this, density = window.devicePixelRatio || 1;
+    const width = Math.max(1, Math.round(canvas.clientWidth * density)), height = Math.max(1, Math.round(canvas.clientHeight * density));
+    if (canvas.width !== width || canvas.height !== height) Object.assign(canvas, { width, height });
+    gl.viewport(0, 0, width, height);
+    gl.clearColor(0, 0, 0, 0);
+    gl.clear(gl.COLOR_BUFFER_BIT | gl.DEPTH_BUFFER_BIT | gl.STENCIL_BUFFER_BIT);
+    gl.useProgram(this.program);
+    const at = (/** @type {string} */ name) => gl.getUniformLocation(this.program, name), r = lens.rotation;
+    gl.uniformMatrix3fv(at("rotation"), false, [r[0][0], r[1][0], r[2][0], r[0][1], r[1][1], r[2][1], r[0][2], r[1][2], r[2][2]]);
+    gl.uniform3fv(at("position"), lens.position);
+    gl.uniform1f(at("focal"), lens.focal_length);
+    gl.uniform2fv(at("centre"), lens.centre);
+    gl.uniform1fv(at("lens"), lens.distortion ?? [0, 0, 0, 0, 0]);
+    gl.uniform3f(at("view"), view.x, view.y, view.zoom);
+    gl.uniform2f(at("canvas"), width, height);
+    gl.uniform3fv(at("irradiance"), light.irradiance.flat());
+    gl.uniform1f(at("exposure"), light.exposure);
+    gl.uniformMatrix3fv(at("unturned"), false, about(-light.turn));
+    gl.uniform1f(at("ground"), light.ground);
+    gl.uniform3fv(at("light"), from(light.irradiance, light.turn));
+    gl.enable(gl.BLEND);
+    gl.blendFuncSeparate(gl.SRC_ALPHA, gl.ONE_MINUS_SRC_ALPHA, gl.ONE, gl.ONE_MINUS_SRC_ALPHA);
+    for (const shadow of [true, false]) {
+      gl.uniform1i(at("shadow"), shadow ? 1 : 0);
+      // A place that two triangles shade is dark once.
+      if (shadow) {
+        gl.disable(gl.DEPTH_TEST);
+        gl.enable(gl.STENCIL_TEST);
+        gl.stencilFunc(gl.EQUAL, 0, 0xff);
+        gl.stencilOp(gl.KEEP, gl.KEEP, gl.INCR);
+      } else {
+        gl.disable(gl.STENCIL_TEST);
+        gl.enable(gl.DEPTH_TEST);
+      }
+      for (const each of objects) {
+        gl.uniform3fv(at("foot"), each.foot);
+        gl.uniform3fv(at("moved"), each.moved);
+        gl.uniform1f(at("scale"), each.scale);
+        gl.uniformMatrix3fv(at("turn"), false, about(each.turn));
+        gl.bindVertexArray(each.mesh.array);
+        gl.drawArrays(gl.TRIANGLES, 0, each.mesh.count);
+      }
+    }
+    gl.bindVertexArray(null);
+  }
+}
+
+/** The turn about +Y, column by column. @param {number} degrees */
+function about(degrees) {
+  const c = Math.cos((degrees * Math.PI) / 180), s = Math.sin((degrees * Math.PI) / 180);
+  return [c, 0, -s, 0, 1, 0, s, 0, c];
+}
+
+/** Where most of the light comes from, above the table. @param {number[][]} irradiance @param {number} turn */
+function from(irradiance, turn) {
+  const mean = (/** @type {number} */ i) => irradiance[i].reduce((a, b) => a + b, 0);
+  const [x, y, z] = [mean(1), Math.max(mean(2), 1e-6), mean(3)], m = about(turn);
+  const turned = [m[0] * x + m[6] * z, y, m[2] * x + m[8] * z], length = Math.hypot(...turned);
+  return turned.map((each) => each / length);
+}

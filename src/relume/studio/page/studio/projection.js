@@ -1,0 +1,48 @@
+// The plate's camera: points of the world on the photograph, and points of the photograph on a level plane. The
+// camera's rotation has right, up and backward as its columns; distortion is OpenCV's.
+
+/** @typedef {{size: [number, number], focal_length: number, centre: [number, number], position: number[], rotation: number[][],
+ *   distortion: number[] | null}} Lens */
+
+/** @param {number} x @param {number} y @param {number[] | null} d @returns {[number, number]} */
+function distorted(x, y, d) {
+  if (!d) return [x, y];
+  const [k1, k2, p1, p2, k3] = d, r = x * x + y * y, R = 1 + r * (k1 + r * (k2 + r * k3));
+  return [x * R + 2 * p1 * x * y + p2 * (r + 2 * x * x), y * R + p1 * (r + 2 * y * y) + 2 * p2 * x * y];
+}
+
+/** A point of the world in pixels; NaN behind the camera. @param {Lens} lens @param {number[]} point @returns {[number, number]} */
+export function project(lens, point) {
+  const d = point.map((each, i) => each - lens.position[i]), r = lens.rotation;
+  const [x, y, z] = [0, 1, 2].map((axis) => d[0] * r[0][axis] + d[1] * r[1][axis] + d[2] * r[2][axis]);
+  if (z >= -1e-9) return [NaN, NaN];
+  const [a, b] = distorted(x / -z, -y / -z, lens.distortion);
+  return [lens.centre[0] + lens.focal_length * a, lens.centre[1] + lens.focal_length * b];
+}
+
+/** The direction through a pixel, not of length 1. @param {Lens} lens @param {number} x @param {number} y */
+export function ray(lens, x, y) {
+  const a = (x - lens.centre[0]) / lens.focal_length, b = (y - lens.centre[1]) / lens.focal_length;
+  let [u, v] = [a, b];
+  // Distortion is undone by repetition: it changes little from one step to the next.
+  for (let i = 0; lens.distortion && i < 30; i++) {
+    const [p, q] = distorted(u, v, lens.distortion);
+    u += a - p;
+    v += b - q;
+  }
+  return lens.rotation.map((row) => row[0] * u - row[1] * v - row[2]);
+}
+
+/** Where the ray through a pixel meets the plane y = height; null where it does not. @param {Lens} lens @param {number} x
+ *  @param {number} y @param {number} height @returns {[number, number, number] | null} */
+export function onPlane(lens, x, y, height = 0) {
+  const d = ray(lens, x, y), t = (height - lens.position[1]) / d[1];
+  if (!(t > 0) || !Number.isFinite(t)) return null;
+  return [lens.position[0] + t * d[0], height, lens.position[2] + t * d[2]];
+}
+
+/** A straight line of the world as points of the picture, bent as the lens bends it. @param {Lens} lens @param {number[]} from
+ *  @param {number[]} to @returns {[number, number][]} */
+export function line(lens, from, to) {
+  return Array.from({ length: 17 }, (_, i) => project(lens, from.map((each, axis) => each + ((to[axis] - each) * i) / 16)));
+}

@@ -1,0 +1,387 @@
+// The studio's page: the steps along the light, one picture, and the shot file that every act edits.
+
+import { HdrCanvas } from "../canvas.js";
+import { fillSheet, listen, palette } from "../commands.js";
+import { plain } from "../measured.js";
+import { cameraPane } from "./panes/camera.js";
+import { deliverPane } from "./panes/deliver.js";
+import { developPane } from "./panes/develop.js";
+import { lightPane } from "./panes/light.js";
+import { objectsPane } from "./panes/objects.js";
+import { photographsPane } from "./panes/photographs.js";
+import { placePane } from "./panes/place.js";
+import { Overlay } from "./overlay.js";
+import { bytes, json, listenTo, post, Refused } from "./requests.js";
+
+/** @typedef {import("../source.js").PictureFacts} PictureFacts */
+/** @typedef {{name: string, keys: string[], build: () => Node[], shown?: () => void, hidden?: () => void, changed?: () => void,
+ *   drawing?: () => import("./overlay.js").Drawing, drawn?: () => void, drag?: (event: PointerEvent, phase: "begin" | "move" | "end") => boolean,
+ *   commands?: import("../commands.js").Command[], dropped?: (files: File[]) => void}} Pane keys: what of the shot it shows */
+
+/** @param {string} id @returns {any} */
+const element = (id) => document.getElementById(id);
+const picture = /** @type {HTMLCanvasElement} */ (element("picture"));
+let busy = 0;
+
+export class Studio {
+  constructor() {
+    /** @type {any} */ this.state = { table: {}, fault: null, job: { status: "none" }, revision: -1, plate: [], balls: [], results: [], measured: null };
+    this.canvas = new HdrCanvas(picture, () => this.drawn(), (error) => this.say(error));
+    this.overlay = new Overlay(element("overlay"), element("glass"), this.canvas);
+    /** @type {Map<number, PictureFacts>} */ this.facts = new Map();
+    this.number = -1;
+    this.shownPath = "";
+    /** What the last job measured, for panes to draw. @type {any} */ this.measured = null;
+    /** @type {any[]} */ this.brackets = [];
+    /** @type {Pane[]} */ this.panes = [];
+    this.step = -1;
+    this.turn = 0;
+  }
+
+  /** @param {unknown} error */
+  say(error) {
+    element("message").textContent = error instanceof Error ? error.message : String(error ?? "");
+  }
+
+  /** Do something that may be refused, and say so if it is. @template T @param {() => Promise<T>} act @returns {Promise<T | undefined>} */
+  async attempt(act) {
+    busy++;
+    try {
+      return await act();
+    } catch (error) {
+      this.say(error);
+      return undefined;
+    } finally {
+      busy--;
+    }
+  }
+
+  /** Change the shot file. @param {any[]} changes @param {boolean} [unfinished] whether the shot may lack something after it */
+  edit(changes, unfinished = false) {
+    return this.attempt(async () => {
+      try {
+        this.take(await post("/shot/edit", { changes, revision: this.state.revision, unfinished: unfinished || this.state.fault !== null }));
+        this.say("");
+      } catch (error) {
+        // The page shows what the file holds, not what was refused.
+        this.take(await json("/shot"), true);
+        throw error;
+      }
+    });
+  }
+
+  /** @param {number} by */
+  undo(by) {
+    return this.attempt(async () => this.take(await post("/shot/undo", { by })));
+  }
+
+  /** @param {"check" | "look" | "insert"} kind */
+  start(kind) {
+    return this.attempt(async () => {
+      this.say("");
+      await post("/jobs/start", { kind });
+    });
+  }
+
+  stop() {
+    return this.attempt(() => post("/jobs/stop", {}));
+  }
+
+  /** Show a picture; of several asked for at once the latest. @param {string} path @param {string} [where] @param {boolean} [fit] */
+  async show(path, where = "folder", fit = false) {
+    const turn = ++this.turn;
+    return this.attempt(async () => {
+      const { number } = await post("/opened", { path, where });
+      const facts = await this.factsOf(number);
+      if (turn !== this.turn) return;
+      const before = this.facts.get(this.number);
+      this.number = number;
+      this.shownPath = path;
+      this.canvas.open(facts.layers[0], this.tilesOf(number, 0));
+      if (fit || !before || before.size.join() !== facts.size.join()) this.canvas.fit();
+      const bright = await this.greyStops(number);
+      if (turn === this.turn && facts.kind === "radiance map" && bright !== null && this.exposedFor !== facts.kind) this.canvas.set({ stops: bright });
+      if (turn === this.turn && facts.kind !== "radiance map" && this.exposedFor !== facts.kind) this.canvas.set({ stops: 0 });
+      this.exposedFor = facts.kind;
+      element("caption").textContent = path;
+      this.drawn();
+    });
+  }
+  exposedFor = "";
+
+  /** Wipe a result against the plate, made as bright by the medians. @param {string} name */
+  async compare(name) {
+    await this.show(name, "results");
+    return this.attempt(async () => {
+      const { number } = await post("/opened", { path: this.platePath }), facts = await this.factsOf(number);
+      const [own, other] = await Promise.all([this.number, number].map((each) => json(`/pictures/${each}/statistics?layer=0`)));
+      this.canvas.open(facts.layers[0], this.tilesOf(number, 0), true);
+      this.canvas.set({ mode: "wipe", wipe: 0.5, gain: own.median?.[3] > 0 && other.median?.[3] > 0 ? own.median[3] / other.median[3] : 1 });
+      this.say("left: the composite; right: the plate. Drag, or use the arrow keys; W ends it");
+    });
+  }
+
+  uncompare() {
+    this.canvas.closeReference();
+    this.canvas.set({ mode: "picture" });
+    this.say("");
+  }
+
+  /** Stops at which a picture's median is middle grey. @param {number} number @returns {Promise<number | null>} */
+  async greyStops(number) {
+    const median = (await json(`/pictures/${number}/statistics?layer=0`)).median?.[3];
+    return median > 0 ? Math.log2(0.18 / median) : null;
+  }
+
+  /** @param {number} number @returns {Promise<PictureFacts>} */
+  async factsOf(number) {
+    let found = this.facts.get(number);
+    if (!found) this.facts.set(number, (found = /** @type {PictureFacts} */ (await json(`/pictures/${number}`))));
+    return found;
+  }
+
+  /** @param {number} number @param {number} layer @returns {import("../source.js").Fetched} */
+  tilesOf(number, layer) {
+    const digest = /** @type {PictureFacts} */ (this.facts.get(number)).layers[layer].digest;
+    return async (level, column, row, signal) =>
+      /** @type {ArrayBuffer} */ (await bytes(`/tiles/${number}/${layer}/${digest}/${level}/${column}/${row}`, signal));
+  }
+
+  /** The photograph of the plate that shows most: the one in the middle of its exposures. */
+  get platePath() {
+    const files = this.state.plate;
+    return files.length ? files[Math.floor((files.length - 1) / 2)] : "";
+  }
+
+  /** What the server says the shot is. @param {any} state @param {boolean} [anyway] */
+  take(state, anyway = false) {
+    const before = this.state;
+    if (state.revision < before.revision) return;
+    this.state = state;
+    const job = state.job, old = before.job;
+    this.measured = state.measured;
+    element("title").textContent = `${state.folder.split("/").pop()}/${state.name}`;
+    element("title").title = `${state.folder}/${state.name}`;
+    element("undo").disabled = !state.undo;
+    element("redo").disabled = !state.redo;
+    const fault = /** @type {HTMLElement} */ (element("fault"));
+    fault.hidden = state.fault === null;
+    fault.textContent = state.fault === null ? "" : state.readable ? `To do: ${state.fault}`
+      : `${state.name}: ${state.fault} – the last good values are shown; mend the file, or undo`;
+    document.querySelectorAll("#steps button").forEach((button, i) => {
+      const key = (state.fault ?? "").split(/[.:\s]/)[0];
+      /** @type {HTMLElement} */ (button).dataset.doubt = String(this.panes[i].keys.includes(key));
+    });
+    this.showJob(job);
+    if (anyway || state.revision !== before.revision || job.status !== old.status || job.number !== old.number
+      || state.results.join() !== before.results.join()) this.rebuild();
+    this.panes[this.step]?.changed?.();
+    this.drawn();
+  }
+
+  /** @param {any} job */
+  showJob(job) {
+    const words = { none: "", waiting: "waiting", running: job.step || "starting", stopping: "stopping …", done: "", stopped: "stopped",
+      failed: "" }[/** @type {string} */ (job.status)] ?? job.status;
+    const going = ["waiting", "running", "stopping"].includes(job.status), names = { check: "check", look: "quick look", insert: "render" };
+    const name = names[/** @type {"check"} */ (job.kind)] ?? "";
+    element("job-words").textContent = job.status === "done" ? `${name} done, ${job.seconds} s` : going || words ? `${name}: ${words}` : "";
+    element("job-share").hidden = !going;
+    element("job-share").value = job.share ?? 0;
+    element("job-stop").hidden = !going || job.status === "stopping";
+    if (job.status === "failed" && this.failedNumber !== job.number) {
+      this.failedNumber = job.number;
+      this.say(`${name}: ${job.error}`);
+    }
+  }
+  failedNumber = -1;
+
+  /** Build the pane anew, with the focus where it was. @param {boolean} [another] whether it is another one than before */
+  rebuild(another = false) {
+    const pane = this.panes[this.step];
+    if (!pane) return;
+    const root = element("pane"), focused = /** @type {HTMLElement | null} */ (document.activeElement), top = root.scrollTop;
+    const inside = !another && root.contains(focused) ? [...root.querySelectorAll("button, input, select, summary")].indexOf(/** @type {Element} */ (focused)) : -1;
+    const open = another ? [] : [...root.querySelectorAll("details")].map((/** @type {any} */ each) => each.open);
+    root.replaceChildren(...pane.build());
+    root.querySelectorAll("details").forEach((/** @type {any} */ each, /** @type {number} */ i) => (each.open = open[i] ?? false));
+    root.scrollTop = top;
+    if (inside >= 0) /** @type {HTMLElement | undefined} */ (root.querySelectorAll("button, input, select, summary")[inside])?.focus();
+    const place = (this.state.fault ?? "").split(":")[0];
+    for (const input of root.querySelectorAll("[data-place]")) {
+      input.setAttribute("aria-invalid", String(place !== "" && (/** @type {HTMLElement} */ (input).dataset.place ?? "").startsWith(place)));
+    }
+  }
+
+  /** @param {number} step */
+  go(step) {
+    if (step === this.step || !this.panes[step]) return;
+    this.panes[this.step]?.hidden?.();
+    this.step = step;
+    document.querySelectorAll("#steps button").forEach((button, i) => {
+      if (i === step) button.setAttribute("aria-current", "step");
+      else button.removeAttribute("aria-current");
+    });
+    element("pane").scrollTop = 0;
+    element("live").hidden = true;
+    this.say("");
+    location.hash = this.panes[step].name.toLowerCase();
+    this.rebuild(true);
+    this.panes[step].shown?.();
+    this.drawn();
+  }
+
+  /** After every frame. */
+  drawn() {
+    const { view } = this.canvas;
+    /** @type {HTMLInputElement} */ (element("exposure")).value = String(view.stops);
+    element("exposure-shown").textContent = `${view.stops >= 0 ? "+" : "−"}${Math.abs(view.stops).toFixed(2)} stops`;
+    const pane = this.panes[this.step];
+    this.overlay.draw(pane?.drawing?.() ?? {});
+    pane?.drawn?.();
+  }
+
+  /** Read the pixel under the pointer. @param {number} x @param {number} y */
+  async read(x, y) {
+    this.wanted = [Math.floor(x), Math.floor(y)];
+    if (this.reading) return;
+    this.reading = true;
+    while (this.wanted) {
+      const [i, j] = this.wanted, facts = this.facts.get(this.number);
+      this.wanted = null;
+      if (!facts || i < 0 || j < 0 || i >= facts.size[0] || j >= facts.size[1]) continue;
+      try {
+        const v = await json(`/pictures/${this.number}/value?layer=0&x=${i}&y=${j}`);
+        const sigma = v.sigma ? ` ± ${v.sigma.map(plain).join(" ")}` : "";
+        element("value").textContent = `${i}, ${j}: ${v.rgb.map(plain).join("  ")}${sigma}${facts.unit === "cd/m²" ? " cd/m²" : ""}`
+          + (v.codes ? `  (${v.codes.join(" ")})` : "");
+      } catch { /* the picture went meanwhile */ }
+    }
+    this.reading = false;
+  }
+  /** @type {[number, number] | null} */ wanted = null;
+  reading = false;
+}
+
+const studio = new Studio();
+studio.panes = [photographsPane, lightPane, cameraPane, placePane, objectsPane, developPane, deliverPane].map((build) => build(studio));
+
+// The pointer: a pane may take it, else it pans; the wheel enlarges where it is.
+
+/** @param {MouseEvent} event */
+function screenPoint(event) {
+  const box = picture.getBoundingClientRect(), density = picture.width / box.width;
+  return /** @type {[number, number]} */ ([(event.clientX - box.left) * density, (event.clientY - box.top) * density]);
+}
+/** @type {{x: number, y: number, taken: boolean} | null} */ let drag = null;
+picture.addEventListener("pointerdown", (event) => {
+  if (event.button !== 0) return;
+  picture.setPointerCapture(event.pointerId);
+  const [x, y] = screenPoint(event);
+  if (studio.canvas.view.mode === "wipe") {
+    studio.canvas.set({ wipe: x / picture.width });
+    drag = { x, y, taken: false };
+    return;
+  }
+  drag = { x, y, taken: studio.panes[studio.step]?.drag?.(event, "begin") ?? false };
+});
+picture.addEventListener("pointermove", (event) => {
+  const [x, y] = screenPoint(event);
+  if (drag && studio.canvas.view.mode === "wipe") studio.canvas.set({ wipe: Math.min(Math.max(x / picture.width, 0), 1) });
+  else if (drag?.taken) studio.panes[studio.step].drag?.(event, "move");
+  else if (drag) {
+    studio.canvas.pan(x - drag.x, y - drag.y);
+    Object.assign(drag, { x, y });
+  } else studio.read(...studio.overlay.at(event));
+});
+picture.addEventListener("pointerup", (event) => {
+  if (drag?.taken) studio.panes[studio.step].drag?.(event, "end");
+  drag = null;
+});
+picture.addEventListener("wheel", (event) => {
+  event.preventDefault();
+  studio.canvas.enlarge(2 ** (-event.deltaY / (event.deltaMode ? 6 : 200)), ...screenPoint(event));
+}, { passive: false });
+element("exposure").addEventListener("input", (/** @type {Event} */ event) => studio.canvas.set({ stops: Number(/** @type {HTMLInputElement} */ (event.target).value) }));
+
+// Files dropped anywhere go to the pane that takes them.
+
+document.addEventListener("dragover", (event) => event.dataTransfer?.types.includes("Files") && event.preventDefault());
+document.addEventListener("drop", (event) => {
+  const files = [...(event.dataTransfer?.files ?? [])];
+  if (!files.length) return;
+  event.preventDefault();
+  (studio.panes[studio.step].dropped ?? studio.panes[0].dropped)?.(files);
+});
+
+// Commands and keys.
+
+const middle = () => /** @type {[number, number]} */ ([picture.width / 2, picture.height / 2]);
+/** @type {() => void} */ let openPalette = () => {};
+/** @type {import("../commands.js").Command[]} */
+const commands = [
+  ...studio.panes.map((pane, i) => ({ name: `Step: ${pane.name}`, keys: [`Alt+${i + 1}`], act: () => studio.go(i) })),
+  { name: "Undo", keys: ["Ctrl+Z"], act: () => studio.undo(1) },
+  { name: "Redo", keys: ["Ctrl+Shift+Z", "Ctrl+Y"], act: () => studio.undo(-1) },
+  { name: "A quick look at the composite", keys: ["L"], act: () => studio.start("look") },
+  { name: "Check what the photographs show", keys: [], act: () => studio.start("check") },
+  { name: "Render the composite", keys: ["Ctrl+Enter"], act: () => studio.start("insert") },
+  { name: "Stop the job", keys: ["Escape"], act: () => ["running", "waiting"].includes(studio.state.job.status) && studio.stop() },
+  { name: "Half a stop brighter", keys: ["E"], act: () => studio.canvas.set({ stops: studio.canvas.view.stops + 0.5 }) },
+  { name: "Half a stop darker", keys: ["Shift+E"], act: () => studio.canvas.set({ stops: studio.canvas.view.stops - 0.5 }) },
+  { name: "Exposure to middle grey", keys: ["N"], act: () => studio.attempt(async () => {
+    const stops = await studio.greyStops(studio.number);
+    if (stops !== null) studio.canvas.set({ stops });
+  }) },
+  { name: "Exposure as it is in the file", keys: ["R"], act: () => studio.canvas.set({ stops: 0 }) },
+  { name: "Fit the picture", keys: ["F"], act: () => studio.canvas.fit() },
+  { name: "One pixel to one pixel", keys: ["1"], act: () => studio.canvas.enlarge(1 / studio.canvas.view.zoom, ...middle()) },
+  { name: "Enlarge", keys: ["+", "="], act: () => studio.canvas.enlarge(2, ...middle()) },
+  { name: "Reduce", keys: ["-"], act: () => studio.canvas.enlarge(0.5, ...middle()) },
+  { name: "Wipe against the plate", keys: ["W"], act: () => {
+    const name = ["composite.exr", "preview.exr"].find((each) => studio.state.results.includes(each));
+    if (studio.canvas.view.mode === "wipe") studio.uncompare();
+    else if (name) studio.compare(name);
+  } },
+  { name: "Wipe to the left", keys: ["ArrowLeft"], act: () => studio.canvas.set({ wipe: Math.max(studio.canvas.view.wipe - 0.02, 0) }) },
+  { name: "Wipe to the right", keys: ["ArrowRight"], act: () => studio.canvas.set({ wipe: Math.min(studio.canvas.view.wipe + 0.02, 1) }) },
+  { name: "Clipping: stripes above white and below black", keys: ["X"], act: () => studio.canvas.set({ clipping: !studio.canvas.view.clipping }) },
+  ...studio.panes.flatMap((pane, i) => (pane.commands ?? []).map((each) => ({
+    ...each, name: `${pane.name}: ${each.name}`, act: () => studio.step === i && each.act(),
+  }))),
+  { name: "Commands", keys: ["Ctrl+K"], act: () => openPalette() },
+  { name: "Keys", keys: ["?"], act: () => /** @type {HTMLDialogElement} */ (element("sheet")).showModal() },
+];
+listen(commands);
+fillSheet(element("sheet"), element("keys"), commands);
+openPalette = palette(element("palette"), commands);
+element("open-palette").addEventListener("click", () => openPalette());
+element("open-sheet").addEventListener("click", () => /** @type {HTMLDialogElement} */ (element("sheet")).showModal());
+element("undo").addEventListener("click", () => studio.undo(1));
+element("redo").addEventListener("click", () => studio.undo(-1));
+element("job-stop").addEventListener("click", () => studio.stop());
+element("steps").replaceChildren(...studio.panes.map((/** @type {Pane} */ pane, /** @type {number} */ i) => {
+  const button = document.createElement("button");
+  button.type = "button";
+  button.textContent = pane.name;
+  button.title = `Alt+${i + 1}`;
+  button.addEventListener("click", () => studio.go(i));
+  return button;
+}));
+
+/** For tests: the page's own state, and whether all that was asked for is shown. */
+Object.assign(window, { relume: { canvas: studio.canvas, studio, settled: () => studio.canvas.settled && !busy && studio.state.revision >= 0 } });
+
+studio.attempt(async () => {
+  studio.take(await json("/shot"));
+  studio.brackets = (await json("/brackets")).brackets;
+  const named = studio.panes.findIndex((pane) => `#${pane.name.toLowerCase()}` === location.hash);
+  studio.go(Math.max(named, 0));
+  listenTo(({ state, changed }) => {
+    if (state) studio.take(state);
+    if (changed !== undefined) {
+      studio.facts.delete(changed);
+      if (changed === studio.number) studio.show(studio.shownPath, studio.shownPath.startsWith("preview") || studio.shownPath.startsWith("composite") ? "results" : "folder");
+    }
+  }, (line) => studio.say(line));
+}).catch((error) => error instanceof Refused && studio.say(error));

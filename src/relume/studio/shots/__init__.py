@@ -1,0 +1,1 @@
+"""The studio: a shot file and its photographs, edited and rendered in the browser."""

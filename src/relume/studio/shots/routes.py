@@ -1,0 +1,283 @@
+"""What the studio's server answers: the shot and its edits, photographs, the ball, jobs, uploads and results."""
+
+from __future__ import annotations
+
+import asyncio
+import json
+from collections.abc import Callable
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+from starlette.applications import Starlette
+from starlette.concurrency import run_in_threadpool
+from starlette.exceptions import HTTPException
+from starlette.requests import ClientDisconnect, Request
+from starlette.responses import FileResponse, JSONResponse, Response
+from starlette.routing import Mount, Route, WebSocketRoute
+from starlette.staticfiles import StaticFiles
+from starlette.websockets import WebSocket
+
+import relume as rl
+from relume.studio.library import Library
+from relume.studio.routes import PAGE, UNKEPT, answered, closed, picture_routes
+from relume.studio.shots.ball import unwrapped
+from relume.studio.shots.board import board_camera
+from relume.studio.shots.document import Conflict, Document
+from relume.studio.shots.folder import LARGEST_UPLOAD, Folder
+from relume.studio.shots.jobs import Jobs
+from relume.studio.shots.objects import mesh_bytes, object_facts
+from relume.studio.shots.photographs import Thumbnails, brackets
+
+LARGEST_BODY = 1024**2
+"""Bytes of a request that edits; the largest of ours has some thousand."""
+LOOKED_AT_EVERY = 0.2
+"""Seconds between looks at the shot file and the job for each window."""
+SHOWN_RESULTS = ("report.html", "composite.png", "preview.png")
+RESULTS_POLICY = "default-src 'none'; img-src 'self' data:; style-src 'unsafe-inline'; sandbox"
+"""Of the report: a page of its own without scripts, which may style itself."""
+
+
+@dataclass(frozen=True)
+class Studio:
+    """One studio: its folder, document, folder of results, scratch folder, open pictures and worker."""
+
+    folder: Folder
+    document: Document
+    out: Path
+    scratch: Path
+    library: Library
+    jobs: Jobs
+    thumbnails: Thumbnails = field(default_factory=Thumbnails)
+
+    def state(self) -> dict[str, Any]:
+        """All that a window shows: the shot, which files its photographs are, the job, what was written."""
+        document = self.document.state()
+        table = document["table"]
+        light = table.get("light")
+        views = light.get("balls") if isinstance(light, dict) else None
+        views = views if isinstance(views, list) else []
+        results = sorted(each.name for each in self.out.iterdir() if each.is_file()) if self.out.is_dir() else []
+        return document | {
+            "folder": str(self.folder.root), "out": _beside(self.out, self.folder.root),
+            "plate": self._named(table.get("plate")), "balls": [self._named(view) for view in views],
+            "job": self.jobs.state, "measured": self.jobs.measured, "results": [name for name in results if not name.startswith(".")],
+        }  # fmt: skip
+
+    def _named(self, table: object) -> list[str]:
+        names = table.get("photographs", []) if isinstance(table, dict) else []
+        names = [names] if isinstance(names, str) else names
+        if not isinstance(names, list) or not all(isinstance(name, str) for name in names):
+            return []
+        return [self.folder.name(path) for path in self.folder.named(names)]
+
+    def shot(self, _request: Request) -> Response:
+        """The shot as it is now."""
+        self.document.look()
+        return _json(self.state())
+
+    def edit(self, _request: Request, body: dict[str, Any]) -> Response:
+        """Change the shot file."""
+        changes, revision = body.get("changes"), body.get("revision")
+        if not isinstance(changes, list) or not isinstance(revision, int):
+            raise ValueError("give changes, a list, and the revision that they are made to")
+        for change in changes:
+            if not isinstance(change, dict):
+                raise ValueError("a change is an object with set, remove or append")
+            self.folder.refuse_outside(change.get("value"))
+        self.document.edit(changes, revision=revision, unfinished=body.get("unfinished") is True)
+        return _json(self.state())
+
+    def undo(self, _request: Request, body: dict[str, Any]) -> Response:
+        """Go back in the shot's history, or on where `by` is negative."""
+        by = body.get("by")
+        if not isinstance(by, int):
+            raise ValueError("by is how many steps to go back")
+        self.document.undo(by)
+        return _json(self.state())
+
+    def brackets(self, _request: Request) -> Response:
+        """The folder's photographs, sorted."""
+        return _json({"brackets": brackets(self.folder, self.out)})
+
+    def thumbnail(self, request: Request) -> Response:
+        """A small picture of a photograph."""
+        content, doubt = self.thumbnails.of(self.folder.path(request.query_params.get("path", "")))
+        return Response(content, media_type="image/jpeg", headers={"x-doubt": doubt, **UNKEPT})
+
+    def opened(self, _request: Request, body: dict[str, Any]) -> Response:
+        """The number under which a picture is shown: of the folder, of the results, or of the scratch folder."""
+        name, where = str(body.get("path", "")), body.get("where")
+        roots = {"results": Folder(self.out.resolve()), "scratch": Folder(self.scratch.resolve())}
+        return _json({"number": self.library.add(roots.get(str(where), self.folder).path(name))})
+
+    def ball(self, _request: Request, body: dict[str, Any]) -> Response:
+        """The ball in one photograph, and the number of the map that it shows."""
+        path, rim = self.folder.path(str(body.get("path", ""))), body.get("rim")
+        if rim is not None and not (isinstance(rim, list) and all(isinstance(each, int | float) for each in rim)):
+            raise ValueError("a rim is a list of numbers")
+        target = self.scratch / "ball.exr"
+        try:
+            found = unwrapped(path, rim, target)
+        except rl.errors.BallNotFound as error:
+            candidates = [[round(float(v), 1) for v in each] for each in error.candidates]
+            return JSONResponse({"error": " ".join(str(error).split()), "candidates": candidates}, 422, UNKEPT)
+        return _json(found | {"number": self.library.add(target)})
+
+    def board(self, _request: Request, body: dict[str, Any]) -> Response:
+        """The board in a photograph, as the camera that sees it so."""
+        return _json({"camera": board_camera(self.folder.path(str(body.get("photograph", ""))), body)})
+
+    def start(self, _request: Request, body: dict[str, Any]) -> Response:
+        """Start a job, in place of the one that runs."""
+        self.document.look()
+        if self.document.fault is not None:
+            raise ValueError(f"the shot is not finished: {self.document.fault}")
+        return _json({"number": self.jobs.start(str(body.get("kind")), self.document.path, self.out)})
+
+    def stop(self, _request: Request, _body: dict[str, Any]) -> Response:
+        """Stop the job that runs."""
+        self.jobs.stop()
+        return _json({})
+
+    def objects(self, _request: Request) -> Response:
+        """Where the objects stand."""
+        return _json({"objects": object_facts(self.document.path), "presets": sorted(rl.scene.PRESETS)})
+
+    def mesh(self, request: Request) -> Response:
+        """An object's triangles in the world."""
+        content = mesh_bytes(self.document.path, int(request.path_params["number"]))
+        return Response(content, media_type="application/octet-stream", headers=UNKEPT)
+
+    def result(self, request: Request) -> Response:
+        """A file of the results that a browser shows by itself."""
+        name = request.path_params["name"]
+        if name not in SHOWN_RESULTS:
+            raise LookupError
+        headers = {"content-security-policy": RESULTS_POLICY, **UNKEPT}
+        return FileResponse(Folder(self.out.resolve()).path(name), headers=headers)
+
+    async def upload(self, request: Request) -> Response:
+        """Take a dropped file into the folder, under a name of its own."""
+        said = request.headers.get("content-length", "")
+        room = min(LARGEST_UPLOAD, await run_in_threadpool(self.folder.room))
+        if said.isdecimal() and int(said) > room:
+            raise HTTPException(413, f"{int(said) / 1e6:.0f} MB is too much; up to {room / 1e6:.0f} MB are taken")
+        with self.folder.upload(request.query_params.get("name", "")) as (file, target):
+            taken = 0
+            async for chunk in request.stream():
+                taken += len(chunk)
+                if taken > room:
+                    raise HTTPException(413, f"the file is too large; up to {room / 1e6:.0f} MB are taken")
+                await run_in_threadpool(file.write, chunk)
+        return _json({"path": self.folder.name(target)})
+
+    async def events(self, socket: WebSocket) -> None:
+        """Says what the studio is, whenever that changes, until the window is closed."""
+        await socket.accept()
+        ended, seen = asyncio.create_task(closed(socket)), None
+        stamps: list[tuple[int, int]] = []
+        while not ended.done():
+            await run_in_threadpool(self.document.look)
+            now = self.document.revision, self.document.fault, self.jobs.changes
+            if now != seen and not ended.done():
+                await socket.send_json({"state": await run_in_threadpool(self.state)})
+                seen = now
+            before, stamps = stamps, await run_in_threadpool(self.library.stamps)
+            for number, (old, stamp) in enumerate(zip(before, stamps, strict=False)):
+                if old != stamp and not ended.done():
+                    await socket.send_json({"changed": number})
+            await asyncio.wait([ended], timeout=LOOKED_AT_EVERY)
+
+
+def studio_application(studio: Studio) -> Starlette:
+    """The application of a studio, not yet guarded."""
+
+    def index(_request: Request) -> Response:
+        return FileResponse(PAGE / "studio.html", headers=UNKEPT)
+
+    def posted(path: str, endpoint: Callable[[Request, dict[str, Any]], Response]) -> Route:
+        return Route(path, _posted(endpoint), methods=["POST"])
+
+    return Starlette(
+        routes=[
+            Route("/", index),
+            Route("/shot", answered(studio.shot)),
+            posted("/shot/edit", studio.edit),
+            posted("/shot/undo", studio.undo),
+            Route("/brackets", answered(studio.brackets)),
+            Route("/thumbnail", answered(studio.thumbnail)),
+            posted("/opened", studio.opened),
+            posted("/ball", studio.ball),
+            posted("/board", studio.board),
+            posted("/jobs/start", studio.start),
+            posted("/jobs/stop", studio.stop),
+            Route("/objects", answered(studio.objects)),
+            Route("/objects/{number:int}", answered(studio.mesh)),
+            Route("/results/{name}", answered(studio.result)),
+            Route("/uploads", _uploaded(studio.upload), methods=["POST"]),
+            *picture_routes(studio.library),
+            WebSocketRoute("/events", studio.events),
+            Mount("/page", StaticFiles(directory=PAGE)),
+        ]
+    )
+
+
+def _posted(endpoint: Callable[[Request, dict[str, Any]], Response]) -> Callable[[Request], Any]:
+    """An endpoint that takes a small JSON object; what it refuses is one line of JSON."""
+
+    async def answer(request: Request) -> Response:
+        body = b""
+        async for chunk in request.stream():
+            body += chunk
+            if len(body) > LARGEST_BODY:
+                return JSONResponse({"error": "the request is too large"}, 413, UNKEPT)
+        try:
+            content = json.loads(body or b"{}", parse_constant=_refuse_constant)
+            if not isinstance(content, dict):
+                raise ValueError
+        except (ValueError, RecursionError):
+            return JSONResponse({"error": "give a JSON object of finite numbers"}, 400, UNKEPT)
+        return await run_in_threadpool(_refused_in_a_line(lambda: endpoint(request, content)))
+
+    return answer
+
+
+def _uploaded(endpoint: Callable[[Request], Any]) -> Callable[[Request], Any]:
+    async def answer(request: Request) -> Response:
+        try:
+            return await endpoint(request)
+        except HTTPException as error:
+            return JSONResponse({"error": error.detail}, error.status_code, {**UNKEPT, "connection": "close"})
+        except (rl.RelumeError, ValueError) as error:
+            return JSONResponse({"error": " ".join(str(error).split())}, 422, UNKEPT)
+        except ClientDisconnect:
+            return Response(status_code=400)
+
+    return answer
+
+
+def _refused_in_a_line(act: Callable[[], Response]) -> Callable[[], Response]:
+    def answer() -> Response:
+        try:
+            return act()
+        except Conflict as error:
+            return JSONResponse({"error": str(error)}, 409, UNKEPT)
+        except LookupError:
+            return JSONResponse({"error": "there is no such file in this folder"}, 404, UNKEPT)
+        except (rl.RelumeError, ValueError) as error:
+            return JSONResponse({"error": " ".join(str(error).split())}, 422, UNKEPT)
+
+    return answer
+
+
+def _refuse_constant(name: str) -> float:
+    raise ValueError(f"{name} is no number for a shot file")
+
+
+def _beside(path: Path, root: Path) -> str:
+    return path.relative_to(root).as_posix() if path.is_relative_to(root) else str(path)
+
+
+def _json(content: Any) -> Response:
+    return JSONResponse(content, headers=UNKEPT)

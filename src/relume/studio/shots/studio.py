@@ -1,0 +1,85 @@
+"""The studio's server: one shot, its folder, its windows and its worker, on this machine alone."""
+
+from __future__ import annotations
+
+import os
+import tempfile
+from collections.abc import Callable
+from contextlib import contextmanager
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import relume as rl
+from relume.studio.library import Library
+from relume.studio.server import require_host, serve
+from relume.studio.shots.folder import Folder
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator
+
+    from starlette.applications import Starlette
+
+SHOT_FILE = "shot.toml"
+RESULTS = "out"
+"""The folder of results beside the shot file, unless another is given."""
+
+
+def open_studio(
+    path: str | os.PathLike[str],
+    out: str | os.PathLike[str] | None = None,
+    *,
+    host: str = "127.0.0.1",
+    port: int = 0,
+    allow_remote: bool = False,
+    open_browser: bool = True,
+    say: Callable[[str], None] | None = None,
+) -> None:
+    """Make a composite by looking and pointing: a shot file and its photographs in the browser, until interrupted.
+
+    path : a shot file, or a folder of photographs, in which shot.toml is read, or written at the first act
+    out : the folder of results and kept stages, as `insert` has it; "out" beside the shot file unless given
+    host : the address to listen at; this machine alone unless given, since whoever reaches the server edits the shot
+    port : 0 for a free one
+    allow_remote : needed for a host that other machines reach
+    open_browser : whether to open the page, as long as there is a browser
+    say : called once with the address, which holds the token that lets in
+    Raises ValueError for another host without `allow_remote`; UnreadableFile for a path that is missing; RelumeError
+    where the extra `studio` is not installed, or the port is taken.
+    """
+    shot = Path(path)
+    if shot.is_dir():
+        shot = shot / SHOT_FILE
+    elif shot.suffix.lower() != ".toml":
+        raise ValueError(f"{path} is neither a folder nor a shot file (.toml); give one of them")
+    elif not shot.is_file():
+        raise rl.errors.UnreadableFile(f"{path}: no such shot file; check its name, or give the folder of photographs")
+    shot = shot.resolve()
+    require_host(host, allow_remote, "edits this shot and reads its folder")
+    results = Path(out).resolve() if out is not None else shot.parent / RESULTS
+    with _application(shot, results) as application:
+        serve(application, host, port, allow_remote=allow_remote, open_browser=open_browser, say=say)
+
+
+@contextmanager
+def _application(shot: Path, out: Path) -> Iterator[Callable[[], Starlette]]:
+    """Makes the application of a shot; its worker and its scratch folder go with the block."""
+    with tempfile.TemporaryDirectory(prefix="relume-studio-") as scratch:
+        kept: list[Callable[[], None]] = []
+
+        def make() -> Starlette:
+            # Here and not above, for one line to say what is not installed.
+            from relume.studio.shots.document import Document
+            from relume.studio.shots.jobs import Jobs
+            from relume.studio.shots.routes import Studio, studio_application
+
+            jobs = Jobs(Path(scratch))
+            kept.append(jobs.close)
+            return studio_application(
+                Studio(Folder(shot.parent), Document(shot), out, Path(scratch), Library(()), jobs)
+            )
+
+        try:
+            yield make
+        finally:
+            for close in kept:
+                close()

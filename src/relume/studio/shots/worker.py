@@ -1,0 +1,159 @@
+"""What the studio's worker process does: the work of `relume insert`, one piece at a time, reported as it goes."""
+
+from __future__ import annotations
+
+import warnings
+from collections.abc import Callable
+from dataclasses import replace
+from multiprocessing.connection import Connection
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+import relume as rl
+
+Report = Callable[[str, float], None]
+
+
+def work(pipe: Connection) -> None:
+    """Do the jobs that come through the pipe, until it is closed; a job is stopped by Ctrl-C's signal.
+
+    A job is (kind, shot, folder of results, scratch folder). What goes back is ("step", name, share) for progress and,
+    last, ("done", facts), ("failed", line) or ("stopped",).
+    """
+    while True:
+        try:
+            kind, shot, out, scratch = pipe.recv()
+        except KeyboardInterrupt:  # meant for a job that was done already
+            continue
+        except (EOFError, OSError):
+            return
+        try:
+            answer = _answer(pipe, kind, Path(shot), Path(out), Path(scratch))
+        except KeyboardInterrupt:
+            answer = ("stopped",)
+        try:
+            pipe.send(answer)
+        except OSError:
+            return
+
+
+def _answer(pipe: Connection, kind: str, shot: Path, out: Path, scratch: Path) -> tuple[Any, ...]:
+    def report(step: str, share: float) -> None:
+        pipe.send(("step", step, share))
+
+    try:
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore")  # they come back as the result's doubts
+            return ("done", JOBS[kind](shot, out, scratch, report))
+    except rl.errors.Interrupted:
+        return ("stopped",)
+    except MemoryError:
+        return (
+            "failed",
+            "there is not enough memory for this; close what else is open, or make the photographs smaller",
+        )
+    except OSError as error:
+        return ("failed", f"{error.filename or out}: {error.strerror or error}")
+    except (rl.RelumeError, ValueError) as error:
+        return ("failed", " ".join(str(error).removeprefix(f"{shot}: ").split()))
+    except Exception as error:
+        return ("failed", f"a fault of relume itself: {type(error).__name__}: {' '.join(str(error).split())[:300]}")
+
+
+def _check(shot: Path, _out: Path, _scratch: Path, report: Report) -> dict[str, Any]:
+    """What the photographs show, in seconds."""
+    found = rl.report.check_shot(rl.read_shot(shot), progress=report)
+    return {"facts": {name: _shown(value) for name, value in found.facts.items()}, "doubts": _lines(found.doubts)}
+
+
+def _look(shot: Path, out: Path, scratch: Path, report: Report) -> dict[str, Any]:
+    """A quick look at the composite, and with it the light and the camera."""
+    table = rl.read_shot(shot)
+    result = rl.insert(table, out, progress=report, preview=True)
+    # The small plate has whole squares of the plate's pixels as its own.
+    small = result.camera
+    whole = _plate_size(table)
+    step = max(1, whole[0] // small.width)
+    camera = small.resized(small.width * step, small.height * step).window(0, 0, *whole)
+    return _measured(result, camera, step, scratch) | {"picture": "preview.png", "radiance": "preview.exr"}
+
+
+def _insert(shot: Path, out: Path, scratch: Path, report: Report) -> dict[str, Any]:
+    """The whole job, as `relume insert` does it."""
+    table = rl.read_shot(shot)
+    if table.sequence is not None:
+        made = rl.insert_frames(table, out, progress=report, finished=rl.write_report)
+        rl.write_report(made, out)
+        return {"frames": len(made.frames), "doubts": _lines(made.doubts), "report": "report.html"}
+    result = rl.insert(table, out, progress=report)
+    report("report", 0.0)
+    rl.write_report(result, out)
+    found = _measured(result, result.camera, 1, scratch)
+    return found | {"picture": "composite.png", "radiance": "composite.exr", "report": "report.html"}
+
+
+JOBS: dict[str, Callable[[Path, Path, Path, Report], dict[str, Any]]] = {
+    "check": _check,
+    "look": _look,
+    "insert": _insert,
+}
+
+
+def _measured(result: Any, camera: rl.Camera, step: int, scratch: Path) -> dict[str, Any]:
+    """What a page draws over the plate: camera, points it was fitted to, light; the light as a file beside."""
+    probe = result.calibrated.probe
+    rl.write(scratch / "light.exr", rl.as_radiance_map(probe.light))
+    fit, place = result.place.fit, result.place
+    surfaces = () if place.recovered is None else place.recovered.surfaces
+    return {
+        "camera": camera_facts(camera),
+        "points": (step * fit.points).round(2).tolist(),
+        "offsets": (step * fit.offsets).round(3).tolist(),
+        "agreement": replace(fit, points=step * fit.points, offsets=step * fit.offsets).agreement,
+        "light": "light.exr",
+        "irradiance": irradiance_facts(probe.light),
+        "unit": result.plate.unit,
+        "reflectance": [list(each.reflectance) for each in surfaces if each.reflectance],
+        "doubts": _lines(result.doubts),
+        "seconds": {name: round(each, 2) for name, each in result.seconds.items()},
+        "kept": list(result.kept),
+    }
+
+
+def camera_facts(camera: rl.Camera) -> dict[str, Any]:
+    """A camera for JSON: rotation by rows, world from camera; distortion in OpenCV's coefficients."""
+    lens = camera.distortion
+    return {
+        "size": [camera.width, camera.height], "focal_length": camera.focal_length, "centre": camera.principal_point,
+        "position": camera.position.tolist(), "rotation": camera.rotation.tolist(),
+        "distortion": None if lens is None else [lens.k1, lens.k2, lens.p1, lens.p2, lens.k3],
+    }  # fmt: skip
+
+
+def irradiance_facts(light: rl.EnvironmentMap) -> list[list[float]]:
+    """E(n) as coefficients (9, 3) of 1, x, y, z, xy, yz, zx, x² − y² and 3z² − 1 of a unit normal, fitted.
+
+    What is left out is below one per cent of matte shading (Ramamoorthi & Hanrahan 2001).
+    """
+    coarse = light.remapped(rl.mappings.LatLong(), 64)
+    normals = rl.mappings.pixel_directions(rl.mappings.LatLong(), 8).reshape(-1, 3)
+    x, y, z = normals.T
+    basis = np.stack([np.ones_like(x), x, y, z, x * y, y * z, z * x, x * x - y * y, 3 * z * z - 1], axis=1)
+    return np.linalg.lstsq(basis, coarse.irradiance(normals), rcond=None)[0].tolist()
+
+
+def _plate_size(shot: rl.Shot) -> tuple[int, int]:
+    path = shot.files(shot.plate.photographs)[0]
+    if rl.files.kind_of(path) not in ("JPEG", "PNG", "TIFF", "HEIF", "RAW"):
+        return rl.read_radiance(path).size
+    return rl.files.read_facts(path).size
+
+
+def _lines(doubts: Any) -> list[str]:
+    return [each.line for each in doubts]
+
+
+def _shown(value: object) -> str:
+    return ", ".join(map(str, value)) if isinstance(value, list | tuple) else str(value)
