@@ -24,6 +24,7 @@ LONGEST = ["test_room_truth.py", "test_mitsuba_insert.py", "test_insert.py", "te
 # What `make quick` leaves out: what renders with Mitsuba, runs whole commands and shots, or takes more than 5 s.
 LONG = (
     "studio/test_page.py",
+    *("studio/test_studio_page.py", "studio/test_shot_server.py"),
     *("cli/*", "project/*", "report/*", "physics/*", "image/test_corpus*", "test_examples.py", "test_architecture.py"),
     *("renderers/*mitsuba*", "renderers/test_renderer.py", "renderers/test_environment.py", "renderers/test_sheet.py"),
     *("renderers/test_accumulation.py", "renderers/test_allocation.py", "renderers/test_filters.py"),

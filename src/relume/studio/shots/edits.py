@@ -89,7 +89,7 @@ def _inline(value: Mapping[str, Any]) -> InlineTable:
     entries = [
         f"{tomlkit.key(key).as_string()} = {tomlkit.item(_plain(each)).as_string()}" for key, each in value.items()
     ]
-    found = tomlkit.parse(f"table = {{ {', '.join(entries)} }}")["table"]
+    found = tomlkit.parse(f"table = {{ {', '.join(entries)} }}\n")["table"]
     assert isinstance(found, InlineTable)
     return found
 

@@ -39,6 +39,8 @@ def brackets(folder: Folder, out: Path) -> list[dict[str, Any]]:
         for path in paths:
             try:
                 kind = rl.files.kind_of(path)
+                if kind in (*ENCODED, "RAW"):
+                    rl.files.read_facts(path)
             except rl.RelumeError as error:
                 found.append(_entry(folder, [path], [], "broken", [_line(error, path)]))
                 continue

@@ -56,6 +56,7 @@ export function lightPane(studio) {
         }
       });
       words.textContent = said;
+      if (now === null && studio.panes[studio.step]?.name === "Light") studio.rebuild();
       studio.drawn();
     }
     asking = false;
@@ -164,7 +165,7 @@ export function lightPane(studio) {
         make("p", {}, "Drag the middle or the rim; the arrow keys move a handle by a pixel."),
         make("div", { className: "row" },
           make("button", { type: "button", onclick: () => ((rim = null), unwrap(null)) }, "Find it"),
-          make("button", { type: "button", onclick: write, disabled: !rim }, "Keep it"),
+          make("button", { type: "button", onclick: write }, "Keep it"),
           make("button", { type: "button", disabled: !table().rim && !table().pick, onclick: () => studio.edit(
             ["rim", "pick"].filter((key) => table()[key]).map((key) => ({ remove: ["light", "balls", view, key] })), true) }, "As found")),
         make("div", { className: "row" }, make("label", { for: "light-way" }, "What is drawn"), make("select", { id: "light-way", onchange: () => {

@@ -23,19 +23,21 @@ export function objectsPane(studio) {
     if (fetching || fetched === studio.state.revision) return;
     fetching = true;
     const revision = studio.state.revision;
-    try {
-      const found = studio.state.fault === null ? await json("/objects") : { objects: [], presets };
-      drawing ??= new Drawing(live);
-      const meshes = lens() ? await Promise.all(found.objects.map(async (/** @type {any} */ _, /** @type {number} */ i) =>
-        /** @type {Drawing} */ (drawing).mesh(/** @type {ArrayBuffer} */ (await bytes(`/objects/${i}`))))) : [];
-      for (const each of objects) if (each.mesh) drawing.forget(each.mesh);
-      objects = found.objects.map((/** @type {any} */ each, /** @type {number} */ i) => ({ ...each, mesh: meshes[i] ?? null }));
-      ({ presets } = found);
-      fault = "";
-      act = null;
-    } catch (error) {
-      fault = error instanceof Error ? error.message : String(error);
-    }
+    await studio.attempt(async () => {
+      try {
+        const found = studio.state.fault === null ? await json("/objects") : { objects: [], presets };
+        drawing ??= new Drawing(live);
+        const meshes = lens() ? await Promise.all(found.objects.map(async (/** @type {any} */ _, /** @type {number} */ i) =>
+          /** @type {Drawing} */ (drawing).mesh(/** @type {ArrayBuffer} */ (await bytes(`/objects/${i}`))))) : [];
+        for (const each of objects) if (each.mesh) drawing.forget(each.mesh);
+        objects = found.objects.map((/** @type {any} */ each, /** @type {number} */ i) => ({ ...each, mesh: meshes[i] ?? null }));
+        ({ presets } = found);
+        fault = "";
+        act = null;
+      } catch (error) {
+        fault = error instanceof Error ? error.message : String(error);
+      }
+    });
     fetched = revision;
     fetching = false;
     if (studio.panes[studio.step]?.name === "Objects") studio.rebuild();
@@ -190,9 +192,9 @@ export function objectsPane(studio) {
     hidden: () => void (live.hidden = true),
     changed() {
       const { job } = studio.state;
+      if (lens() && objects.some((each) => !each.mesh)) fetched = -1; // the camera has come since
       fetchObjects();
       if (job.status === "done" && job.number !== lastJob && job.kind !== "check") {
-        if (lens() && objects.some((each) => !each.mesh)) fetched = -1;
         if (lastJob >= 0 || studio.shownPath === "preview.exr") show(true);
       }
       if (job.status === "done") lastJob = job.number;

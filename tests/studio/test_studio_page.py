@@ -1,0 +1,333 @@
+"""The studio's page in a real browser: what pointing does to shot.toml, to files and to pixels."""
+
+from __future__ import annotations
+
+import shutil
+import tomllib
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+import relume as rl
+from browsing import CHROMIUM, FLAGS, Tab, opened
+from serving import Server, serving
+from small_shot import TEXT, camera, write_small_shot
+
+for needed in ("uvicorn", "tomlkit"):
+    pytest.importorskip(needed, reason="the extra studio is not installed")
+playwright = pytest.importorskip("playwright.sync_api", reason="playwright is not installed")
+pytestmark = pytest.mark.skipif(CHROMIUM is None, reason="no Chromium here; on Debian: apt-get install chromium")
+
+ROOM = Path(__file__).resolve().parents[2] / "examples" / "room"
+
+
+@pytest.fixture(scope="module")
+def browser() -> Iterator[Any]:
+    with playwright.sync_playwright() as started:
+        running = started.chromium.launch(executable_path=CHROMIUM, args=FLAGS)
+        yield running
+        running.close()
+
+
+@pytest.fixture(scope="module")
+def room(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A folder of photographs without a shot file."""
+    folder = tmp_path_factory.mktemp("room")
+    for name, frames in (("plate", (1, 2, 3, 4)), ("ball_0", (3, 5, 7, 8))):
+        (folder / name).mkdir()
+        for number in frames:
+            shutil.copy(ROOM / name / f"IMG_{number:04d}.jpg", folder / name)
+    shutil.copy(ROOM / "plate_grid.jpg", folder)
+    return folder
+
+
+@pytest.fixture(scope="module")
+def room_server(room: Path) -> Iterator[Server]:
+    with serving([room], "studio") as running:
+        yield running
+
+
+@pytest.fixture
+def room_page(browser: Any, room: Path, room_server: Server) -> Iterator[Tab]:
+    room_server.post("/shot/undo", {"by": 10_000})
+    assert not (room / "shot.toml").exists()
+    with opened(browser, room_server.address) as page:
+        yield page
+
+
+@pytest.fixture(scope="module")
+def small(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    return write_small_shot(tmp_path_factory.mktemp("small")).parent
+
+
+@pytest.fixture(scope="module")
+def small_server(small: Path) -> Iterator[Server]:
+    with serving([small / "shot.toml"], "studio") as running:
+        yield running
+
+
+@pytest.fixture
+def page(browser: Any, small: Path, small_server: Server) -> Iterator[Tab]:
+    small_server.post("/shot/undo", {"by": 10_000})
+    assert (small / "shot.toml").read_text(encoding="utf-8") == TEXT
+    with opened(browser, small_server.address) as tab:
+        yield tab
+
+
+def table(folder: Path) -> dict[str, Any]:
+    return tomllib.loads((folder / "shot.toml").read_text(encoding="utf-8"))
+
+
+def done(page: Tab, server: Server, kind: str) -> None:
+    page.until(
+        lambda: (job := server.json("/shot")["job"])["kind"] == kind and job["status"] in ("done", "failed"), kind, 240
+    )
+    job = server.json("/shot")["job"]
+    assert job["status"] == "done", job
+    page.until(lambda: page.tab.evaluate("() => relume.studio.state.job.status") == "done", "its end in the page")
+    page.settle()
+
+
+def bracket(name: str, role: str) -> str:
+    return f'.bracket[data-name="{name}"] button:text-is("{role}")'
+
+
+# Photographs
+
+
+def test_choosing_photographs_writes_the_shot_and_undo_takes_it_back(room_page: Tab, room: Path):
+    assert "4 photographs, 768 × 512, 1/4 s … 16 s, f/8, ISO 100" in room_page.text('.bracket[data-name="plate"]')
+    room_page.click(bracket("plate", "Plate"))
+    assert (room / "shot.toml").read_text(encoding="utf-8") == '[plate]\nphotographs = ["plate/*.jpg"]\n'
+    assert "light: missing" in room_page.text("#fault")
+    room_page.click(bracket("ball_0", "Ball"))
+    assert table(room)["light"] == {"balls": [{"photographs": ["ball_0/*.jpg"]}], "ball": {"radius": 0.05}}
+    assert room_page.tab.locator("#fault").is_hidden()
+    # A frame left out by Delete, and taken in again.
+    frame = room_page.tab.locator('.thumb[data-path="plate/IMG_0001.jpg"]')
+    frame.focus()
+    room_page.press("Delete")
+    assert table(room)["plate"]["photographs"] == [f"plate/IMG_000{n}.jpg" for n in (2, 3, 4)]
+    room_page.tab.locator('.thumb[data-path="plate/IMG_0001.jpg"]').focus()
+    room_page.press("Delete")
+    assert table(room)["plate"]["photographs"] == ["plate/*.jpg"]
+    room_page.press("Control+z", "Control+z", "Control+z")
+    assert (room / "shot.toml").read_text(encoding="utf-8") == '[plate]\nphotographs = ["plate/*.jpg"]\n'
+    room_page.press("Control+Shift+Z")
+    assert "balls" in table(room)["light"]
+
+
+def test_a_frame_dragged_to_another_bracket_belongs_to_it_in_the_shot(room_page: Tab, room: Path):
+    room_page.click(bracket("plate", "Plate"))
+    room_page.tab.locator('.thumb[data-path="plate_grid.jpg"]').drag_to(
+        room_page.tab.locator('.bracket[data-name="plate"] h3')
+    )
+    room_page.settle()
+    assert table(room)["plate"]["photographs"] == [*(f"plate/IMG_000{n}.jpg" for n in (1, 2, 3, 4)), "plate_grid.jpg"]
+
+
+# Light
+
+
+def test_the_rim_is_found_and_follows_its_handles_pixel_by_pixel(room_page: Tab, room: Path):
+    room_page.click(bracket("plate", "Plate"))
+    room_page.click(bracket("ball_0", "Ball"))
+    room_page.press("Alt+2")
+    room_page.until(lambda: "an edge was seen" in room_page.text("#pane"), "the rim")
+    found = [float(each) for each in room_page.text("#pane").split("\nrim ")[1].split(";")[0].split(",")]
+    assert found == pytest.approx([320, 320, 295.5], abs=1.0)  # the ball of this shoot
+    assert "% of all directions are unseen" in room_page.text("#pane")
+    room_page.click('button:text-is("Keep it")')
+    kept = table(room)["light"]["balls"][0]["pick"]
+    x, y, radius = kept
+    # The middle by the pointer, the rim by the arrow keys.
+    room_page.drag((x, y), (x + 12, y - 7))
+    room_page.until(lambda: table(room)["light"]["balls"][0]["pick"] != kept, "the edit")
+    assert table(room)["light"]["balls"][0]["pick"] == pytest.approx([x + 12, y - 7, radius], abs=0.02)
+    room_page.tab.locator('circle[data-handle="right"]').focus()
+    room_page.press("ArrowRight", "ArrowRight", "ArrowRight")
+    room_page.until(
+        lambda: table(room)["light"]["balls"][0]["pick"][2] == pytest.approx(radius + 3, abs=0.02), "three pixels"
+    )
+    # Taken exactly, it is a rim.
+    room_page.tab.locator("#light-way").select_option("rim")
+    room_page.settle()
+    view = table(room)["light"]["balls"][0]
+    assert "pick" not in view and view["rim"] == pytest.approx([x + 12, y - 7, radius + 3], abs=0.02)
+    page_map = room_page.tab.evaluate(
+        "() => { const c = document.querySelector('.map canvas'), g = c.getContext('webgl2'), p = new Uint8Array(4);"
+        "g.readPixels(c.width / 2 | 0, c.height * 0.8 | 0, 1, 1, g.RGBA, g.UNSIGNED_BYTE, p); return [...p]; }"
+    )
+    assert sum(page_map[:3]) > 60  # the ceiling's light
+
+
+# Camera
+
+
+def test_the_board_is_found_and_drawn_where_it_lies(room_page: Tab, room: Path):
+    room_page.click(bracket("plate", "Plate"))
+    room_page.click(bracket("ball_0", "Ball"))
+    room_page.click(bracket("plate_grid.jpg", "Board"))
+    assert table(room)["camera"]["grid"] == {"photograph": "plate_grid.jpg", "squares": [9, 6], "square": 0.03}
+    room_page.press("Alt+3")
+    room_page.until(lambda: "the board is there" in room_page.text("#pane"), "the board")
+    truth = rl.camera_from_grid(rl.read_photograph(room / "plate_grid.jpg"), squares=(9, 6), square=0.03)
+    assert f"{truth.position[1]:.3f} m above it" in room_page.text("#pane")
+    room_page.settle()
+    drawn = room_page.tab.evaluate("() => document.querySelector('#overlay path.thin').getAttribute('d')")
+    first = [float(each) for each in drawn.split("M")[1].split("L")[0].split(",")]
+    x, y = truth.project(np.array([-0.135, 0.0, -0.09]))
+    box = room_page.tab.locator("#picture").bounding_box()
+    expected = np.subtract(room_page.point_at(float(x), float(y)), [box["x"], box["y"]])
+    assert first == pytest.approx(expected.tolist(), abs=0.05)
+
+
+# Place and objects
+
+
+def test_the_tables_side_is_dragged_to_where_it_ends(page: Tab, small: Path, small_server: Server):
+    looked_at(page, small_server)
+    page.press("Alt+4")
+    lens = camera()
+    start = lens.project(np.array([0.5, 0.0, 0.0]))
+    end = lens.project(np.array([0.4, 0.0, 0.0]))
+    page.drag(tuple(start), tuple(end))
+    assert table(small)["local"][0]["size"] == pytest.approx([0.9, 0.8], abs=1e-4)
+    assert table(small)["local"][0]["translate"] == pytest.approx([-0.05, 0, 0], abs=1e-4)
+
+
+def test_an_object_is_dragged_on_the_table_by_what_the_pointer_moved_there(
+    page: Tab, small: Path, small_server: Server
+):
+    looked_at(page, small_server)
+    page.press("Alt+5")
+    page.until(lambda: page.tab.evaluate("() => !document.getElementById('live').hidden"), "the live picture")
+    page.tab.locator("#objects-look").uncheck()
+    page.until(lambda: page.tab.locator("#overlay path").count() > 0, "the object")
+    lens = camera()
+    start = lens.project(np.array([0.0, 0.05, 0.0]))
+    end = start + np.array([30.0, 8.0])
+    before = live_pixel(page, end)
+    page.drag(tuple(start), tuple(end))
+    page.until(lambda: "translate" in table(small)["objects"][0], "the edit")
+    rays = lens.rays_through(np.array([start, end]))
+    hits = lens.position - rays * (lens.position[1] / rays[:, 1])[:, None]
+    moved = table(small)["objects"][0]["translate"]
+    assert moved == pytest.approx((hits[1] - hits[0]).tolist(), abs=1e-4)  # a tenth of a millimetre
+    page.until(lambda: live_pixel(page, end)[3] == 255 and live_pixel(page, start)[3] == 0, "the ball in its new place")
+    assert before[3] == 0
+    # Turned and scaled about its foot by keys: it stays where it is.
+    page.tab.locator("#picture").focus()
+    page.press("[", ".")
+    page.until(lambda: table(small)["objects"][0].get("scale") == 1.1, "the scale")
+    found = table(small)["objects"][0]
+    assert found["rotate"] == [0, 15, 0]
+    foot = np.concatenate([m.vertices for m in rl.report.placed_meshes(rl.read_shot(small / "shot.toml"))])
+    assert (foot.min(0) + foot.max(0))[[0, 2]] / 2 == pytest.approx([moved[0], moved[2]], abs=1e-3)
+    assert foot[:, 1].min() == pytest.approx(0, abs=1e-6)
+
+
+def test_a_mesh_is_handed_over_and_stands_on_the_table(page: Tab, small: Path):
+    page.press("Alt+5")
+    page.tab.locator('input[type="file"]').set_input_files(str(small / "objects" / "ball.glb"))
+    page.until(lambda: len(table(small)["objects"]) == 2, "the object")
+    assert table(small)["objects"][1] == {"mesh": "objects/ball-2.glb", "stand": [0, 0]}
+    assert (small / "objects" / "ball-2.glb").read_bytes() == (small / "objects" / "ball.glb").read_bytes()
+    page.settle()
+    page.tab.locator("select").last.select_option(label="gold")
+    page.until(lambda: table(small)["objects"][1].get("material") == {"preset": "gold"}, "the material")
+
+
+# The document
+
+
+def test_edits_outside_appear_and_a_broken_file_is_said_and_undone(page: Tab, small: Path):
+    page.press("Alt+7")
+    field = page.tab.locator('input[data-place="render.samples"]')
+    assert field.input_value() == "8"
+    (small / "shot.toml").write_text(TEXT.replace("samples = 8", "samples = 24"), encoding="utf-8")
+    page.until(lambda: field.input_value() == "24", "the edit made outside")
+    (small / "shot.toml").write_text(TEXT.replace("samples = 8", "samples = = 24 "), encoding="utf-8")
+    page.until(lambda: "not valid TOML" in page.text("#fault"), "the fault")
+    assert "line 26" in page.text("#fault") and field.input_value() == "24"
+    page.click("#undo")
+    assert table(small)["render"]["samples"] == 24
+    page.until(lambda: page.tab.locator("#fault").is_hidden(), "the fault's end")
+    # What is wrong is refused, and the field shows what the file holds.
+    field.fill("1")
+    field.press("Tab")
+    page.until(lambda: "not done: render.samples" in page.text("#message"), "the refusal")
+    assert table(small)["render"]["samples"] == 24 and field.input_value() == "24"
+
+
+def test_two_windows_on_one_shot_see_each_others_edits(page: Tab, browser: Any, small: Path, small_server: Server):
+    with opened(browser, small_server.address) as other:
+        for each in (page, other):
+            each.press("Alt+6")
+        page.tab.locator("select").first.select_option(label="sRGB")
+        page.until(lambda: table(small).get("develop") == {"response": "srgb"}, "the edit")
+        other.until(lambda: other.tab.locator("select").first.input_value() == '"srgb"', "the edit in the other window")
+        other.press("Control+z")
+        page.until(lambda: page.tab.locator("select").first.input_value() == '"plate"', "the undo in the first")
+    assert (small / "shot.toml").read_text(encoding="utf-8") == TEXT
+
+
+# Deliver
+
+
+def test_the_composite_is_rendered_shown_and_listed_with_what_one_would_type(
+    page: Tab, small: Path, small_server: Server
+):
+    page.press("Alt+7")
+    page.click('button:text-is("Render the composite")')
+    done(page, small_server, "insert")
+    for name in ("composite.exr", "composite.png", "layers.exr", "light.exr", "report.html"):
+        assert name in page.text(".files") and (small / "out" / name).is_file()
+    page.until(lambda: page.text("#caption") == "composite.exr", "the composite")
+    page.press("r")
+    linear = rl.read_radiance(small / "out" / "composite.exr").radiance[40, 50].astype(np.float64)
+    code = 255 * (1.055 * np.clip(linear, 0, 1) ** (1 / 2.4) - 0.055)
+    page.until(lambda: page.shown(50.5, 40.5) == pytest.approx(code, abs=1.01), "its pixels")
+    page.tab.locator("summary").click()
+    assert page.text('[data-typed="command"]') == "relume insert shot.toml -o out"
+    exec(page.text('[data-typed="Python"]').split("\n\n")[0], {})
+    assert 'rl.insert(rl.read_shot("shot.toml"), "out")' in page.text('[data-typed="Python"]')
+
+
+def test_no_element_lacks_a_name_and_nothing_leaves_a_small_window(page: Tab):
+    for size in ((1280, 720), (640, 480)):
+        page.tab.set_viewport_size({"width": size[0], "height": size[1]})
+        for step in range(1, 8):
+            page.press(f"Alt+{step}")
+            across = page.tab.evaluate(
+                "() => document.documentElement.scrollWidth - document.documentElement.clientWidth"
+            )
+            assert across <= 0, (size, step)
+            nameless = page.tab.evaluate(
+                "() => [...document.querySelectorAll('button, input, select, canvas[tabindex], progress')]"
+                ".filter((e) => !e.hidden && !(e.textContent.trim() || e.getAttribute('aria-label')"
+                " || e.labels?.length))"
+                ".map((e) => e.outerHTML)"
+            )
+            assert nameless == []
+
+
+def looked_at(page: Tab, server: Server) -> None:
+    """The camera is known: by a quick look, once."""
+    if page.tab.evaluate("() => relume.studio.measured === null"):
+        server.post("/jobs/start", {"kind": "look"})
+        done(page, server, "look")
+        page.until(lambda: page.tab.evaluate("() => relume.studio.measured !== null"), "what it measured")
+
+
+def live_pixel(page: Tab, at: np.ndarray) -> list[int]:
+    """What is drawn over the picture at a pixel of it: red, green, blue and how opaque."""
+    return page.tab.evaluate(
+        "([x, y]) => { const c = document.getElementById('live'), g = c.getContext('webgl2'), p = new Uint8Array(4);"
+        "const s = relume.canvas.toScreen(x, y); g.bindFramebuffer(g.FRAMEBUFFER, null);"
+        "g.readPixels(s[0] | 0, c.height - 1 - (s[1] | 0), 1, 1, g.RGBA, g.UNSIGNED_BYTE, p); return [...p]; }",
+        [float(at[0]), float(at[1])],
+    )

@@ -1,0 +1,83 @@
+"""A page of ours in a real browser, for tests: waiting without sleeping, and the pixels and points it shows."""
+
+from __future__ import annotations
+
+import shutil
+import time
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from typing import Any
+
+CHROMIUM = next(filter(None, map(shutil.which, ("chromium", "chromium-browser", "google-chrome"))), None)
+FLAGS = ["--use-angle=swiftshader", "--enable-unsafe-swiftshader", "--no-sandbox", "--disable-background-networking"]
+
+
+class Tab:
+    """A tab with what tests do in it."""
+
+    def __init__(self, tab: Any) -> None:
+        self.tab = tab
+
+    def until(self, holds: Callable[[], Any], what: str, seconds: float = 60) -> None:
+        # The page's own rules forbid to evaluate texts, by which Playwright waits: it is asked again and again.
+        end = time.monotonic() + seconds
+        while not holds():
+            assert time.monotonic() < end, f"never came: {what}; {self.text('#message')}"
+            time.sleep(0.03)
+
+    def settle(self) -> None:
+        self.until(lambda: self.tab.evaluate("!!window.relume?.settled()"), "the picture")
+
+    def press(self, *keys: str) -> None:
+        for key in keys:
+            self.tab.keyboard.press(key)
+        self.settle()
+
+    def text(self, selector: str) -> str:
+        return self.tab.locator(selector).first.inner_text()
+
+    def click(self, selector: str) -> None:
+        self.tab.locator(selector).first.click()
+        self.settle()
+
+    def point_at(self, x: float, y: float) -> tuple[float, float]:
+        """Where in the window a pixel of the picture lies."""
+        return tuple(
+            self.tab.evaluate(
+                "([x, y]) => { const c = relume.canvas, p = c.toScreen(x, y), b = c.canvas.getBoundingClientRect();"
+                "const d = c.canvas.width / b.width; return [b.left + p[0] / d, b.top + p[1] / d]; }", [x, y],
+            )
+        )  # fmt: skip
+
+    def shown(self, x: float, y: float) -> list[int]:
+        """The screen's red, green and blue at a pixel of the picture."""
+        return self.tab.evaluate(
+            "([x, y]) => { const c = relume.canvas, p = c.toScreen(x, y); return c.screenAt(p[0], p[1]); }", [x, y]
+        )[:3]
+
+    def drag(self, start: tuple[float, float], end: tuple[float, float]) -> None:
+        """From one pixel of the picture to another."""
+        (x, y), (a, b) = self.point_at(*start), self.point_at(*end)
+        self.tab.mouse.move(x, y)
+        self.tab.mouse.down()
+        self.tab.mouse.move((x + a) / 2, (y + b) / 2)
+        self.tab.mouse.move(a, b)
+        self.tab.mouse.up()
+        self.settle()
+
+
+@contextmanager
+def opened(browser: Any, address: str) -> Iterator[Tab]:
+    """A page of an address; what it says on its console is a failure."""
+    context = browser.new_context(viewport={"width": 1280, "height": 720})
+    said: list[str] = []
+    tab = context.new_page()
+    tab.on("pageerror", lambda error: said.append(str(error)))
+    tab.on("console", lambda message: said.append(message.text) if message.type == "error" else None)
+    tab.goto(address)
+    result = Tab(tab)
+    result.settle()
+    yield result
+    context.close()
+    # A refusal is an answer, which the browser also notes.
+    assert not [each for each in said if "the server responded with a status of 4" not in each], said
