@@ -35,12 +35,13 @@ def test_edits_keep_comments_and_formatting():
             {"set": ["objects", 0, "translate"], "value": [0.1, 0, -0.2]},
             {"append": ["objects"], "value": {"mesh": "b.glb"}},
             {"set": ["light", "distant"], "value": {"shape": "infinite"}},
+            {"set": ["light", "distant", "centre"], "value": [0, 1, 0]},
             {"remove": ["match", "grain"]},
         ],
     )
     expected = TEXT.replace("focal_length = 200", "focal_length = 210.5")
     expected = expected.replace('ball.glb"\n', 'ball.glb"\ntranslate = [0.1, 0, -0.2]\n\n[[objects]]\nmesh = "b.glb"\n')
-    expected = expected.replace("scale = 1.0\n", 'scale = 1.0\ndistant = { shape = "infinite" }\n')
+    expected = expected.replace("scale = 1.0\n", 'scale = 1.0\ndistant = { shape = "infinite", centre = [0, 1, 0] }\n')
     assert text == expected.replace("grain = false\n", "")
 
 

@@ -257,9 +257,8 @@ def test_the_pages_picture_is_the_commands_and_neither_renders_what_the_other_di
     assert not fresh.kept
     for name in ("composite.exr", "composite.png"):
         page, command = rl.read(folder / "out" / name), rl.read(tmp_path / "fresh" / name)
-        assert np.array_equal(
-            *[each.radiance if isinstance(each, rl.RadianceMap) else each.pixels for each in (page, command)]
-        )
+        one, other = (each.radiance if isinstance(each, rl.RadianceMap) else each.pixels for each in (page, command))
+        assert np.array_equal(one, other)
     # And the other way round: what the command made the page takes.
     server.post("/jobs/start", {"kind": "insert"})
     assert set(kept.kept) <= set(finished(server)["result"]["kept"])

@@ -18,7 +18,7 @@ class Tab:
     def __init__(self, tab: Any) -> None:
         self.tab = tab
 
-    def until(self, holds: Callable[[], Any], what: str, seconds: float = 60) -> None:
+    def until(self, holds: Callable[[], Any], what: str, seconds: float = 180) -> None:
         # The page's own rules forbid to evaluate texts, by which Playwright waits: it is asked again and again.
         end = time.monotonic() + seconds
         while not holds():
@@ -74,6 +74,7 @@ def opened(browser: Any, address: str) -> Iterator[Tab]:
     tab = context.new_page()
     tab.on("pageerror", lambda error: said.append(str(error)))
     tab.on("console", lambda message: said.append(message.text) if message.type == "error" else None)
+    tab.set_default_timeout(120_000)  # machines may be busy
     tab.goto(address)
     result = Tab(tab)
     result.settle()

@@ -35,7 +35,7 @@ class Server:
         return {"Cookie": f"relume-{self.port}={self.token}"}
 
     def ask(
-        self, path: str, *, method: str = "GET", body: bytes | None = None, **headers: str
+        self, path: str, *, method: str = "GET", body: bytes | str | None = None, **headers: str
     ) -> tuple[int, dict[str, str], bytes]:
         """Status, headers in small letters, body; the path goes out as it is written, the Host as given."""
         speaking = http.client.HTTPConnection("127.0.0.1", self.port, timeout=30)
@@ -45,7 +45,7 @@ class Server:
                 speaking.putheader(name, value)
             if body is not None and "Content-Length" not in headers:
                 speaking.putheader("Content-Length", str(len(body)))
-            speaking.endheaders(body)
+            speaking.endheaders(body.encode() if isinstance(body, str) else body)
             answer = speaking.getresponse()
             return answer.status, {name.lower(): value for name, value in answer.getheaders()}, answer.read()
         finally:
@@ -60,7 +60,7 @@ class Server:
         """What the page itself posts: status and the JSON that comes back."""
         own: dict[str, str] = {"Origin": f"http://127.0.0.1:{self.port}", **self.cookie, **headers}
         body = content if isinstance(content, bytes) else json.dumps(content or {}).encode()
-        status, _, answer = self.ask(path, method="POST", body=body, **own)  # pyright: ignore[reportArgumentType]
+        status, _, answer = self.ask(path, method="POST", body=body, **own)
         return status, json.loads(answer)
 
 

@@ -40,7 +40,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
         help_epilogue="`relume COMMAND --help` shows each command's options. Angles are degrees, lengths metres.",
     )
     for name, help_text in COMMANDS.items():
-        module = "relume.cli.stage.stage" if name == "stage" else f"relume.cli.{name}"
+        module = {"stage": "relume.cli.stage.stage", "studio": "relume.cli.view"}.get(name, f"relume.cli.{name}")
         app.command(f"{module}:{name}", name=name, help=help_text)
     words = list(sys.argv[1:] if arguments is None else arguments)
     try:

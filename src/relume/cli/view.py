@@ -1,4 +1,4 @@
-"""`relume view`: pictures and maps in the browser, with their values, errors and differences."""
+"""`relume view` and `relume studio`: pages in the browser, for pictures and for a shot."""
 
 from __future__ import annotations
 
@@ -38,3 +38,34 @@ def view(
 
     with warnings_as_notes(output):
         rl.view(files, host=host, port=port, allow_remote=allow_remote, open_browser=browser, say=say)
+
+
+def studio(
+    path: Annotated[Path, Parameter(help="A folder of photographs, or a shot file, .toml.")] = Path("."),
+    /,
+    *,
+    out: Annotated[
+        Path | None,
+        Parameter(alias="-o", help='The folder for results and kept stages; "out" beside the shot file unless given.'),
+    ] = None,
+    host: Annotated[str, Parameter(help="The address to listen at.")] = "127.0.0.1",
+    port: Annotated[int, Parameter(help="The port to listen at; 0 takes a free one.")] = 0,
+    allow_remote: Annotated[
+        bool,
+        Parameter(negative="", help="Let --host be one that other machines reach; they can edit the shot then."),
+    ] = False,
+    browser: Annotated[bool, Parameter(help="Open the page in the browser.")] = True,
+    output: OutputOptions = OutputOptions(),
+) -> None:
+    """Go from a folder of photographs to a composite by looking and pointing; shot.toml is the document.
+
+    Every act edits shot.toml, and edits made elsewhere appear. What the page renders `relume insert` does not render
+    again. Runs until Ctrl-C; the page speaks to this machine alone.
+    """
+
+    def say(address: str) -> None:
+        print_facts(output, {"address": address}, title="relume studio; Ctrl-C ends it")
+        sys.stdout.flush()  # a program that started this waits for the address
+
+    with warnings_as_notes(output):
+        rl.open_studio(path, out, host=host, port=port, allow_remote=allow_remote, open_browser=browser, say=say)

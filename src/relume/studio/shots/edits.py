@@ -9,15 +9,12 @@ import tomlkit
 from tomlkit.exceptions import TOMLKitError
 from tomlkit.items import AoT, InlineTable, Table
 
-Place = Sequence[str | int]
-"""Keys and numbers from the top: ("objects", 1, "translate")."""
-
 
 def edited(text: str, changes: Sequence[Mapping[str, Any]]) -> str:
     """The text of a shot file with changes made in order; comments and formatting of the rest are kept.
 
-    changes : {"set": place, "value": value}, {"remove": place} or {"append": place, "value": value}; tables on the way
-        to a value are made where they are missing
+    changes : {"set": place, "value": value}, {"remove": place} or {"append": place, "value": value}; a place is keys
+        and numbers from the top, ["objects", 1, "translate"]. Tables on the way are made where missing
     Raises ValueError for a change that cannot be made.
     """
     try:
@@ -42,6 +39,7 @@ def _changed(document: tomlkit.TOMLDocument, change: Mapping[str, Any]) -> tomlk
         before = tomlkit.dumps(document).rstrip("\n")
         document = tomlkit.parse(f"{before}{before and 2 * chr(10)}[{tomlkit.key(str(place[0])).as_string()}]\n")
     table: Any = document
+    within: Any = None
     for depth, part in enumerate(place[:-1]):
         if kinds[0] != "remove" and isinstance(table, MutableMapping) and part not in table:
             # What is missing on the way is made in one piece.
@@ -50,9 +48,11 @@ def _changed(document: tomlkit.TOMLDocument, change: Mapping[str, Any]) -> tomlk
                 value = {key: value}
             table[part] = _plain(value)
             return document
-        table = table[part]
+        within, table = table, table[part]
     if kinds[0] == "remove":
         del table[place[-1]]
+    elif kinds[0] == "set" and isinstance(table, InlineTable) and place[-1] not in table:
+        within[place[-2]] = _inline({**table.unwrap(), str(place[-1]): change["value"]})
     elif kinds[0] == "set":
         table[place[-1]] = _plain(change["value"])
     elif place[-1] in table:

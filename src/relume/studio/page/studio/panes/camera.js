@@ -9,7 +9,7 @@ const AXES = /** @type {const} */ (["x", "y", "z"]);
 /** @param {import("../studio.js").Studio} studio @returns {import("../studio.js").Pane} */
 export function cameraPane(studio) {
   /** The board as it was found just now. @type {any} */ let board = null;
-  let boardWords = "", asked = "";
+  let boardWords = "", asked = "", inFile = "";
   /** Rim of the ball as the plate would show it. @type {number[] | null} */ let rim = null;
 
   const camera = () => studio.state.table.camera ?? {};
@@ -184,7 +184,9 @@ export function cameraPane(studio) {
     shown,
     changed() {
       if (source() === "grid") findBoard();
-      rim = at(camera(), ["ball", "rim"]) ?? null;
+      const now = JSON.stringify(at(camera(), ["ball", "rim"]) ?? null);
+      if (now !== inFile) rim = JSON.parse(now);
+      inFile = now;
     },
     drawing() {
       if (studio.shownPath !== picture()) return {};

@@ -1,7 +1,7 @@
 // Light: the ball's rim on its photograph, the map that it shows beside it while the rim is dragged, and the measured map.
 
 import { HdrCanvas } from "../../canvas.js";
-import { at, make, numberField, quoted, rounded, typed } from "../fields.js";
+import { at, make, numberField, quoted, typed } from "../fields.js";
 import { json, post, Refused } from "../requests.js";
 
 /** @param {import("../studio.js").Studio} studio @returns {import("../studio.js").Pane} */
@@ -15,7 +15,7 @@ export function lightPane(studio) {
   const box = make("div", { className: "map" }, canvas), words = make("p", { ariaLive: "polite" });
   /** @type {HdrCanvas | null} */ let map = null;
   /** @type {number[] | null | undefined} */ let wanted;
-  let asking = false, exposed = false;
+  let asking = false, exposed = false, inFile = "";
 
   const files = () => studio.state.balls[view] ?? [];
   const path = () => files()[frame >= 0 && frame < files().length ? frame : Math.floor((files().length - 1) * 0.8)] ?? "";
@@ -115,6 +115,7 @@ export function lightPane(studio) {
 
   function begin() {
     rim = kept();
+    inFile = JSON.stringify(rim);
     points = [];
     if (!path()) return;
     studio.show(path());
@@ -184,11 +185,14 @@ export function lightPane(studio) {
     },
     shown: begin,
     changed() {
-      const now = kept();
-      if (!asking && now && JSON.stringify(now.map(rounded)) !== JSON.stringify(rim?.map((each) => Math.round(each * 100) / 100))) {
-        rim = now;
-        unwrap(rim);
-      }
+      // What the file says counts when it changes there, not while a handle is dragged.
+      const now = JSON.stringify(kept());
+      if (now === inFile) return;
+      inFile = now;
+      const circle = kept();
+      if (!circle || JSON.stringify(circle) === JSON.stringify(rim?.map((each) => Math.round(each * 100) / 100))) return;
+      rim = circle;
+      unwrap(rim);
     },
     drawing() {
       if (!rim || studio.shownPath !== path()) return {};
