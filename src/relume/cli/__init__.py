@@ -25,6 +25,9 @@ COMMANDS = {
     "demo": "Run the main job on the example room and say where the pictures are.",
 }
 
+FOLDERS = {"stage": "stage.", "view": "pages.", "studio": "pages."}
+"""Where a command's module is, if not beside this one."""
+
 
 def main(arguments: Sequence[str] | None = None) -> int:
     """Run one command; returns the exit code: 0 done, 2 bad input, 3 output could not be written, 4 done but doubtful,
@@ -40,7 +43,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
         help_epilogue="`relume COMMAND --help` shows each command's options. Angles are degrees, lengths metres.",
     )
     for name, help_text in COMMANDS.items():
-        module = {"stage": "relume.cli.stage.stage", "studio": "relume.cli.view"}.get(name, f"relume.cli.{name}")
+        module = f"relume.cli.{FOLDERS.get(name, '')}{name}"
         app.command(f"{module}:{name}", name=name, help=help_text)
     words = list(sys.argv[1:] if arguments is None else arguments)
     try:
