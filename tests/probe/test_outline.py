@@ -16,10 +16,10 @@ from relume.image.colour import decode_srgb
 from relume.image.files import read_photograph
 from relume.probe.ball.candidates import Candidate, cone_at
 from relume.probe.ball.edge_tracking import follow
-from relume.probe.ball.mirror_edge import Rim, placed_rim
+from relume.probe.ball.mirror_edge import Rim
 from relume.probe.ball.mirroring import Mirroring, missing_colour
 from relume.probe.ball.outline import find_outline
-from relume.probe.ball.rim_selection import picked_rim, settled
+from relume.probe.ball.rim_selection import picked_rim, placed_rim, settled
 from relume.probe.ball.silhouette import Outline, outline_of_circle
 from relume.probe.ball.windows import Pyramid
 from relume.probe.clipped_light import linear
@@ -438,10 +438,10 @@ def test_little_evidence_of_a_rim_counts_where_tape_and_lens_say_its_size(monkey
         wanted.append(least)
         return Rim(found, 4.0) if least < 4.0 else None
 
-    monkeypatch.setattr("relume.probe.ball.mirror_edge.mirror_edge", edge)
+    monkeypatch.setattr("relume.probe.ball.rim_selection.mirror_edge", edge)
     # A step on half of the rim.
     monkeypatch.setattr(
-        "relume.probe.ball.mirror_edge.refined", lambda _, outline, *__: replace(outline, points=outline.points[::2])
+        "relume.probe.ball.rim_selection.refined", lambda _, outline, *__: replace(outline, points=outline.points[::2])
     )
     picture, rough = np.ones((240, 240, 3), np.float32), outline_of_circle(120.0, 119.0, 58.5)
     taken = placed_rim(picture, rough, (None,), 60.0)

@@ -13,9 +13,8 @@ from relume.errors import BallNotFound, NotABracket
 from relume.image.colour import luminance
 from relume.image.photograph import Photograph
 from relume.probe.ball.edge_tracking import refined
-from relume.probe.ball.mirror_edge import placed_rim
 from relume.probe.ball.outline import find_outline
-from relume.probe.ball.rim_selection import picked_rim
+from relume.probe.ball.rim_selection import picked_rim, placed_rim
 from relume.probe.ball.silhouette import Outline, outline_of_circle
 from relume.probe.clipped_light import linear
 

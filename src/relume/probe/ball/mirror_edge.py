@@ -11,7 +11,6 @@ another way; the mean of both is taken. Pixel frame as in `silhouette`.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import cache
 
@@ -19,8 +18,8 @@ import numpy as np
 from scipy.ndimage import gaussian_filter, gaussian_filter1d, uniform_filter1d
 from scipy.optimize import minimize
 
-from relume.probe.ball.edge_tracking import evened, profiles, refined
-from relume.probe.ball.silhouette import RAYS, TELEPHOTO, Cone, Outline, cone_through, outline_of
+from relume.probe.ball.edge_tracking import evened, profiles
+from relume.probe.ball.silhouette import Cone, Outline, cone_through, outline_of
 from relume.probe.ball.windows import Pyramid, outline_within, outline_without
 
 BLURS = (0.3, 0.4, 0.5, 0.65, 0.85, 1.1)
@@ -53,12 +52,6 @@ LEVELS = 24
 LEAST_EVIDENCE = 12.0
 """Log-likelihood for each ray, against none of them inside, from which on the change is believed: below 10 in a garden
 whose grass is as fine as what the ball shows of it, and where a ball fills its picture and little is left around it."""
-AGREED, AGREED_EVIDENCE = 0.01, 2.0
-"""How near the size by tape and lens must be, as a share, for less evidence to be believed: on sunlit paving, which the
-ball mirrors along its rim, it is 3 to 9, and the step there was 1.5 % off."""
-ALL_ROUND, MOSTLY, NEAR = 0.95, 0.75, 0.5
-"""Share of the rim on which a step must lie in one ellipse to a third of a pixel to be the rim: anywhere, and within so
-many pixels of where the picture stops being squeezed. Bands inside the rim reach 0.8."""
 LENS_STEP, SHAPE = 0.45, 1.0
 """Ln of how far a focal length that is one of a few may be off, which is the way to the next; and pixels, of which the
 half is the difference between the semi-axes that a rim leaves open, 0.5."""
@@ -126,48 +119,6 @@ def mirror_edge(pyramid: Pyramid, outline: Outline, least: float = LEAST_EVIDENC
     return None
 
 
-def placed_rim(
-    radiance: np.ndarray, outline: Outline, lenses: Sequence[float | None], expected: float | None = None
-) -> Outline:
-    """The rim near an outline that follows edges, placed as precisely as the picture shows it.
-
-    radiance : (H, W, 3)
-    lenses : focal lengths, pixels, of which the one that explains the rim best is taken; None for a circle
-    expected : its radius in pixels by tape measure and lens
-
-    Where the picture plainly stops being squeezed that is the rim, and else where its step or its root is.
-    """
-    width = radiance.shape[1]
-    pyramid = Pyramid.of(radiance, 1.0)
-    least = LEAST_EVIDENCE if expected is None else AGREED_EVIDENCE
-    rims = [mirror_edge(replace(pyramid, focal_length=lens or TELEPHOTO * width), outline, least) for lens in lenses]
-    seen = [rim for rim in rims if rim is not None]
-    if expected is not None:
-        seen = [
-            _with_tape(rim, expected) for rim in seen if _off(rim, expected) < AGREED or rim.evidence > LEAST_EVIDENCE
-        ]
-    stepped = max((refined(radiance, outline, lens, ()) for lens in lenses), key=lambda each: len(each.points))
-    if not seen:
-        return stepped
-    best = max(seen, key=lambda rim: rim.evidence).outline
-    # A step that most of the rim shows in one ellipse is placed to less than a tenth of a pixel.
-    apart = float(np.hypot(*np.subtract(best.centre, stepped.centre))) + abs(best.radius - stepped.radius)
-    share = len(stepped.points) / RAYS
-    return stepped if share > ALL_ROUND or (share > MOSTLY and apart < NEAR) else best
-
-
-def _off(rim: Rim, expected: float) -> float:
-    return abs(float(np.log(rim.outline.radius / expected)))
-
-
-def _with_tape(rim: Rim, expected: float) -> Rim:
-    """The rim without rivals of another size, where tape and lens say its own."""
-    if _off(rim, expected) >= AGREED:
-        return rim
-    kept = tuple(each for each in rim.outline.rivals if abs(float(np.log(each[2] / expected))) < AGREED)
-    return replace(rim, outline=replace(rim.outline, rivals=kept))
-
-
 def fitted_lens(radiance: np.ndarray, outline: Outline, focal_length: float) -> tuple[float, float]:
     """The focal length, pixels, whose perspective explains the rim near an outline best, and how far off it may be.
 
@@ -224,14 +175,14 @@ def _divided(part: Part, cone: Cone, blur: float) -> tuple[Cone, float]:
         ratio = np.log(inside / inside.sum()) - np.log(outside / outside.sum())
         total = np.cumsum(np.where(shown, ratio[level], 0), axis=1) * SPACING
         # The ellipse that holds most of what speaks for the inside.
-        best = _best(-total, steps, normals, reach)
+        best = best_move(-total, steps, normals, reach)
         cone, evidence = part.moved(cone, best[0]), -best[1] / len(rim)
         if np.abs(best[0]).max() < 0.05:
             break
     return cone, evidence
 
 
-def _best(cost: np.ndarray, steps: np.ndarray, normals: np.ndarray, reach: float) -> tuple[np.ndarray, float]:
+def best_move(cost: np.ndarray, steps: np.ndarray, normals: np.ndarray, reach: float) -> tuple[np.ndarray, float]:
     """By how many pixels right, down and outward an ellipse moves to where the sum of a cost (N, K) is least."""
     grid = np.linspace(-reach, reach, 9)
     starts = np.stack(np.meshgrid(grid, grid, grid, indexing="ij"), axis=-1).reshape(-1, 3)

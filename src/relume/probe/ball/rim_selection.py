@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
 
 from relume.errors import warn
-from relume.probe.ball.edge_tracking import REACH, evened, follow, placed
-from relume.probe.ball.mirror_edge import placed_rim
+from relume.probe.ball.edge_tracking import REACH, evened, follow, placed, refined
+from relume.probe.ball.mirror_edge import LEAST_EVIDENCE, Rim, mirror_edge
 from relume.probe.ball.nested_curves import (
     APART,
     LEAST_APART,
@@ -20,8 +21,18 @@ from relume.probe.ball.nested_curves import (
     outer_of,
     outermost,
 )
-from relume.probe.ball.silhouette import TELEPHOTO, Outline, cone_through, outline_of_circle
+from relume.probe.ball.rim_likelihood import likeliest_rim
+from relume.probe.ball.silhouette import (
+    RAYS,
+    TELEPHOTO,
+    Cone,
+    Outline,
+    cone_through,
+    outline_of,
+    outline_of_circle,
+)
 from relume.probe.ball.windows import Pyramid, outline_within, outline_without
+from relume.sphere.directions import normalised
 
 PICKED = (0.03, 0.08)
 """How far the rim is from what was picked by hand, in radii, at first and if none is seen there; at least
@@ -37,6 +48,16 @@ least on balls."""
 PLAINLY = 1.1
 """Coverage in a finer picture, against the chosen one's, from which on a rival outside it is the rim: 1.2 of a ball on
 sunlit paving, whose rim divides paving from paving; of curves that chance made it is below 1."""
+
+AGREED, AGREED_EVIDENCE = 0.01, 2.0
+"""How near the size by tape and lens must be, as a share, for less evidence to be believed: on sunlit paving, which the
+ball mirrors along its rim, it is 3 to 9, and the step there was 1.5 % off."""
+ALL_ROUND, MOSTLY, NEAR = 0.95, 0.75, 0.5
+"""Share of the rim on which a step must lie in one ellipse to a third of a pixel to be the rim: anywhere, and within so
+many pixels of where the picture stops being squeezed. Bands inside the rim reach 0.8."""
+ALIKE, ELSEWHERE = 0.02, 0.06
+"""How far apart, in radii, two estimates of the rim are that both see it, so that their mean is better than either, and
+from which on the likelier one is another curve: blurred rims were followed up to 6 % off."""
 
 
 def settled(pyramid: Pyramid, outline: Outline, sharpness: float = 1.0) -> Outline:
@@ -142,3 +163,76 @@ def _decided(pyramid: Pyramid, outline: Outline) -> Outline:
         and distance(np.array(circle), np.array([*best.centre, best.radius])) > least
     )  # fmt: skip
     return replace(best, rivals=rivals)
+
+
+def placed_rim(
+    radiance: np.ndarray, outline: Outline, lenses: Sequence[float | None], expected: float | None = None
+) -> Outline:
+    """The rim near an outline that follows edges, placed as precisely as the picture shows it.
+
+    radiance : (H, W, 3)
+    lenses : focal lengths, pixels, of which the one that explains the rim best is taken; None for a circle
+    expected : its radius in pixels by tape measure and lens
+
+    A step all round is the rim. Else it is where the picture plainly stops being squeezed, and without that where its
+    step or its root is; and where whole profiles are likeliest, between the two where they are much alike.
+    """
+    width = radiance.shape[1]
+    pyramid = Pyramid.of(radiance, 1.0)
+    least = LEAST_EVIDENCE if expected is None else AGREED_EVIDENCE
+    steps = [(refined(radiance, outline, lens, ()), lens) for lens in lenses]
+    stepped, lens = max(steps, key=lambda each: len(each[0].points))
+    followed, share = stepped, len(stepped.points) / RAYS
+    if share > ALL_ROUND:
+        return stepped
+    rims = [(mirror_edge(replace(pyramid, focal_length=each or TELEPHOTO * width), outline, least), each)
+            for each in lenses]  # fmt: skip
+    seen = [(rim, each) for rim, each in rims if rim is not None]
+    if expected is not None:
+        seen = [
+            (_with_tape(rim, expected), each) for rim, each in seen
+            if _off(rim, expected) < AGREED or rim.evidence > LEAST_EVIDENCE
+        ]  # fmt: skip
+    if seen:
+        best, lens = max(seen, key=lambda each: each[0].evidence)
+        followed = best.outline
+        # A step that most of the rim shows in one ellipse is placed to less than a tenth of a pixel.
+        apart = float(np.hypot(*np.subtract(followed.centre, stepped.centre))) + abs(followed.radius - stepped.radius)
+        if share > MOSTLY and apart < NEAR:
+            return stepped
+    return _likelier(pyramid, followed, outline, lens or TELEPHOTO * width, expected)
+
+
+def _likelier(pyramid: Pyramid, followed: Outline, start: Outline, lens: float, expected: float | None) -> Outline:
+    """A rim that was followed, moved to where whole profiles are likeliest if those see it too.
+
+    start : from which it was followed
+    """
+    size, rim = pyramid.size, likeliest_rim(replace(pyramid, focal_length=lens), start)
+    if rim is None:
+        return followed
+    likeliest = rim.outline
+    apart = float(np.hypot(*np.subtract(likeliest.centre, followed.centre))) + abs(likeliest.radius - followed.radius)
+    # Tape measure that bears out the one and not the other decides.
+    off = [abs(float(np.log(each.radius / expected))) if expected else 0 for each in (likeliest, followed)]
+    if apart > ELSEWHERE * followed.radius or off[0] >= AGREED > off[1]:
+        return followed
+    if apart > ALIKE * followed.radius:
+        return replace(likeliest, rivals=followed.rivals, focal_length=followed.focal_length)
+    cones = [cone_through(each.points, size, lens) for each in (likeliest, followed)]
+    half = sum(cone.half_angle for cone in cones) / 2
+    middle = Cone(normalised(cones[0].axis + cones[1].axis), float(1 / np.sin(half)))
+    return replace(outline_of(middle, size, lens, coverage=followed.coverage), rivals=followed.rivals,
+                   focal_length=followed.focal_length)  # fmt: skip
+
+
+def _off(rim: Rim, expected: float) -> float:
+    return abs(float(np.log(rim.outline.radius / expected)))
+
+
+def _with_tape(rim: Rim, expected: float) -> Rim:
+    """The rim without rivals of another size, where tape and lens say its own."""
+    if _off(rim, expected) >= AGREED:
+        return rim
+    kept = tuple(each for each in rim.outline.rivals if abs(float(np.log(each[2] / expected))) < AGREED)
+    return replace(rim, outline=replace(rim.outline, rivals=kept))

@@ -17,10 +17,11 @@ from scipy.optimize import brentq
 from relume.errors import BallNotFound, warn
 from relume.image.bilinear import bilinear
 from relume.image.radiance import OUTSIDE, SATURATED, RadianceMap
-from relume.probe.ball.mirror_edge import fitted_lens, placed_rim
+from relume.probe.ball.mirror_edge import fitted_lens
 from relume.probe.ball.mirroring import missing_colour
 from relume.probe.ball.outline import find_outline, shown
 from relume.probe.ball.reflectance import BallReflectance
+from relume.probe.ball.rim_selection import placed_rim
 from relume.probe.ball.silhouette import Outline, cone_through
 from relume.sphere.directions import angle_between, look_at, normalised, rotation_between
 
