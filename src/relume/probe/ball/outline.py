@@ -16,6 +16,7 @@ import numpy as np
 from relume.errors import BallNotFound, warn
 from relume.probe.ball.candidates import SPREAD, Candidate, candidates, coverage_needed
 from relume.probe.ball.circle_search import Circle
+from relume.probe.ball.rim_likelihood import sharpest_rim
 from relume.probe.ball.rim_selection import settled
 from relume.probe.ball.silhouette import TELEPHOTO, Outline
 from relume.probe.ball.windows import Pyramid
@@ -42,6 +43,10 @@ TAPE, UNEXPECTED = 0.08, 0.5
 and the ball's own size. What is of another size keeps this much of its worth: EXIF of a crop predicts a wrong one."""
 EXPECTED_SEEN = 0.25
 """Share of a rim of the expected size that must be seen, as of a picked one: 0.23 at most where no ball is."""
+RIVALS_TRIED, SURELY, MUCH_LIKELIER = 3, 2.4, 2.0
+"""Candidates across the worthiest whose rims are tried too, and the evidence from which on one of them is the rim, at
+least and against the worthiest's own: 2.8 to 5 of rims, where curves of a room in the ball had 0.8 to 1.1.
+"""
 LESSER = 0.5
 """Worth, against the best, below which a thing is another one, tried only when the best has no rim at either sharpness:
 on sunlit paving a chance circle a ninth as large had one in the first picture, and the ball in the second."""
@@ -79,7 +84,9 @@ def find_outline(
         alike = [
             each for each in seen if at == JUDGED_AT[-1] or _worth(each, expected) > LESSER * _worth(seen[0], expected)
         ]
-        result = _chosen(pyramid, alike, found, expected, at / JUDGED_AT[0])
+        likelier = _likelier(pyramid, alike[0], found) if alike and mirrored else None
+        alike = alike if likelier is None else [likelier, *alike]
+        result = _chosen(pyramid, alike, found, expected, at / JUDGED_AT[0], likelier)
         if result is not None:
             # The mean of a stage's pictures is as sharp as they are, though lamps light little of its rim.
             if at < JUDGED_AT[0] and mirrored:
@@ -145,12 +152,14 @@ def _chosen(
     found: Sequence[Candidate],
     expected: float | None,
     sharpness: float,
+    likelier: Candidate | None,
 ) -> Outline | None:
     """The rim of the worthiest candidate that has one.
 
     seen : what may be taken, the worthiest first
     found : all that is round, among which those seen as well raise doubts
     sharpness : share of the usual size at which rims are followed
+    likelier : one of them of which less of the rim need be seen
     """
     for chosen in seen[:TRIED]:
         bent = replace(pyramid, focal_length=chosen.focal_length)
@@ -160,7 +169,9 @@ def _chosen(
         coverage = max(result.coverage, chosen.outline.coverage if near else 0)
         # A short circle is met by chance more easily than a long one, and one of the expected size seldom.
         as_expected = expected is not None and abs(np.log(result.radius / expected)) < TAPE
-        if coverage < (EXPECTED_SEEN if as_expected else coverage_needed(min(result.radius, chosen.at))):
+        if coverage < (
+            EXPECTED_SEEN if as_expected or chosen is likelier else coverage_needed(min(result.radius, chosen.at))
+        ):
             continue
         # Circles across it that are seen as well say that it may be the wrong one.
         worth = CROSSING * _worth(chosen, expected)
@@ -172,6 +183,21 @@ def _chosen(
         focal_length = None if chosen.focal_length == pyramid.focal_length else chosen.focal_length
         return replace(result, coverage=coverage, rivals=(*result.rivals, *doubts), focal_length=focal_length)
     return None
+
+
+def _likelier(pyramid: Pyramid, best: Candidate, found: Sequence[Candidate]) -> Candidate | None:
+    """One across the worthiest whose rim is much likelier than its own, at that rim, where little of that is seen."""
+    if best.outline.coverage >= PLAIN:
+        return None
+    across = [each for each in found if each is not best and _apart(best, each) <= 0.9 and each.mirror.likelihood > 0]
+    rims = [
+        sharpest_rim(replace(pyramid, focal_length=each.focal_length), each.outline)
+        for each in (best, *across[:RIVALS_TRIED])
+    ]
+    first = max(range(len(rims)), key=lambda number: rims[number].evidence)
+    if not first or rims[first].evidence < max(SURELY, MUCH_LIKELIER * rims[0].evidence):
+        return None
+    return replace(across[first - 1], outline=rims[first].outline)
 
 
 def _off(outline: Outline, circle: Circle) -> float:

@@ -66,6 +66,11 @@ def likeliest_rim(pyramid: Pyramid, outline: Outline) -> Rim | None:
     return None
 
 
+def sharpest_rim(pyramid: Pyramid, outline: Outline) -> Rim:
+    """The likeliest rim within two per cent of an outline, however little speaks for it."""
+    return _sharpest(pyramid, outline, REACHES[0], LOOKED_AT)[0]
+
+
 def _sharpest(pyramid: Pyramid, outline: Outline, reach: float, radii: Sequence[float]) -> tuple[Rim, float]:
     """The same whatever the evidence, in the first picture that is sharp, and the radius that the ball has there."""
     found, at = Rim(outline, 0.0), np.inf

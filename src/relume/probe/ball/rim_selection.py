@@ -200,13 +200,18 @@ def placed_rim(
         apart = float(np.hypot(*np.subtract(followed.centre, stepped.centre))) + abs(followed.radius - stepped.radius)
         if share > MOSTLY and apart < NEAR:
             return stepped
-    return _likelier(pyramid, followed, outline, lens or TELEPHOTO * width, expected)
+    # Where the picture plainly stops being squeezed another curve is no likelier.
+    elsewhere = ALIKE if seen else ELSEWHERE
+    return _likelier(pyramid, followed, outline, lens or TELEPHOTO * width, expected, elsewhere)
 
 
-def _likelier(pyramid: Pyramid, followed: Outline, start: Outline, lens: float, expected: float | None) -> Outline:
+def _likelier(
+    pyramid: Pyramid, followed: Outline, start: Outline, lens: float, expected: float | None, elsewhere: float
+) -> Outline:
     """A rim that was followed, moved to where whole profiles are likeliest if those see it too.
 
     start : from which it was followed
+    elsewhere : radii from which on the likeliest is another curve
     """
     size, rim = pyramid.size, likeliest_rim(replace(pyramid, focal_length=lens), start)
     if rim is None:
@@ -215,7 +220,7 @@ def _likelier(pyramid: Pyramid, followed: Outline, start: Outline, lens: float, 
     apart = float(np.hypot(*np.subtract(likeliest.centre, followed.centre))) + abs(likeliest.radius - followed.radius)
     # Tape measure that bears out the one and not the other decides.
     off = [abs(float(np.log(each.radius / expected))) if expected else 0 for each in (likeliest, followed)]
-    if apart > ELSEWHERE * followed.radius or off[0] >= AGREED > off[1]:
+    if apart > elsewhere * followed.radius or off[0] >= AGREED > off[1]:
         return followed
     if apart > ALIKE * followed.radius:
         return replace(likeliest, rivals=followed.rivals, focal_length=followed.focal_length)
