@@ -9,8 +9,7 @@ from itertools import combinations
 import numpy as np
 
 from relume.errors import BallNotFound
-from relume.probe.ball.candidates import candidates, coverage_needed
-from relume.probe.ball.circle_search import SEARCH_SIDE
+from relume.probe.ball.candidates import SEARCH_SIDE, candidates, coverage_needed
 from relume.probe.ball.outline import JUDGED_AT, find_outline
 from relume.probe.ball.rim_selection import settled
 from relume.probe.ball.silhouette import TELEPHOTO, Outline

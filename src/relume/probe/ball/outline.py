@@ -14,8 +14,7 @@ from dataclasses import replace
 import numpy as np
 
 from relume.errors import BallNotFound, warn
-from relume.probe.ball.candidates import SPREAD, Candidate, candidates, coverage_needed
-from relume.probe.ball.circle_search import Circle
+from relume.probe.ball.candidates import SPREAD, Candidate, Circle, candidates, coverage_needed
 from relume.probe.ball.rim_likelihood import sharpest_rim
 from relume.probe.ball.rim_selection import settled
 from relume.probe.ball.silhouette import TELEPHOTO, Outline
