@@ -21,8 +21,8 @@ def denoised(change: Change, plate: np.ndarray | None = None, textured: np.ndarr
     """The same change with less noise, by Open Image Denoise: the objects, and what they add and take beside them.
 
     plate : (H, W, 3) radiance that the change is composited with: of what is taken its share of the plate is cleaned,
-        for what the filter rounded of the plate's texture would stand in a shadow several times as strong as beside
-        it. None for a plate without texture
+        and what is left of it, for what the filter rounded of the plate's texture would stand in a shadow several
+        times as strong as beside it. None for a plate without texture
     textured : (H, W) bool, where real surfaces were rendered with the plate as their texture; all unless given.
         Elsewhere, as for an even colour, what is taken has none of the plate in it and is cleaned as it is
     The light that is added and the light that is taken are cleaned each on its own, as they were traced: neither is
@@ -51,7 +51,7 @@ def denoised(change: Change, plate: np.ndarray | None = None, textured: np.ndarr
     else:
         share = _unmatted(taken / texture(plate, textured, rendered=True), beside)
         albedo = np.where(True if textured is None else textured[..., None], 1, guides[0])
-        clean = texture(plate, textured) * _clean(share, albedo, change.normal)
+        clean = texture(plate, textured) * _share(share, albedo, change.normal)
     taken = _as_bright(clean, taken, shows)
     return replace(
         change,
@@ -61,6 +61,20 @@ def denoised(change: Change, plate: np.ndarray | None = None, textured: np.ndarr
         guide_albedo=None,
         guide_normal=None,
     )
+
+
+def _share(share: np.ndarray, albedo: np.ndarray, normal: np.ndarray) -> np.ndarray:
+    """The share (H, W, 3) of the light that is lost, cleaned.
+
+    The filter errs in proportion to what it sees: a twentieth of the light that is lost in a deep shadow is as much as
+    half of what is left there, and it would stand as a pattern. So what is lost and what is left are both cleaned,
+    and each counts by the inverse of its squared error, as two measurements of one thing do.
+    """
+    lost, left = _clean(share, albedo, normal), _clean(np.maximum(1 - share, 0), albedo, normal)
+    weights = np.square(np.maximum(left, 0)), np.square(lost)
+    total = np.maximum(weights[0] + weights[1], 1e-6)
+    # Of an even value in place of a texture more than all may be lost, of which nothing is left.
+    return np.where(lost > 1, lost, (weights[0] * lost + weights[1] * (1 - left)) / total)
 
 
 def _as_bright(clean: np.ndarray, traced: np.ndarray, shows: np.ndarray) -> np.ndarray:
