@@ -52,11 +52,12 @@ def test_a_shot_begun_from_nothing_reads_as_a_person_writes_it():
         {"set": ["light", "ball"], "value": {"radius": 0.05}},
         {"set": ["camera", "ball", "rim"], "value": [10.5, 20, 5]},
         {"append": ["objects"], "value": {"mesh": "a.glb", "stand": [0, 0.1]}},
+        {"append": ["objects"], "value": {"mesh": "b.glb"}},
     ]
     assert edited("", changes) == (
         '[plate]\nphotographs = ["plate/*.jpg"]\n\n[light]\nballs = [\n    { photographs = ["ball/*.jpg"] },\n]\n'
         "ball = { radius = 0.05 }\n\n[camera]\nball = { rim = [10.5, 20, 5] }\n\n"
-        '[[objects]]\nmesh = "a.glb"\nstand = [0, 0.1]\n'
+        '[[objects]]\nmesh = "a.glb"\nstand = [0, 0.1]\n\n[[objects]]\nmesh = "b.glb"\n\n'
     )
 
 

@@ -16,7 +16,8 @@ export function listen(commands) {
     const target = /** @type {HTMLElement} */ (event.target);
     if (document.querySelector("dialog[open]")) return;
     const typed = written(event);
-    if (target instanceof HTMLInputElement && (target.type !== "range" || typed.startsWith("Arrow"))) return;
+    const inField = target instanceof HTMLInputElement && !typed.startsWith("Alt+"); // which types nothing
+    if (inField && (target.type !== "range" || typed.startsWith("Arrow"))) return;
     if (target instanceof HTMLButtonElement && (event.key === " " || event.key === "Enter")) return;
     if (target.getAttribute("role") === "slider" && typed.startsWith("Arrow")) return;
     const found = commands.find((command) => command.keys.includes(typed));

@@ -59,6 +59,8 @@ def _changed(document: tomlkit.TOMLDocument, change: Mapping[str, Any]) -> tomlk
         entries, value = table[place[-1]], change["value"]
         if isinstance(entries, AoT):
             entries.append(_block(value))
+            before, header, after = tomlkit.dumps(document).rpartition(f"[[{place[-1]}]]")
+            document = tomlkit.parse(before.rstrip("\n") + "\n\n" + header + after)
         else:
             entries.append(_plain(value))
     elif isinstance(change["value"], dict) and len(place) == 1:

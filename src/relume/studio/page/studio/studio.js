@@ -56,9 +56,12 @@ export class Studio {
     }
   }
 
-  /** Change the shot file. @param {any[]} changes @param {boolean} [unfinished] whether the shot may lack something after it */
-  edit(changes, unfinished = false) {
-    return this.attempt(async () => {
+  /** Change the shot file, after what was asked for before. @param {any[] | (() => Promise<any[]>)} wanted the changes, or what says
+   *  them once the changes before are made @param {boolean} [unfinished] whether the shot may lack something after it */
+  edit(wanted, unfinished = false) {
+    this.edits = this.edits.then(() => this.attempt(async () => {
+      const changes = typeof wanted === "function" ? await wanted() : wanted;
+      if (!changes.length) return;
       try {
         this.take(await post("/shot/edit", { changes, revision: this.state.revision, unfinished: unfinished || this.state.fault !== null }));
         this.say("");
@@ -67,8 +70,11 @@ export class Studio {
         this.take(await json("/shot"), true);
         throw error;
       }
-    });
+    }));
+    busy++;
+    return this.edits.finally(() => busy--);
   }
+  /** @type {Promise<unknown>} */ edits = Promise.resolve();
 
   /** @param {number} by */
   undo(by) {
@@ -147,10 +153,10 @@ export class Studio {
       /** @type {ArrayBuffer} */ (await bytes(`/tiles/${number}/${layer}/${digest}/${level}/${column}/${row}`, signal));
   }
 
-  /** The photograph of the plate that shows most: the one in the middle of its exposures. */
+  /** The photograph of the plate that shows most: one of the brighter ones. */
   get platePath() {
     const files = this.state.plate;
-    return files.length ? files[Math.floor((files.length - 1) / 2)] : "";
+    return files.length ? files[Math.floor((files.length - 1) * 0.7)] : "";
   }
 
   /** What the server says the shot is. @param {any} state @param {boolean} [anyway] */

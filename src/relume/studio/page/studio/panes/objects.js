@@ -12,16 +12,17 @@ export function objectsPane(studio) {
   const live = /** @type {HTMLCanvasElement} */ (document.getElementById("live"));
   /** @type {Drawing | null} */ let drawing = null;
   /** @type {{low: number[], high: number[], foot: number[], mesh: import("../drawing.js").Mesh | null}[]} */ let objects = [];
-  let fetched = -1, fetching = false, chosen = 0, looks = true, shining = 1, presets = /** @type {string[]} */ ([]), fault = "", lastJob = -1;
+  let fetched = -1, coming = Promise.resolve(), chosen = 0, looks = true, shining = 1, presets = /** @type {string[]} */ ([]), fault = "", lastJob = -1;
   /** @type {{number: number, from: number[], moved: number[], turn: number, scale: number} | null} */ let act = null;
 
   const tables = () => studio.state.table.objects ?? [];
   const lens = () => studio.measured?.camera ?? null;
 
-  /** The objects where the shot has them now; their triangles follow. */
-  async function fetchObjects() {
-    if (fetching || fetched === studio.state.revision) return;
-    fetching = true;
+  /** The objects where the shot has them now. */
+  const fetchObjects = () => (coming = coming.then(fetchNow));
+
+  async function fetchNow() {
+    if (fetched === studio.state.revision) return;
     const revision = studio.state.revision;
     await studio.attempt(async () => {
       try {
@@ -39,10 +40,8 @@ export function objectsPane(studio) {
       }
     });
     fetched = revision;
-    fetching = false;
     if (studio.panes[studio.step]?.name === "Objects") studio.rebuild();
     studio.drawn();
-    if (fetched !== studio.state.revision) fetchObjects();
   }
 
   /** The plate, under what is drawn at once; or the last quick look. @param {boolean} looked */
@@ -93,9 +92,10 @@ export function objectsPane(studio) {
 
   /** Write an act, and look at the result where that is wanted. @param {number} n @param {{moved: number[], turn: number, scale: number}} by */
   async function write(n, by) {
-    const changes = edits(n, by);
-    if (!changes.length) return;
-    await studio.edit(changes);
+    await studio.edit(async () => {
+      await fetchObjects(); // its foot, where the act before has left it
+      return edits(n, by);
+    });
     if (looks && studio.measured) studio.start("look");
   }
 
