@@ -241,6 +241,19 @@ def test_an_objects_triangles_are_where_the_job_has_them(server: Server, folder:
     assert server.ask("/objects/1", **server.cookie)[0] == 404
 
 
+def test_what_is_dragged_is_lit_as_the_light_is_and_shaded_from_its_lamp():
+    from relume.studio.shots.worker import irradiance_facts, lamp_direction
+
+    radiance = np.full((64, 128, 3), 0.1, np.float32)
+    radiance[10:12, 100:102] = 100
+    light = rl.EnvironmentMap(radiance)
+    x, y, z = normal = np.array([0.3, 0.8, -0.52]) / np.linalg.norm([0.3, 0.8, -0.52])
+    terms = np.array([1, x, y, z, x * y, y * z, z * x, x * x - y * y, 3 * z * z - 1])
+    assert terms @ irradiance_facts(light) == pytest.approx(light.irradiance(normal), rel=0.02)
+    towards = rl.mappings.pixel_directions(light.mapping, 64)[10:12, 100:102].mean((0, 1))
+    assert lamp_direction(light) == pytest.approx(towards / np.linalg.norm(towards), abs=0.02)
+
+
 # Jobs
 
 

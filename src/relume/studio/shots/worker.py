@@ -114,6 +114,7 @@ def _measured(result: Any, camera: rl.Camera, step: int, scratch: Path) -> dict[
         "agreement": replace(fit, points=step * fit.points, offsets=step * fit.offsets).agreement,
         "light": "light.exr",
         "irradiance": irradiance_facts(probe.light),
+        "lamp": lamp_direction(probe.light),
         "unit": result.plate.unit,
         "reflectance": [list(each.reflectance) for each in surfaces if each.reflectance],
         "doubts": _lines(result.doubts),
@@ -135,13 +136,23 @@ def camera_facts(camera: rl.Camera) -> dict[str, Any]:
 def irradiance_facts(light: rl.EnvironmentMap) -> list[list[float]]:
     """E(n) as coefficients (9, 3) of 1, x, y, z, xy, yz, zx, x² − y² and 3z² − 1 of a unit normal, fitted.
 
-    What is left out is below one per cent of matte shading (Ramamoorthi & Hanrahan 2001).
+    What is left out of matte shading is about a hundredth (Ramamoorthi & Hanrahan 2001).
     """
     coarse = light.remapped(rl.mappings.LatLong(), 64)
     normals = rl.mappings.pixel_directions(rl.mappings.LatLong(), 8).reshape(-1, 3)
     x, y, z = normals.T
     basis = np.stack([np.ones_like(x), x, y, z, x * y, y * z, z * x, x * x - y * y, 3 * z * z - 1], axis=1)
     return np.linalg.lstsq(basis, coarse.irradiance(normals), rcond=None)[0].tolist()
+
+
+def lamp_direction(light: rl.EnvironmentMap) -> list[float]:
+    """The unit vector towards what throws the sharpest shadows: ∫ L² ω dω, so that a lamp counts more than a window."""
+    coarse = light.remapped(rl.mappings.LatLong(), 64)
+    weights = coarse.radiance.sum(-1).astype(np.float64) ** 2 * coarse.mapping.solid_angles(64)
+    directions = rl.mappings.pixel_directions(coarse.mapping, 64)
+    above = np.where(directions[..., 1] > 0, weights, 0.0)
+    found = (above[..., None] * directions).sum((0, 1)) + np.array([0.0, 1e-12, 0.0])
+    return (found / np.linalg.norm(found)).tolist()
 
 
 def _plate_size(shot: rl.Shot) -> tuple[int, int]:

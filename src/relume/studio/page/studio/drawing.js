@@ -1,5 +1,5 @@
 // Objects drawn while they are dragged: triangles through the plate's camera, matte, under the light that was measured,
-// each with a shadow on the table away from where most of it comes from.
+// each with a shadow on the table away from what throws the sharpest.
 
 const VERTEX = `#version 300 es
 precision highp float;
@@ -83,7 +83,7 @@ export class Drawing {
    * @param {Placed[]} objects
    * @param {import("./projection.js").Lens} lens
    * @param {{x: number, y: number, zoom: number}} view
-   * @param {{irradiance: number[][], exposure: number, turn: number, ground: number}} light turn: degrees about +Y
+   * @param {{irradiance: number[][], lamp: number[], exposure: number, turn: number, ground: number}} light turn: degrees about +Y
    */
   draw(objects, lens, view, light) {
     const { gl, canvas } = this, density = window.devicePixelRatio || 1;
@@ -105,7 +105,7 @@ export class Drawing {
     gl.uniform1f(at("exposure"), light.exposure);
     gl.uniformMatrix3fv(at("unturned"), false, about(-light.turn));
     gl.uniform1f(at("ground"), light.ground);
-    gl.uniform3fv(at("light"), from(light.irradiance, light.turn));
+    gl.uniform3fv(at("light"), turned(light.lamp, light.turn));
     gl.enable(gl.BLEND);
     gl.blendFuncSeparate(gl.SRC_ALPHA, gl.ONE_MINUS_SRC_ALPHA, gl.ONE, gl.ONE_MINUS_SRC_ALPHA);
     for (const shadow of [true, false]) {
@@ -139,10 +139,8 @@ function about(degrees) {
   return [c, 0, -s, 0, 1, 0, s, 0, c];
 }
 
-/** Where most of the light comes from, above the table. @param {number[][]} irradiance @param {number} turn */
-function from(irradiance, turn) {
-  const mean = (/** @type {number} */ i) => irradiance[i].reduce((a, b) => a + b, 0);
-  const [x, y, z] = [mean(1), Math.max(mean(2), 1e-6), mean(3)], m = about(turn);
-  const turned = [m[0] * x + m[6] * z, y, m[2] * x + m[8] * z], length = Math.hypot(...turned);
-  return turned.map((each) => each / length);
+/** @param {number[]} towards @param {number} turn degrees about +Y */
+function turned(towards, turn) {
+  const [x, y, z] = towards, m = about(turn);
+  return [m[0] * x + m[6] * z, y, m[2] * x + m[8] * z];
 }

@@ -205,7 +205,7 @@ export function objectsPane(studio) {
       const { light } = studio.state.table, placed = objects.flatMap((each, n) => (each.mesh
         ? [{ mesh: each.mesh, foot: each.foot, ...(act?.number === n ? { moved: act.moved, turn: act.turn, scale: act.scale } : IDENTITY) }] : []));
       drawing.draw(placed, lens(), studio.canvas.view, {
-        irradiance: studio.measured.irradiance, exposure: shining * 2 ** (studio.canvas.view.stops + (light?.exposure ?? 0)),
+        irradiance: studio.measured.irradiance, lamp: studio.measured.lamp, exposure: shining * 2 ** (studio.canvas.view.stops + (light?.exposure ?? 0)),
         turn: (light?.turn ?? 0) + (light?.heading ?? 0), ground: 0,
       });
     },
