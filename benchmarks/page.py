@@ -8,6 +8,8 @@ of the browser's processes a frame, which other programs on the machine do not c
 from __future__ import annotations
 
 import importlib.metadata
+import json
+import os
 import re
 import shutil
 import statistics
@@ -20,6 +22,7 @@ from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
+import cv2
 import numpy as np
 from playwright.sync_api import Browser, sync_playwright
 
@@ -28,6 +31,8 @@ import relume as rl
 sys.path.insert(0, str(Path(__file__).parents[1] / "tests" / "support"))
 from serving import Server, serving
 
+ROOT = Path(__file__).resolve().parents[1]
+SHARED = next((each / "shared" for each in (ROOT, ROOT.parent) if (each / "shared").exists()), ROOT / "shared")
 FLAGS = ["--use-angle=swiftshader", "--enable-unsafe-swiftshader", "--no-sandbox", "--disable-background-networking"]
 SECONDS = 4.0
 """Of panning, of exposure: each."""
@@ -43,6 +48,26 @@ MOVED = """([what, seconds]) => new Promise((done) => {
     else c.enlarge(frames % 80 < 40 ? 1.02 : 1 / 1.02, 700, 500);
     worked += performance.now() - before;
     frames++;
+    requestAnimationFrame(step);
+  };
+  requestAnimationFrame(step);
+})"""
+
+MOVED_LIGHT = """([what, seconds]) => new Promise((done) => {
+  const s = relume.state, first = s.pictures, turn = document.getElementById("turn");
+  let begin = 0, n = 0;
+  const step = (now) => {
+    if (!begin) begin = now;
+    if (now - begin > 1000 * seconds) return done({ pictures: s.pictures - first, seconds: (now - begin) / 1000 });
+    if (what === "lamp") {
+      s.lamps[0].direction = [Math.sin(n / 20), 0.3, Math.cos(n / 20)];
+      const strength = document.getElementById("strength");
+      strength.dispatchEvent(new Event("input"));
+    } else {
+      turn.value = String((n * 3) % 360 - 180);
+      turn.dispatchEvent(new Event("input"));
+    }
+    n++;
     requestAnimationFrame(step);
   };
   requestAnimationFrame(step);
@@ -156,6 +181,47 @@ def frames(browser: Browser, server: Server, label: str, width: int = 1920, heig
     tab.close()
 
 
+def stage_folder(folder: Path, rows: int, columns: int) -> Path:
+    """The head of ../shared/stages, enlarged to so many pixels, as a stage of its own."""
+    head = SHARED / "stages" / "head"
+    described = json.loads((head / "stage.json").read_text())
+    field = rl.lightstage.read_stage(head)
+    (folder / "olat").mkdir(parents=True)
+    for index, entry in enumerate(described["lights"]):
+        (picture,) = field.block(slice(index, index + 1), slice(0, field.shape[0]))
+        large = cv2.resize(picture, (columns, rows), interpolation=cv2.INTER_CUBIC)
+        rl.write(folder / entry["file"], rl.RadianceMap(np.maximum(large, 0)))
+    (folder / "stage.json").write_text(json.dumps(described))
+    return folder
+
+
+def stage_pictures(browser: Browser, folder: Path) -> None:
+    """Pictures a second while a lamp is dragged and while a map turns, as the page shows them."""
+    stage, light = stage_folder(folder / "stage", 480, 720), SHARED / "data/hdri/three/quarry_01_1k.hdr"
+    with serving([stage, light]) as server:
+        tab = browser.new_page(viewport={"width": 1280, "height": 720})
+        tab.goto(server.address)
+        while not tab.evaluate("window.relume?.state.facts?.step === 'ready'"):
+            time.sleep(0.5)
+        error = server.json("/stage")["error"]
+        for what in ("lamp", "map"):
+            if what == "map":
+                tab.select_option("#map", "0")
+            while not tab.evaluate("window.relume.settled()"):
+                time.sleep(0.2)
+            stat = Path(f"/proc/{server.process.pid}/stat")
+            before = sum(map(int, stat.read_text().rsplit(")", 1)[1].split()[11:13]))
+            told = tab.evaluate(MOVED_LIGHT, [what, SECONDS])
+            spent = sum(map(int, stat.read_text().rsplit(")", 1)[1].split()[11:13])) - before
+            spent /= os.sysconf("SC_CLK_TCK") * told["pictures"]
+            print(
+                f"{told['pictures'] / told['seconds']:.0f} pictures/s  {what}, 288 lights, 480×720 (limit 30): "
+                f"{1000 * spent:.1f} ms of the server's processor time a picture; error {error['random']:.2%} under "
+                f"light from everywhere, {error['single']:.2%} under one"
+            )
+        tab.close()
+
+
 def read_out(server: Server, pixels: np.ndarray) -> None:
     random = np.random.default_rng(3)
     wrong = 0
@@ -180,6 +246,8 @@ def main() -> None:
             opened(browser, server, large)
             frames(browser, server, "24 megapixels")
             read_out(server, pixels)
+        if (SHARED / "stages" / "head").exists():
+            stage_pictures(browser, Path(folder))
 
 
 if __name__ == "__main__":

@@ -25,6 +25,7 @@ LONGEST = ["test_room_truth.py", "test_mitsuba_insert.py", "test_insert.py", "te
 LONG = (
     "studio/test_page.py",
     *("studio/test_studio_page.py", "studio/test_shot_server.py"),
+    *("studio/test_stage_page.py", "studio/test_ray_trees.py"),
     *("cli/*", "project/*", "report/*", "physics/*", "image/test_corpus*", "test_examples.py", "test_architecture.py"),
     *("renderers/*mitsuba*", "renderers/test_renderer.py", "renderers/test_environment.py", "renderers/test_sheet.py"),
     *("renderers/test_accumulation.py", "renderers/test_allocation.py", "renderers/test_filters.py"),

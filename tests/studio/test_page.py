@@ -2,9 +2,7 @@
 
 from __future__ import annotations
 
-import shutil
-import time
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
@@ -12,14 +10,13 @@ import numpy as np
 import pytest
 
 import relume as rl
+from browsing import CHROMIUM, FLAGS, Page, encoded
 from serving import Server, serving
 
 pytest.importorskip("uvicorn", reason="the extra studio is not installed")
 playwright = pytest.importorskip("playwright.sync_api", reason="playwright is not installed")
 
-CHROMIUM = next(filter(None, map(shutil.which, ("chromium", "chromium-browser", "google-chrome"))), None)
 pytestmark = pytest.mark.skipif(CHROMIUM is None, reason="no Chromium here; on Debian: apt-get install chromium")
-FLAGS = ["--use-angle=swiftshader", "--enable-unsafe-swiftshader", "--no-sandbox", "--disable-background-networking"]
 WIDTH, HEIGHT = 640, 320
 
 
@@ -71,62 +68,6 @@ def page(browser: Any, server: Server) -> Iterator[Page]:
     yield result
     context.close()
     assert not said
-
-
-class Page:
-    """The tab with what tests do in it."""
-
-    def __init__(self, tab: Any) -> None:
-        self.tab = tab
-
-    def until(self, holds: Callable[[], bool], what: str) -> None:
-        # The page's own rules forbid to evaluate texts, by which Playwright waits: it is asked again and again.
-        end = time.monotonic() + 20
-        while not holds():
-            assert time.monotonic() < end, f"never came: {what}"
-            time.sleep(0.02)
-
-    def settle(self) -> None:
-        self.until(lambda: self.tab.evaluate("!!window.relume?.settled()"), "the picture")
-
-    def press(self, *keys: str) -> None:
-        for key in keys:
-            self.tab.keyboard.press(key)
-        self.settle()
-
-    def shown(self, x: float, y: float) -> list[int]:
-        """The screen's red, green and blue at a pixel of the picture."""
-        return self.tab.evaluate(
-            "([x, y]) => { const c = relume.canvas, p = c.toScreen(x, y); return c.screenAt(p[0], p[1]); }", [x, y]
-        )[:3]
-
-    def point_at(self, x: float, y: float) -> tuple[float, float]:
-        """Where in the window a pixel of the picture lies."""
-        return tuple(
-            self.tab.evaluate(
-                "([x, y]) => { const c = relume.canvas, p = c.toScreen(x, y), b = c.canvas.getBoundingClientRect();"
-                "const d = c.canvas.width / b.width; return [b.left + p[0] / d, b.top + p[1] / d]; }", [x, y],
-            )
-        )  # fmt: skip
-
-    def picture_at(self, x: float, y: float) -> list[float]:
-        """The point of the picture that lies in the window at (x, y)."""
-        return self.tab.evaluate(
-            "([x, y]) => { const c = relume.canvas, b = c.canvas.getBoundingClientRect(), d = c.canvas.width / b.width;"
-            "return c.toPicture((x - b.left) * d, (y - b.top) * d); }", [x, y],
-        )  # fmt: skip
-
-    def text(self, selector: str) -> str:
-        return self.tab.locator(selector).inner_text()
-
-    def view(self, name: str) -> Any:
-        return self.tab.evaluate("(name) => relume.canvas.view[name]", name)
-
-
-def encoded(linear: np.ndarray | list[float]) -> np.ndarray:
-    """sRGB's codes of linear values, 0 to 255."""
-    v = np.clip(np.asarray(linear, np.float64), 0, 1)
-    return 255 * np.where(v <= 0.0031308, 12.92 * v, 1.055 * v ** (1 / 2.4) - 0.055)
 
 
 def test_the_screen_shows_the_exposed_value_and_the_file_is_never_written(page: Page, files: list[Path]):

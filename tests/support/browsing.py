@@ -8,6 +8,8 @@ from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from typing import Any
 
+import numpy as np
+
 CHROMIUM = next(filter(None, map(shutil.which, ("chromium", "chromium-browser", "google-chrome"))), None)
 FLAGS = ["--use-angle=swiftshader", "--enable-unsafe-swiftshader", "--no-sandbox", "--disable-background-networking"]
 
@@ -64,6 +66,26 @@ class Tab:
         self.tab.mouse.move(a, b)
         self.tab.mouse.up()
         self.settle()
+
+
+class Page(Tab):
+    """The page of `relume view`."""
+
+    def picture_at(self, x: float, y: float) -> list[float]:
+        """The point of the picture that lies in the window at (x, y)."""
+        return self.tab.evaluate(
+            "([x, y]) => { const c = relume.canvas, b = c.canvas.getBoundingClientRect(), d = c.canvas.width / b.width;"
+            "return c.toPicture((x - b.left) * d, (y - b.top) * d); }", [x, y],
+        )  # fmt: skip
+
+    def view(self, name: str) -> Any:
+        return self.tab.evaluate("(name) => relume.canvas.view[name]", name)
+
+
+def encoded(linear: np.ndarray | list[float]) -> np.ndarray:
+    """sRGB's codes of linear values, 0 to 255."""
+    v = np.clip(np.asarray(linear, np.float64), 0, 1)
+    return 255 * np.where(v <= 0.0031308, 12.92 * v, 1.055 * v ** (1 / 2.4) - 0.055)
 
 
 @contextmanager

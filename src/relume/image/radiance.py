@@ -46,3 +46,16 @@ class RadianceMap:
     def size(self) -> tuple[int, int]:
         """(width, height) in pixels."""
         return self.radiance.shape[1], self.radiance.shape[0]
+
+    def _repr_html_(self) -> str:
+        """What a notebook shows: the picture at a fair exposure, and its facts."""
+        from relume.image.html import picture_html, three
+
+        width, height = self.size
+        finite = self.radiance[np.isfinite(self.radiance).all(axis=-1)]
+        facts = {"radiance map": f"{width} × {height} pixels, {self.unit}"}
+        if len(finite):
+            facts |= {"mean": three(finite.mean(axis=0, dtype=np.float64)), "most": three(finite.max(axis=0))}
+        if self.clipped is not None:
+            facts["saturated in every photograph"] = f"{np.mean(self.clipped == SATURATED):.2%}"
+        return picture_html(self.radiance, facts)

@@ -56,6 +56,19 @@ class Response:
         shift = self.log_exposure[:, value] - self.log_exposure[:, value].mean()
         return Response(self.log_exposure - shift[:, None], self.noise)
 
+    def _repr_html_(self) -> str:
+        """What a notebook shows: ln exposure over pixel value, channel by channel."""
+        from relume.image.html import curves_html, three
+
+        span = (self.log_exposure[:, -2] - self.log_exposure[:, 1]) / np.log(2)
+        facts = {
+            "response": f"{self.levels} pixel values",
+            "drawn": "ln exposure over pixel value",
+            "stops from the second to the last but one": three(span),
+            "noise, pixel values": three(self.deviation.mean(axis=1)),
+        }
+        return curves_html(np.arange(self.levels, dtype=np.float64), self.log_exposure, facts)
+
     def to_json(self) -> str:
         """The response as text, for a file kept beside the pictures it made."""
         return json.dumps({"log_exposure": self.log_exposure.tolist(), "noise": self.noise.tolist()})

@@ -25,6 +25,10 @@ from .field.lights import StageLights as StageLights
 from .garment_recolouring import ClothAlbedos as ClothAlbedos
 from .garment_recolouring import recolour_clothing as recolour_clothing
 from .garment_recolouring import recolour_field as recolour_field
+from .live import LiveField as LiveField
+from .live import TurningMap as TurningMap
+from .live import live_field as live_field
+from .live import turning_map as turning_map
 from .matting.composite import Backdrop as Backdrop
 from .matting.composite import composite_matte as composite_matte
 from .matting.composite import place_in_environment as place_in_environment

@@ -11,6 +11,7 @@ from .merge_facts import merge_summary as merge_summary
 from .merge_facts import plan_facts as plan_facts
 from .merge_facts import plan_summary as plan_summary
 from .ray_tree_plot import draw_ray_tree as draw_ray_tree
+from .ray_tree_plot import pixel_ray_tree as pixel_ray_tree
 from .reflection_sheet import draw_reflection_sheet as draw_reflection_sheet
 from .shot_check import ShotCheck as ShotCheck
 from .shot_check import check_shot as check_shot

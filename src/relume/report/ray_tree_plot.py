@@ -44,6 +44,21 @@ class DrawnTree:
     shares: Breakdown
 
 
+def pixel_ray_tree(read: SceneFile, pixel: tuple[int, int], settings: RenderSettings = RenderSettings()) -> RayTree:
+    """The tree of rays behind the middle of a pixel of a scene file's picture (Whitted 1980, Fig. 2, 3).
+
+    What its rays send adds up to the pixel's radiance where one ray was traced for it; an antialiased pixel is the mean
+    of several trees.
+
+    pixel : x, y from the upper left corner
+    Raises ValueError for a pixel outside of the picture, or settings of another renderer than Whitted's.
+    """
+    _check_pixel(read, pixel, settings)
+    x, y = pixel
+    prepared = whitted_of(read, settings).prepared(read.scene)
+    return ray_tree(prepared, read.camera, (x + 0.5, y + 0.5), seed=settings.seed or 0)
+
+
 def draw_ray_tree(
     read: SceneFile, out: str | Path, pixel: tuple[int, int], settings: RenderSettings = RenderSettings(), *,
     dry_run: bool = False,
@@ -54,12 +69,8 @@ def draw_ray_tree(
     dry_run : check everything and draw nothing
     Raises ValueError for a pixel outside of the picture, or settings of another renderer than Whitted's.
     """
-    out, camera = Path(out), read.camera
-    renderer_name(read, settings, "ray tree")
-    (x, y), (width, height) = pixel, (camera.width, camera.height)
-    if not (0 <= x < width and 0 <= y < height):
-        last = f"{width - 1},{height - 1}"
-        raise ValueError(f"pixel {x},{y} lies outside the picture of {width}×{height} pixels; give 0,0 to {last}")
+    out, camera, (x, y) = Path(out), read.camera, pixel
+    _check_pixel(read, pixel, settings)
     if dry_run:
         return None
     # Trace the pixel's tree, and time the whole picture.
@@ -75,6 +86,14 @@ def draw_ray_tree(
     with replacing(out) as temporary:
         temporary.write_bytes(drawing)
     return DrawnTree(tree, rays, shares)
+
+
+def _check_pixel(read: SceneFile, pixel: tuple[int, int], settings: RenderSettings) -> None:
+    renderer_name(read, settings, "ray tree")
+    (x, y), (width, height) = pixel, (read.camera.width, read.camera.height)
+    if not (0 <= x < width and 0 <= y < height):
+        last = f"{width - 1},{height - 1}"
+        raise ValueError(f"pixel {x},{y} lies outside the picture of {width}×{height} pixels; give 0,0 to {last}")
 
 
 def tree_plot(tree: RayTree, scene: Scene, film: Film, title: str = "", *, format: str = "png") -> bytes:

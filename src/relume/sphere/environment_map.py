@@ -88,6 +88,23 @@ class EnvironmentMap:
         result = np.stack([np.maximum(directions @ n, 0) @ flux for n in flat])
         return result.reshape(np.shape(normals))
 
+    def _repr_html_(self) -> str:
+        """What a notebook shows: the map at a fair exposure, and its energy."""
+        from relume.image.html import picture_html
+
+        return picture_html(self.radiance, self._facts())
+
+    def _facts(self) -> dict[str, str]:
+        from relume.image.html import three
+
+        columns = self.radiance.shape[1]
+        return {
+            "environment map": f"{columns} × {self.size} pixels, {self.mapping.name}, {self.unit}",
+            "∫ L dω": three(self.total()),
+            "irradiance from above": three(self.irradiance(np.array([0.0, 1.0, 0.0]))),
+            "most": three(self.radiance.reshape(-1, 3).max(axis=0)),
+        }
+
     def remapped(self, mapping: Mapping, size: int | None = None, rotation: np.ndarray | None = None) -> EnvironmentMap:
         """The same light in another mapping or size (rows; as fine as now unless given), energy kept.
 

@@ -21,6 +21,7 @@ import relume as rl
 from relume.studio.library import Library
 from relume.studio.measuring import Box, differences, statistics, value_at, values
 from relume.studio.pictures import Layer, OpenPicture
+from relume.studio.ray_trees import SceneTrees
 
 PAGE = Path(__file__).parent / "page"
 WATCHED_EVERY = 1.0
@@ -35,10 +36,21 @@ class Answers:
     """What is answered about a library's pictures."""
 
     library: Library
+    trees: SceneTrees | None = None
 
     def pictures(self, _request: Request) -> Response:
-        """The files, in the order in which they were named."""
-        return _json({"files": [{"name": file.name, "path": str(file)} for file in self.library.files]})
+        """The files, in the order in which they were named, and the scene file whose trees of rays are known."""
+        files = [{"name": file.name, "path": str(file)} for file in self.library.files]
+        return _json({"files": files, "scene": None if self.trees is None else self.trees.path.name})
+
+    def tree(self, request: Request) -> Response:
+        """The tree of rays behind a pixel."""
+        if self.trees is None:
+            raise LookupError
+        try:
+            return _json(self.trees.of(_number(request, "x"), _number(request, "y")))
+        except ValueError as error:
+            raise HTTPException(422, " ".join(str(error).split())) from None
 
     def picture(self, request: Request) -> Response:
         """A file's facts and layers, with the names of their contents."""
@@ -98,9 +110,9 @@ class Answers:
         return self.library.layer(_whole(request, "number"), _number(request, "layer", 0))
 
 
-def application(library: Library) -> Starlette:
+def application(library: Library, trees: SceneTrees | None = None) -> Starlette:
     """The application over a library of pictures, not yet guarded."""
-    answers = Answers(library)
+    answers = Answers(library, trees)
 
     def index(_request: Request) -> Response:
         return FileResponse(PAGE / "view.html", headers=UNKEPT)
@@ -109,6 +121,7 @@ def application(library: Library) -> Starlette:
         routes=[
             Route("/", index),
             *picture_routes(library),
+            Route("/tree", answered(answers.tree)),
             WebSocketRoute("/events", answers.events),
             Mount("/page", StaticFiles(directory=PAGE)),
         ]

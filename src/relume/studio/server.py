@@ -13,6 +13,8 @@ from typing import TYPE_CHECKING
 
 import relume as rl
 from relume.studio.library import Library, readable_files
+from relume.studio.ray_trees import SceneTrees
+from relume.studio.stage.stage import is_stage
 
 if TYPE_CHECKING:
     from starlette.applications import Starlette
@@ -31,7 +33,9 @@ def view(
 ) -> None:
     """Show pictures in the browser, until interrupted: exposure, values with errors, regions, comparisons, maps.
 
-    files : of any kind that relume reads as pixels, or folders of them
+    files : of any kind that relume reads as pixels, or folders of them; or a light stage, lit by lamps that are
+        dragged and by the maps among the files; or a scene file beside the picture that Whitted's method rendered
+        from it, for the trees of rays behind its pixels
     host : the address to listen at; this machine alone unless given, since whoever reaches the server reads the files
     port : 0 for a free one
     allow_remote : needed for a host that other machines reach
@@ -40,13 +44,22 @@ def view(
     Raises ValueError for another host without `allow_remote` and for no files; UnreadableFile for one that is missing;
     RelumeError where the extra `studio` is not installed, or the port is taken.
     """
-    found = readable_files([Path(file) for file in files])
+    # What is shown: pictures, a light stage with maps, a picture with the scene that it shows.
+    paths = [Path(file) for file in files]
+    scenes = [path for path in paths if path.suffix.lower() == ".toml"]
+    if len(scenes) > 1:
+        raise ValueError(f"{scenes[1]} is a second scene file; the trees of rays are those of one")
+    stage, found = _stage_among([path for path in paths if path not in scenes])
+    trees = SceneTrees(scenes[0]) if scenes else None
+    if trees is not None:
+        _ = trees.read  # what is wrong with it is said before the page opens
     require_host(host, allow_remote, "reads these files")
 
     def application() -> Starlette:
         from relume.studio.routes import application as answering
+        from relume.studio.stage.routes import stage_application
 
-        return answering(Library(found))
+        return answering(Library(found), trees) if stage is None else stage_application(stage, found)
 
     serve(application, host, port, allow_remote=allow_remote, open_browser=open_browser, say=say)
 
@@ -99,6 +112,15 @@ def serve(
     # Ctrl-C is how it ends, not how it fails.
     with suppress(KeyboardInterrupt):
         uvicorn.Server(settings).run(sockets=[listening])
+
+
+def _stage_among(paths: Sequence[Path]) -> tuple[Path | None, list[Path]]:
+    """The light stage that is to be shown, if one is, and the other files; raises ValueError for two stages."""
+    stages = [path for path in paths if is_stage(path)]
+    if len(stages) > 1:
+        raise ValueError(f"{stages[1]} is a second light stage; show one at a time, with maps to light it by")
+    others = [path for path in paths if path not in stages]
+    return (stages[0] if stages else None), readable_files(others) if others or not stages else []
 
 
 def _listening(host: str, port: int) -> socket.socket:

@@ -15,7 +15,12 @@ from relume.cli.console import OutputOptions, print_facts, warnings_as_notes
 def view(
     files: Annotated[
         list[Path],
-        Parameter(name="FILES", help="Pictures, radiance maps, light maps, or folders of them.", negative=""),
+        Parameter(
+            name="FILES",
+            help="Pictures, radiance maps, light maps, or folders of them; a light stage, with maps to light it; a "
+            "picture by Whitted's method, with its scene file.",
+            negative="",
+        ),
     ],
     /,
     *,

@@ -61,6 +61,17 @@ class Probe:
     unseen_solid_angle: float = 0.0
     mirrored_at: np.ndarray | None = None
 
+    def _repr_html_(self) -> str:
+        """What a notebook shows: the map, its energy, and what was clipped or not seen."""
+        from relume.image.html import picture_html
+
+        facts = self.light._facts()
+        facts["saturated"] = f"{self.clipped_solid_angle:.3g} sr"
+        facts["filled in"] = f"{self.unseen_solid_angle:.3g} sr"
+        if len(self.corrections) > 1:
+            facts["views"] = str(len(self.corrections))
+        return picture_html(self.light.radiance, facts)
+
     def share(self, mark: int) -> float:
         """The share of all light (luminance) that comes from where the map is marked so in `clipped`.
 

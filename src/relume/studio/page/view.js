@@ -4,6 +4,7 @@ import { HdrCanvas } from "./canvas.js";
 import { fillSheet, listen, palette } from "./commands.js";
 import { linesOfDifference, linesOfStatistics, linesOfValue, plain, print } from "./measured.js";
 import { drawNumbers } from "./numbers.js";
+import { drawTree } from "./tree.js";
 
 /** @typedef {import("./source.js").PictureFacts} PictureFacts */
 
@@ -18,7 +19,7 @@ const state = {
   number: -1, layer: 0, reference: -1, referenceLayer: 0,
   /** @type {[number, number, number, number] | null} */ region: null,
   /** @type {any} */ held: null,
-  fitted: false, exposed: false,
+  fitted: false, exposed: false, scene: "",
 };
 
 /** @param {unknown} error */
@@ -242,6 +243,19 @@ async function read(x, y) {
 }
 /** @type {any} */ let lastValue = null;
 
+/** The tree of rays behind a pixel, where the scene file of the picture is known. @param {number} x @param {number} y */
+async function drawRays(x, y) {
+  if (!state.scene || state.number < 0) return;
+  busy++;
+  try {
+    const [tree, own] = await Promise.all([json(`/tree?x=${x}&y=${y}`), json(`/pictures/${state.number}/value?layer=0&x=${x}&y=${y}`)]);
+    drawTree(element("tree"), tree, own.rgb);
+  } catch (error) {
+    failed(error);
+  }
+  busy--;
+}
+
 /** The picture's pixel at a pointer event. @param {PointerEvent | MouseEvent | WheelEvent} event @returns {[number, number]} */
 function screenPoint(event) {
   const box = picture.getBoundingClientRect(), density = picture.width / box.width;
@@ -289,6 +303,7 @@ picture.addEventListener("pointerup", (event) => {
     const [i, j] = pixelAt(x, y);
     state.held = state.held && state.held.x === i && state.held.y === j ? null : lastValue;
     read(i, j);
+    drawRays(i, j);
   }
   drag = null;
 });
@@ -468,6 +483,7 @@ const commands = [
   { name: "Clipping: stripes above white and below black", keys: ["X"], act: () => change({ clipping: !canvas.view.clipping }) },
   { name: "Marks: what no photograph measured", keys: ["M"], act: () => change({ marked: !canvas.view.marked }) },
   { name: "The map from inside", keys: ["I"], act: () => show("inside") },
+  { name: "Tree of rays behind the pixel that was read last", keys: ["T"], act: () => lastValue && drawRays(lastValue.x, lastValue.y) },
   { name: "Measure the whole picture", keys: ["A"], act: () => {
     const size = state.facts.get(state.number)?.size;
     if (size) drawRegion([0, 0], [size[0] - 1, size[1] - 1]), remeasure();
@@ -528,8 +544,10 @@ function watch() {
 /** For tests: the page's own state, and whether all that was asked for is shown. */
 Object.assign(window, { relume: { canvas, state, settled: () => canvas.settled && !asking && !busy && state.number >= 0 } });
 
-json("/pictures").then(async ({ files }) => {
+json("/pictures").then(async ({ files, scene }) => {
   state.files = files;
+  state.scene = scene ?? "";
+  element("tree-part").hidden = !scene;
   list();
   watch();
   await open(0);

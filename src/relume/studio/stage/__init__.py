@@ -1,0 +1,1 @@
+"""The page of a light stage: `relume view STAGE`."""
