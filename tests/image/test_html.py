@@ -62,7 +62,7 @@ def test_a_response_is_drawn_and_texts_are_escaped():
     # The curve's ends are the drawing's corners: lower left and upper right.
     points = re.findall(r'points="([^"]+)"', shown)[0].split()
     assert points[0] == "0.0,200.0"
-    from relume.image.html import laid_out
+    from relume.image.files.photographs.notebook_html import laid_out
 
     assert "&lt;b&gt;" in laid_out("", {"<b>": "x"})
 

@@ -49,7 +49,7 @@ class RadianceMap:
 
     def _repr_html_(self) -> str:
         """What a notebook shows: the picture at a fair exposure, and its facts."""
-        from relume.image.html import picture_html, three
+        from relume.image.files.photographs.notebook_html import picture_html, three
 
         width, height = self.size
         finite = self.radiance[np.isfinite(self.radiance).all(axis=-1)]

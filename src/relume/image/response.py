@@ -58,7 +58,7 @@ class Response:
 
     def _repr_html_(self) -> str:
         """What a notebook shows: ln exposure over pixel value, channel by channel."""
-        from relume.image.html import curves_html, three
+        from relume.image.files.photographs.notebook_html import curves_html, three
 
         span = (self.log_exposure[:, -2] - self.log_exposure[:, 1]) / np.log(2)
         facts = {

@@ -90,12 +90,12 @@ class EnvironmentMap:
 
     def _repr_html_(self) -> str:
         """What a notebook shows: the map at a fair exposure, and its energy."""
-        from relume.image.html import picture_html
+        from relume.image.files.photographs.notebook_html import picture_html
 
         return picture_html(self.radiance, self._facts())
 
     def _facts(self) -> dict[str, str]:
-        from relume.image.html import three
+        from relume.image.files.photographs.notebook_html import three
 
         columns = self.radiance.shape[1]
         return {

@@ -63,7 +63,7 @@ class Probe:
 
     def _repr_html_(self) -> str:
         """What a notebook shows: the map, its energy, and what was clipped or not seen."""
-        from relume.image.html import picture_html
+        from relume.image.files.photographs.notebook_html import picture_html
 
         facts = self.light._facts()
         facts["saturated"] = f"{self.clipped_solid_angle:.3g} sr"

@@ -11,7 +11,6 @@ import numpy as np
 import relume as rl
 
 MOST_LAMPS = 64
-UP = (0.0, 1.0, 0.0)
 
 
 @dataclass(frozen=True)
