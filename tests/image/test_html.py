@@ -56,7 +56,7 @@ def test_a_probe_says_what_was_not_seen():
 
 def test_a_response_is_drawn_and_texts_are_escaped():
     values = np.linspace(0.01, 1, 256)
-    response = rl.Response(np.log(values)[None] * np.ones((3, 1)), np.ones(3))
+    response = rl.capture.Response(np.log(values)[None] * np.ones((3, 1)), np.ones(3))
     shown = response._repr_html_()
     assert shown.count("<polyline") == 3 and "256 pixel values" in shown
     # The curve's ends are the drawing's corners: lower left and upper right.
