@@ -20,7 +20,10 @@ if signal.getsignal(signal.SIGINT) is signal.SIG_IGN and threading.current_threa
     signal.signal(signal.SIGINT, signal.default_int_handler)
 
 # Begun last, these would keep one process busy alone: they come first, whatever the order of the others.
-LONGEST = ["test_room_truth.py", "test_mitsuba_insert.py", "test_insert.py", "test_filters.py", "test_merge.py"]
+LONGEST = [
+    *("test_outline.py", "test_room_truth.py", "test_reflection.py", "test_probe.py", "test_merge.py"),
+    *("test_insert.py", "test_stage_import.py", "test_ball.py", "test_filters.py", "test_mapped.py"),
+]
 # What `make quick` leaves out: what renders with Mitsuba, runs whole commands and shots, or takes more than 5 s.
 LONG = (
     "studio/test_page.py",

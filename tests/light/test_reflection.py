@@ -81,18 +81,17 @@ def test_phongs_map_by_the_papers_constant_and_the_radiometric_one(n):
 
 
 @pytest.mark.parametrize("towards", [[0, 1, 0], [1, 0, 0], [1, 2, -0.5]], ids=["up", "right", "askew"])
-@pytest.mark.parametrize(
-    ("angle", "irradiance"), [(0, 3.141593), (60, 2.356194), (90, 1.570796), (120, 0.785398), (180, 0)]
-)
-def test_a_half_lit_sphere_of_light_gives_lamberts_known_values(towards, angle, irradiance):
+def test_a_half_lit_sphere_of_light_gives_lamberts_known_values(towards):
     towards = normalised(towards)
     size = 256
     light = of_directions(lambda d: (d @ towards > 1e-9) + 0.5 * (np.abs(d @ towards) <= 1e-9), size)
     across = normalised(np.cross(towards, [0.3, 0.1, 1]))
-    normal = np.cos(np.radians(angle)) * towards + np.sin(np.radians(angle)) * across
-    found = reflection_map(light, Lambert(), 180, SUM).lookup(normal)
+    angles = np.radians([0, 60, 90, 120, 180])[:, None]
+    normals = np.cos(angles) * towards + np.sin(angles) * across
+    found = reflection_map(light, Lambert(), 180, SUM).lookup(normals)
     # A2; the edge of the light runs through pixels: up to half a pixel's light at grazing angles.
-    np.testing.assert_allclose(found, irradiance, atol=2e-3 * np.pi)
+    irradiance = np.array([3.141593, 2.356194, 1.570796, 0.785398, 0])
+    np.testing.assert_allclose(found, np.repeat(irradiance[:, None], 3, axis=1), atol=2e-3 * np.pi)
 
 
 def test_light_that_grows_upwards_gives_lamberts_known_values():

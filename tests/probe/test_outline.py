@@ -83,19 +83,22 @@ def test_a_ball_hardly_unlike_its_ground_is_found():
     assert outline.radius == pytest.approx(70.0, abs=0.5)
 
 
+@pytest.fixture(scope="module")
+def plain() -> Outline:
+    return find_outline(drawing(240, 200, (118.3, 101.7), 60.0))
+
+
 @pytest.mark.parametrize("scale", [1e-5, 1e5])
-def test_the_unit_of_radiance_does_not_matter(scale):
-    picture = drawing(240, 200, (118.3, 101.7), 60.0)
-    plain, scaled = find_outline(picture), find_outline(picture * np.float32(scale))
+def test_the_unit_of_radiance_does_not_matter(plain, scale):
+    scaled = find_outline(drawing(240, 200, (118.3, 101.7), 60.0) * np.float32(scale))
     assert scaled.centre == pytest.approx(plain.centre, abs=0.05)
     assert scaled.radius == pytest.approx(plain.radius, abs=0.05)
 
 
-def test_the_same_picture_gives_the_same_outline():
-    picture = drawing(240, 200, (118.3, 101.7), 60.0)
-    first, second = find_outline(picture), find_outline(picture)
-    assert (first.centre, first.radius, first.coverage) == (second.centre, second.radius, second.coverage)
-    np.testing.assert_array_equal(first.points, second.points)
+def test_the_same_picture_gives_the_same_outline(plain):
+    again = find_outline(drawing(240, 200, (118.3, 101.7), 60.0))
+    assert (again.centre, again.radius, again.coverage) == (plain.centre, plain.radius, plain.coverage)
+    np.testing.assert_array_equal(again.points, plain.points)
 
 
 def stripes(width: int, height: int, period: float) -> np.ndarray:

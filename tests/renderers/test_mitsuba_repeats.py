@@ -36,10 +36,10 @@ def test_another_seed_gives_other_pixels_of_the_same_picture():
     assert_renders_agree(one, other)
 
 
-@pytest.mark.parametrize("samples", [40, 64, 250])
+@pytest.mark.parametrize("samples", [40, 250])
 def test_the_number_of_threads_changes_no_pixel(samples):
-    renders = [render(SCENE, CAMERA, Mitsuba(samples=samples, threads=n), seed=4) for n in (1, 2, 3, 5)]
-    assert [same(renders[0], other) for other in renders[1:]] == [[], [], []]
+    renders = [render(SCENE, CAMERA, Mitsuba(samples=samples, threads=n), seed=4) for n in (1, 2, 5)]
+    assert [same(renders[0], other) for other in renders[1:]] == [[], []]
 
 
 def test_the_number_of_threads_is_as_before_afterwards():
