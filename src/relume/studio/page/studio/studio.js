@@ -387,7 +387,9 @@ studio.attempt(async () => {
     if (state) studio.take(state);
     if (changed !== undefined) {
       studio.facts.delete(changed);
-      if (changed === studio.number) studio.show(studio.shownPath, studio.shownPath.startsWith("preview") || studio.shownPath.startsWith("composite") ? "results" : "folder");
+      // A preview goes when the job that wrote it has ended.
+      const { shownPath, state: { results } } = studio, ofResults = /^(preview|composite|layers|light)\.(exr|png)$/.test(shownPath);
+      if (changed === studio.number && (!ofResults || results.includes(shownPath))) studio.show(shownPath, ofResults ? "results" : "folder");
     }
   }, (line) => studio.say(line));
 }).catch((error) => error instanceof Refused && studio.say(error));
