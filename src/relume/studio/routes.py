@@ -120,7 +120,7 @@ def application(library: Library, trees: SceneTrees | None = None) -> Starlette:
     return Starlette(
         routes=[
             Route("/", index),
-            *picture_routes(library),
+            *picture_routes(library, trees),
             Route("/tree", answered(answers.tree)),
             WebSocketRoute("/events", answers.events),
             Mount("/page", StaticFiles(directory=PAGE)),
@@ -128,9 +128,9 @@ def application(library: Library, trees: SceneTrees | None = None) -> Starlette:
     )
 
 
-def picture_routes(library: Library) -> list[Route]:
+def picture_routes(library: Library, trees: SceneTrees | None = None) -> list[Route]:
     """What is answered about a library's pictures, wherever they are shown."""
-    answers = Answers(library)
+    answers = Answers(library, trees)
     return [
         Route("/pictures", answered(answers.pictures)),
         Route("/pictures/{number:int}", answered(answers.picture)),
