@@ -23,7 +23,7 @@ PLATE = [str(p) for p in sorted((ROOM / "plate").glob("*.jpg"))]
 def test_help_names_every_command_and_no_other(capsys):
     text = printed(["--help"], capsys).out
     assert all(name in text for name in COMMANDS)
-    assert not any(name in text for name in ("studio",))
+    assert not any(name in text for name in ("model",))
 
 
 @pytest.mark.parametrize("name", COMMANDS)
