@@ -34,7 +34,7 @@ def test_a_dry_run_looks_at_the_board_the_balls_and_the_times(tmp_path, capsys):
     assert facts["camera"]["at"] == pytest.approx([0.25, 0.55, 1.15], abs=0.004)
     assert "points, off by" in facts["camera"]["from"] and facts["pixels"] == "768 × 512"
     assert facts["rays a pixel"] == 64 and facts["rays"] == "25.2 million" and facts["quick look"] == "--preview"
-    assert re.fullmatch(r"\d+ min on this machine .*, 1.3 GB of memory, 0.14 GB of disk", facts["estimate"])
+    assert re.fullmatch(r"\d+ min on this machine .*, 1.3 GB of memory, 0.17 GB of disk", facts["estimate"])
     assert any("0.2" in size for size in facts["objects"].values()) and not (tmp_path / "out").exists()
 
 

@@ -51,7 +51,7 @@ def denoised(change: Change, plate: np.ndarray | None = None, textured: np.ndarr
     else:
         share = _unmatted(taken / texture(plate, textured, rendered=True), beside)
         albedo = np.where(True if textured is None else textured[..., None], 1, guides[0])
-        clean = texture(plate, textured) * _share(share, albedo, change.normal)
+        clean = texture(plate, textured) * _share(share, albedo, change.normal, textured)
     taken = _as_bright(clean, taken, shows)
     return replace(
         change,
@@ -63,18 +63,24 @@ def denoised(change: Change, plate: np.ndarray | None = None, textured: np.ndarr
     )
 
 
-def _share(share: np.ndarray, albedo: np.ndarray, normal: np.ndarray) -> np.ndarray:
-    """The share (H, W, 3) of the light that is lost, cleaned.
+def _share(
+    share: np.ndarray, albedo: np.ndarray, normal: np.ndarray, textured: np.ndarray | None
+) -> np.ndarray:  # fmt: skip
+    """The share (H, W, 3) of the light that is lost, cleaned; where not `textured`, light itself and no share.
 
     The filter errs in proportion to what it sees: a twentieth of the light that is lost in a deep shadow is as much as
     half of what is left there, and it would stand as a pattern. So what is lost and what is left are both cleaned,
     and each counts by the inverse of its squared error, as two measurements of one thing do.
     """
-    lost, left = _clean(share, albedo, normal), _clean(np.maximum(1 - share, 0), albedo, normal)
+    lost = _clean(share, albedo, normal)
+    if textured is not None and not textured.any():
+        return lost
+    left = _clean(np.maximum(1 - share, 0), albedo, normal)
     weights = np.square(np.maximum(left, 0)), np.square(lost)
     total = np.maximum(weights[0] + weights[1], 1e-6)
     # Of an even value in place of a texture more than all may be lost, of which nothing is left.
-    return np.where(lost > 1, lost, (weights[0] * lost + weights[1] * (1 - left)) / total)
+    alone = lost > 1 if textured is None else (lost > 1) | ~textured[..., None]
+    return np.where(alone, lost, (weights[0] * lost + weights[1] * (1 - left)) / total)
 
 
 def _as_bright(clean: np.ndarray, traced: np.ndarray, shows: np.ndarray) -> np.ndarray:

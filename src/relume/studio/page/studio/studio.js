@@ -72,8 +72,14 @@ export class Studio {
       }
     }));
     busy++;
-    return this.edits.finally(() => busy--);
+    this.waiting++;
+    return this.edits.finally(() => {
+      busy--;
+      this.waiting--;
+    });
   }
+  /** Edits that the file does not have yet. */
+  waiting = 0;
   /** @type {Promise<unknown>} */ edits = Promise.resolve();
 
   /** @param {number} by */
@@ -181,7 +187,8 @@ export class Studio {
     this.showJob(job);
     if (anyway || state.revision !== before.revision || job.status !== old.status || job.number !== old.number
       || state.results.join() !== before.results.join()) this.rebuild();
-    this.panes[this.step]?.changed?.();
+    // What a pane draws is ahead of the file until the last of its edits is there.
+    if (this.waiting <= 1) this.panes[this.step]?.changed?.();
     this.drawn();
   }
 
