@@ -10,13 +10,11 @@ import numpy as np
 import pytest
 
 import relume as rl
-from browsing import CHROMIUM, FLAGS, Page, encoded
+from browsing import Page, encoded, opened
 from serving import Server, serving
 
 pytest.importorskip("uvicorn", reason="the extra studio is not installed")
-playwright = pytest.importorskip("playwright.sync_api", reason="playwright is not installed")
 
-pytestmark = pytest.mark.skipif(CHROMIUM is None, reason="no Chromium here; on Debian: apt-get install chromium")
 WIDTH, HEIGHT = 640, 320
 
 
@@ -46,28 +44,11 @@ def server(files: list[Path]) -> Iterator[Server]:
         yield running
 
 
-@pytest.fixture(scope="module")
-def browser() -> Iterator[Any]:
-    with playwright.sync_playwright() as started:
-        running = started.chromium.launch(executable_path=CHROMIUM, args=FLAGS)
-        yield running
-        running.close()
-
-
 @pytest.fixture
 def page(browser: Any, server: Server) -> Iterator[Page]:
-    context = browser.new_context(viewport={"width": 1280, "height": 720})
-    said: list[str] = []
-    tab = context.new_page()
-    tab.on("pageerror", lambda error: said.append(str(error)))
-    tab.on("console", lambda message: said.append(message.text) if message.type == "error" else None)
-    tab.goto(server.address)
-    result = Page(tab)
-    result.settle()
-    result.press("r", "f")
-    yield result
-    context.close()
-    assert not said
+    with opened(browser, server.address, Page) as result:
+        result.press("r", "f")
+        yield result
 
 
 def test_the_screen_shows_the_exposed_value_and_the_file_is_never_written(page: Page, files: list[Path]):

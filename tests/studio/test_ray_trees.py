@@ -10,12 +10,11 @@ import numpy as np
 import pytest
 
 import relume as rl
-from browsing import CHROMIUM, FLAGS, Page
+from browsing import Page, opened
 from relume.studio.ray_trees import SceneTrees
 from serving import Server, serving
 
 pytest.importorskip("uvicorn", reason="the extra studio is not installed")
-playwright = pytest.importorskip("playwright.sync_api", reason="playwright is not installed")
 
 SCENE = """
 [camera]
@@ -89,14 +88,10 @@ def server(files: list[Path]) -> Iterator[Server]:
         yield running
 
 
-@pytest.mark.skipif(CHROMIUM is None, reason="no Chromium here; on Debian: apt-get install chromium")
-def test_a_click_draws_the_tree(server: Server, files: list[Path]):
+def test_a_click_draws_the_tree(browser: Any, server: Server, files: list[Path]):
     picture = rl.files.read_layers(files[0])["radiance"]
-    with playwright.sync_playwright() as started:
-        tab: Any = started.chromium.launch(executable_path=CHROMIUM, args=FLAGS).new_page()
-        tab.goto(server.address)
-        page = Page(tab)
-        page.settle()
+    with opened(browser, server.address, Page) as page:
+        tab = page.tab
         tab.mouse.click(*page.point_at(24.5, 16.5))
         page.until(lambda: "add up to" in page.text("#tree"), "the tree")
         said = page.text("#tree")
@@ -110,8 +105,6 @@ def test_a_click_draws_the_tree(server: Server, files: list[Path]):
         page.until(lambda: "2, 2" in page.text("#value"), "the pixel")
         page.press("t")
         page.until(lambda: "pixel 2, 2: 1 ray" in page.text("#tree"), "the tree of the sky")
-        started_browser = tab.context.browser
-        started_browser.close()
 
 
 def test_one_scene_file_at_most(files: list[Path]):

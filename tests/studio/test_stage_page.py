@@ -11,14 +11,12 @@ import numpy as np
 import pytest
 
 import relume as rl
-from browsing import CHROMIUM, FLAGS, Page, encoded
+from browsing import Page, encoded, opened
 from relume.studio.stage.lighting import light_of
 from serving import Server, serving
 from small_stages import grid_directions, lit, write_stage
 
 pytest.importorskip("uvicorn", reason="the extra studio is not installed")
-playwright = pytest.importorskip("playwright.sync_api", reason="playwright is not installed")
-pytestmark = pytest.mark.skipif(CHROMIUM is None, reason="no Chromium here; on Debian: apt-get install chromium")
 
 ROWS, COLUMNS = 8, 16
 ACTS = "([i, lamp]) => Object.assign(relume.state.lamps[i], lamp)"
@@ -54,28 +52,11 @@ def server(stage: Path, room: Path) -> Iterator[Server]:
         yield running
 
 
-@pytest.fixture(scope="module")
-def browser() -> Iterator[Any]:
-    with playwright.sync_playwright() as started:
-        running = started.chromium.launch(executable_path=CHROMIUM, args=FLAGS)
-        yield running
-        running.close()
-
-
 @pytest.fixture
 def page(browser: Any, server: Server) -> Iterator[Page]:
-    context = browser.new_context(viewport={"width": 1280, "height": 720})
-    said: list[str] = []
-    tab = context.new_page()
-    tab.on("pageerror", lambda error: said.append(str(error)))
-    tab.on("console", lambda message: said.append(message.text) if message.type == "error" else None)
-    tab.goto(server.address)
-    result = Page(tab)
-    result.settle()
-    result.press("r", "f")
-    yield result
-    context.close()
-    assert not said, said
+    with opened(browser, server.address, Page) as result:
+        result.press("r", "f")
+        yield result
 
 
 def drag_to(page: Page, lamp: int, x: float, y: float) -> None:

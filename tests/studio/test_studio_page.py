@@ -12,24 +12,14 @@ import numpy as np
 import pytest
 
 import relume as rl
-from browsing import CHROMIUM, FLAGS, Tab, opened
+from browsing import Tab, opened
 from serving import Server, serving
 from small_shot import TEXT, camera, write_small_shot
 
 for needed in ("uvicorn", "tomlkit"):
     pytest.importorskip(needed, reason="the extra studio is not installed")
-playwright = pytest.importorskip("playwright.sync_api", reason="playwright is not installed")
-pytestmark = pytest.mark.skipif(CHROMIUM is None, reason="no Chromium here; on Debian: apt-get install chromium")
 
 ROOM = Path(__file__).resolve().parents[2] / "examples" / "room"
-
-
-@pytest.fixture(scope="module")
-def browser() -> Iterator[Any]:
-    with playwright.sync_playwright() as started:
-        running = started.chromium.launch(executable_path=CHROMIUM, args=FLAGS)
-        yield running
-        running.close()
 
 
 @pytest.fixture(scope="module")
@@ -54,7 +44,7 @@ def room_server(room: Path) -> Iterator[Server]:
 def room_page(browser: Any, room: Path, room_server: Server) -> Iterator[Tab]:
     room_server.post("/shot/undo", {"by": 10_000})
     assert not (room / "shot.toml").exists()
-    with opened(browser, room_server.address) as page:
+    with opened(browser, room_server.address, refusals=True) as page:
         yield page
 
 
@@ -73,7 +63,7 @@ def small_server(small: Path) -> Iterator[Server]:
 def page(browser: Any, small: Path, small_server: Server) -> Iterator[Tab]:
     small_server.post("/shot/undo", {"by": 10_000})
     assert (small / "shot.toml").read_text(encoding="utf-8") == TEXT
-    with opened(browser, small_server.address) as tab:
+    with opened(browser, small_server.address, refusals=True) as tab:
         yield tab
 
 
@@ -260,7 +250,7 @@ def test_edits_outside_appear_and_a_broken_file_is_said_and_undone(page: Tab, sm
 
 
 def test_two_windows_on_one_shot_see_each_others_edits(page: Tab, browser: Any, small: Path, small_server: Server):
-    with opened(browser, small_server.address) as other:
+    with opened(browser, small_server.address, refusals=True) as other:
         for each in (page, other):
             each.press("Alt+6")
         page.tab.locator("select").first.select_option(label="sRGB")

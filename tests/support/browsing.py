@@ -6,7 +6,7 @@ import shutil
 import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
-from typing import Any
+from typing import Any, TypeVar
 
 import numpy as np
 
@@ -82,6 +82,9 @@ class Page(Tab):
         return self.tab.evaluate("(name) => relume.canvas.view[name]", name)
 
 
+T = TypeVar("T", bound=Tab)
+
+
 def encoded(linear: np.ndarray | list[float]) -> np.ndarray:
     """sRGB's codes of linear values, 0 to 255."""
     v = np.clip(np.asarray(linear, np.float64), 0, 1)
@@ -89,8 +92,11 @@ def encoded(linear: np.ndarray | list[float]) -> np.ndarray:
 
 
 @contextmanager
-def opened(browser: Any, address: str) -> Iterator[Tab]:
-    """A page of an address; what it says on its console is a failure."""
+def opened(browser: Any, address: str, kind: type[T] = Tab, *, refusals: bool = False) -> Iterator[T]:
+    """A page of an address; what it says on its console is a failure.
+
+    refusals : whether the server may refuse something, which the browser notes too
+    """
     context = browser.new_context(viewport={"width": 1280, "height": 720})
     said: list[str] = []
     tab = context.new_page()
@@ -98,9 +104,9 @@ def opened(browser: Any, address: str) -> Iterator[Tab]:
     tab.on("console", lambda message: said.append(message.text) if message.type == "error" else None)
     tab.set_default_timeout(120_000)  # machines may be busy
     tab.goto(address)
-    result = Tab(tab)
+    result = kind(tab)
     result.settle()
     yield result
     context.close()
-    # A refusal is an answer, which the browser also notes.
-    assert not [each for each in said if "the server responded with a status of 4" not in each], said
+    said = [each for each in said if not (refusals and "the server responded with a status of 4" in each)]
+    assert not said, said

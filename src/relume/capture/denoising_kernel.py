@@ -34,7 +34,7 @@ def shrunk(channels: np.ndarray, variance: np.ndarray) -> np.ndarray:
 
 
 @exact_kernel
-def _shrink(channels, variance, cosines, transposed, total, weight):  # pragma: no cover
+def _shrink(channels, variance, cosines, transposed, total, weight):
     height, width = weight.shape
     # A strip is the blocks that begin in one row. Their columns go to frequencies and back once for all of them.
     strip = np.empty((3, width, BLOCK), np.float32)
@@ -101,7 +101,7 @@ def _shrink(channels, variance, cosines, transposed, total, weight):  # pragma: 
 
 
 @exact_kernel
-def _along_rows(pixels, frequencies):  # pragma: no cover
+def _along_rows(pixels, frequencies):
     """The DCT-II (frequency, k) of pixels (pixel, k) for each k: its even half is that of half as many sums, and its
     odd half a matrix of differences (Chen, Smith & Fralick 1977)."""
     for k in range(BLOCK):

@@ -11,6 +11,7 @@ another way; the mean of both is taken. Pixel frame as in `silhouette`.
 
 from __future__ import annotations
 
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 from functools import cache
 
@@ -20,7 +21,7 @@ from scipy.optimize import minimize
 
 from relume.probe.ball.edge_tracking import evened, profiles
 from relume.probe.ball.silhouette import Cone, Outline, cone_through, outline_of
-from relume.probe.ball.windows import Pyramid, outline_within, outline_without
+from relume.probe.ball.windows import Pyramid, Window, outline_within, outline_without
 
 BLURS = (0.3, 0.4, 0.5, 0.65, 0.85, 1.1)
 """Standard deviations of the picture's blur that are tried, pixels; at the last the edge is lost."""
@@ -92,17 +93,8 @@ def mirror_edge(pyramid: Pyramid, outline: Outline, least: float = LEAST_EVIDENC
     outline : within a few per cent of the rim
     least : evidence that is needed
     """
-    at = np.inf
-    for radius in LOOKED_AT:
-        # Never enlarged: what is put between pixels is smooth, and blurs the edge.
-        factor = min(1.0, radius / outline.radius)
-        if factor * outline.radius > 0.9 * at:
-            continue
-        at = factor * outline.radius
-        window = pyramid.window(outline.centre, SHOWN * outline.radius, factor)
-        light = np.asarray(window.light, np.float64)
-        # In any unit: what stands against dark noise below is a share of the usual light.
-        light = light / (float(np.median(light[light > 0])) if np.any(light > 0) else 1.0)
+    for radius in reduced_radii(outline.radius, LOOKED_AT):
+        window, light = window_about(pyramid, outline, radius)
         part = Part(light, window.size, window.focal_length)
         cone = cone_through(outline_within(window, outline).points, window.size, window.focal_length)
         cone, _ = _divided(part, cone, ROUGH)
@@ -148,6 +140,28 @@ def fitted_lens(radiance: np.ndarray, outline: Outline, focal_length: float) -> 
     # Those that explain it about as well are not excluded either.
     alike = np.abs(steps[worth > AS_WELL * worth[best]] - found)
     return result, min(max(unsure, float(alike.max(initial=0.0))), LENS_STEP)
+
+
+def reduced_radii(radius: float, wanted: Sequence[float]) -> Iterator[float]:
+    """The radii, pixels, that a ball of that radius has in ever smaller pictures.
+
+    Never enlarged: what is put between pixels is smooth, and blurs the edge. None is much like the one before.
+    """
+    at = np.inf
+    for each in wanted:
+        if min(each, radius) <= 0.9 * at:
+            at = min(each, radius)
+            yield at
+
+
+def window_about(pyramid: Pyramid, outline: Outline, radius: float) -> tuple[Window, np.ndarray]:
+    """The picture about a ball, in which its radius is so many pixels, and its light (h, w) float64.
+
+    The light is against its median: what stands against dark noise below is a share of the usual light, in any unit.
+    """
+    window = pyramid.window(outline.centre, SHOWN * outline.radius, radius / outline.radius)
+    light = np.asarray(window.light, np.float64)
+    return window, light / (float(np.median(light[light > 0])) if np.any(light > 0) else 1.0)
 
 
 def _divided(part: Part, cone: Cone, blur: float) -> tuple[Cone, float]:

@@ -19,7 +19,7 @@ from functools import lru_cache
 import numpy as np
 
 from relume.probe.ball.edge_tracking import profiles
-from relume.probe.ball.mirror_edge import SHOWN, Part, Rim, best_move
+from relume.probe.ball.mirror_edge import Part, Rim, best_move, reduced_radii, window_about
 from relume.probe.ball.silhouette import Cone, Outline, cone_through, outline_of
 from relume.probe.ball.windows import Pyramid, outline_within, outline_without
 
@@ -74,14 +74,8 @@ def sharpest_rim(pyramid: Pyramid, outline: Outline) -> Rim:
 def _sharpest(pyramid: Pyramid, outline: Outline, reach: float, radii: Sequence[float]) -> tuple[Rim, float]:
     """The same whatever the evidence, in the first picture that is sharp, and the radius that the ball has there."""
     found, at = Rim(outline, 0.0), np.inf
-    for radius in radii:
-        factor = min(1.0, radius / outline.radius)
-        if factor * outline.radius > 0.9 * at:
-            continue
-        at = factor * outline.radius
-        window = pyramid.window(outline.centre, SHOWN * outline.radius, factor)
-        light = np.asarray(window.light, np.float64)
-        light = light / (float(np.median(light[light > 0])) if np.any(light > 0) else 1.0)
+    for at in reduced_radii(outline.radius, radii):
+        window, light = window_about(pyramid, outline, at)
         # The root keeps lamps from outweighing all else, and makes the noise of photons even.
         part = Part(np.sqrt(light), window.size, window.focal_length)
         rough = outline_within(window, outline)
@@ -89,7 +83,7 @@ def _sharpest(pyramid: Pyramid, outline: Outline, reach: float, radii: Sequence[
         wide = float(np.ceil(max(reach * rough.radius, LEAST_REACH)))
         cone, blur, _ = _placed(part, cone, rough.radius, wide, BLURS[2:3], learn=False)
         cone, blur, evidence = _placed(part, cone, rough.radius, LAST_REACH, BLURS)
-        if blur < BLURS[-1] or radius == radii[-1]:
+        if blur < BLURS[-1] or at == radii[-1]:
             cone, _, evidence = _placed(part, cone, rough.radius, LAST_REACH, (blur,))
         placed = outline_of(cone, part.size, part.focal_length, coverage=outline.coverage)
         found = Rim(replace(outline_without(window, placed, pyramid), rivals=outline.rivals), evidence)

@@ -4,14 +4,13 @@
 
 /** How a key press is written in the list: Ctrl+K, Shift+E, ArrowLeft, ?. @param {KeyboardEvent} event */
 export function written(event) {
-  const letter = event.key.length === 1 ? event.key : event.key;
   const shifted = event.shiftKey && (event.key.length > 1 || /[a-z]/i.test(event.key));
   return [event.ctrlKey || event.metaKey ? "Ctrl+" : "", event.altKey ? "Alt+" : "", shifted ? "Shift+" : "",
-    letter.length === 1 ? letter.toUpperCase() : letter].join("");
+    event.key.length === 1 ? event.key.toUpperCase() : event.key].join("");
 }
 
 /** Listen for the keys of the list, except where text is typed. @param {Command[]} commands */
-export function listen(commands) {
+function listen(commands) {
   document.addEventListener("keydown", (event) => {
     const target = /** @type {HTMLElement} */ (event.target);
     if (document.querySelector("dialog[open]")) return;
@@ -27,8 +26,13 @@ export function listen(commands) {
   });
 }
 
-/** The sheet of keys. @param {HTMLDialogElement} dialog @param {HTMLElement} list @param {Command[]} commands */
-export function fillSheet(dialog, list, commands) {
+/** The sheet of keys. @param {Command[]} commands */
+function sheet(commands) {
+  const dialog = document.createElement("dialog");
+  dialog.id = "sheet";
+  dialog.setAttribute("aria-labelledby", "sheet-title");
+  dialog.innerHTML = `<h2 id="sheet-title">Keys</h2><dl id="keys"></dl><form method="dialog"><button>Close</button></form>`;
+  const list = /** @type {HTMLElement} */ (dialog.querySelector("dl"));
   list.replaceChildren(...commands.filter((command) => command.keys.length).flatMap((command) => {
     const dt = document.createElement("dt"), dd = document.createElement("dd");
     for (const key of command.keys) {
@@ -39,20 +43,32 @@ export function fillSheet(dialog, list, commands) {
     dd.textContent = command.name;
     return [dt, dd];
   }));
-  dialog.addEventListener("click", (event) => event.target === dialog && dialog.close());
+  return shown(dialog);
 }
 
-/** The palette: type a part of a name, Enter does it. @param {HTMLDialogElement} dialog @param {Command[]} commands */
-export function palette(dialog, commands) {
+/** A dialog in the page, which a click beside it closes. @param {HTMLDialogElement} dialog */
+function shown(dialog) {
+  dialog.addEventListener("click", (event) => event.target === dialog && dialog.close());
+  document.body.append(dialog);
+  return dialog;
+}
+
+/** What opens the palette: type a part of a name, Enter does it. @param {Command[]} commands */
+function palette(commands) {
+  const dialog = document.createElement("dialog");
+  dialog.id = "palette";
+  dialog.setAttribute("aria-label", "Commands");
+  dialog.innerHTML = `<input id="palette-text" type="text" role="combobox" aria-expanded="true" aria-controls="palette-list"
+    aria-label="Find a command" autocomplete="off"><ul id="palette-list" role="listbox" aria-label="Commands"></ul>`;
   const text = /** @type {HTMLInputElement} */ (dialog.querySelector("input"));
   const list = /** @type {HTMLElement} */ (dialog.querySelector("ul"));
   let chosen = 0;
-  /** @type {Command[]} */ let shown = [];
+  /** @type {Command[]} */ let fitting = [];
   const fill = () => {
     const words = text.value.toLowerCase().split(/\s+/).filter(Boolean);
-    shown = commands.filter((command) => words.every((word) => command.name.toLowerCase().includes(word)));
-    chosen = Math.min(chosen, Math.max(shown.length - 1, 0));
-    list.replaceChildren(...shown.map((command, place) => {
+    fitting = commands.filter((command) => words.every((word) => command.name.toLowerCase().includes(word)));
+    chosen = Math.min(chosen, Math.max(fitting.length - 1, 0));
+    list.replaceChildren(...fitting.map((command, place) => {
       const item = document.createElement("li"), name = document.createElement("span"), key = document.createElement("kbd");
       item.setAttribute("role", "option");
       item.id = `command-${place}`;
@@ -68,18 +84,18 @@ export function palette(dialog, commands) {
   };
   const run = (/** @type {number} */ place) => {
     dialog.close();
-    shown[place]?.act();
+    fitting[place]?.act();
   };
   text.addEventListener("input", () => ((chosen = 0), fill()));
   text.addEventListener("keydown", (event) => {
     if (event.key === "ArrowDown" || event.key === "ArrowUp") {
-      chosen = (chosen + (event.key === "ArrowDown" ? 1 : shown.length - 1)) % Math.max(shown.length, 1);
+      chosen = (chosen + (event.key === "ArrowDown" ? 1 : fitting.length - 1)) % Math.max(fitting.length, 1);
       fill();
     } else if (event.key === "Enter") run(chosen);
     else return;
     event.preventDefault();
   });
-  dialog.addEventListener("click", (event) => event.target === dialog && dialog.close());
+  shown(dialog);
   return () => {
     text.value = "";
     chosen = 0;
@@ -87,4 +103,22 @@ export function palette(dialog, commands) {
     dialog.showModal();
     text.focus();
   };
+}
+
+/** The page's commands by key, by palette and by the two buttons of its header. @param {Command[]} own */
+export function begin(own) {
+  const all = [...own, { name: "Commands", keys: ["Ctrl+K"], act: () => open() }, { name: "Keys", keys: ["?"], act: () => keys.showModal() }];
+  const keys = sheet(all), open = palette(all);
+  listen(all);
+  for (const [id, words, key, title, act] of /** @type {[string, string, string, string, () => void][]} */ ([
+    ["open-palette", "Commands", "Ctrl K", "Find a command (Ctrl+K)", open],
+    ["open-sheet", "Keys", "?", "Keyboard (?)", () => keys.showModal()],
+  ])) {
+    const button = document.createElement("button"), kbd = document.createElement("kbd");
+    Object.assign(button, { id, type: "button", title });
+    kbd.textContent = key;
+    button.append(`${words} `, kbd);
+    button.addEventListener("click", act);
+    document.querySelector("header")?.append(button);
+  }
 }

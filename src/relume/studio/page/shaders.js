@@ -58,33 +58,22 @@ void main() {
   gl_Position = vec4(mix(place.xy, place.zw, corner), 0.0, 1.0);
 }`;
 
-/** @param {string} shown what becomes of a pixel */
-const tile = (shown) => `#version 300 es
-${DEVELOP}
+/** @param {string} shown what becomes of a pixel @param {string} functions that it is written in */
+const tile = (shown, functions = DEVELOP) => `#version 300 es
+${functions}
 uniform sampler2D tile;
 uniform float scale;
 in vec2 at;
 out vec4 colour;
 void main() {
   vec4 pixel = texture(tile, at);
-  colour = vec4(${shown}, 1.0);
+  colour = ${shown};
 }`;
-export const TILE = tile("developed(pixel.rgb * scale, pixel.a)");
+export const TILE = tile("vec4(developed(pixel.rgb * scale, pixel.a), 1.0)");
 // Nothing over the picture, as nearly always: a processor that draws by software takes half the time for it.
-export const PLAIN = tile("plainly(pixel.rgb * scale)");
-
+export const PLAIN = tile("vec4(plainly(pixel.rgb * scale), 1.0)");
 // A tile as it is, into a picture of floats that two of are compared in.
-export const COPY = `#version 300 es
-precision highp float;
-precision highp sampler2D;
-uniform sampler2D tile;
-uniform float scale;
-in vec2 at;
-out vec4 colour;
-void main() {
-  vec4 pixel = texture(tile, at);
-  colour = vec4(pixel.rgb * scale, pixel.a);
-}`;
+export const COPY = tile("vec4(pixel.rgb * scale, pixel.a)", "precision highp float;\nprecision highp sampler2D;");
 
 export const COMPARE = `#version 300 es
 ${DEVELOP}

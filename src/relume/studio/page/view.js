@@ -1,9 +1,10 @@
 // The page of `relume view`: pictures side by side in time, exposure, wipes, values with their errors, maps from inside.
 
 import { HdrCanvas } from "./canvas.js";
-import { fillSheet, listen, palette } from "./commands.js";
+import { begin } from "./commands.js";
 import { linesOfDifference, linesOfStatistics, linesOfValue, plain, print } from "./measured.js";
 import { drawNumbers } from "./numbers.js";
+import { bytes, json, listenTo } from "./requests.js";
 import { drawTree } from "./tree.js";
 
 /** @typedef {import("./source.js").PictureFacts} PictureFacts */
@@ -26,23 +27,6 @@ const state = {
 function failed(error) {
   element("message").textContent = error instanceof Error ? error.message : String(error);
 }
-
-/** @param {string} address @param {AbortSignal} [signal] */
-async function answer(address, signal) {
-  const got = await fetch(address, { signal });
-  if (!got.ok) {
-    const text = await got.text();
-    let words = `${got.status} ${got.statusText}`;
-    try {
-      words = JSON.parse(text).error ?? words;
-    } catch { /* not of ours */ }
-    throw new Error(words);
-  }
-  return got;
-}
-
-/** @param {string} address */
-const json = async (address) => (await answer(address)).json();
 
 let canvas = /** @type {HdrCanvas} */ (/** @type {unknown} */ (null));
 try {
@@ -67,8 +51,7 @@ async function factsOf(number) {
 /** @param {number} number @param {number} layer @returns {import("./source.js").Fetched} */
 function tilesOf(number, layer) {
   const digest = /** @type {PictureFacts} */ (state.facts.get(number)).layers[layer].digest;
-  return async (level, column, row, signal) =>
-    (await answer(`/tiles/${number}/${layer}/${digest}/${level}/${column}/${row}`, signal)).arrayBuffer();
+  return (level, column, row, signal) => bytes(`/tiles/${number}/${layer}/${digest}/${level}/${column}/${row}`, signal);
 }
 
 let opening = 0, busy = 0;
@@ -449,7 +432,6 @@ function toggleFalseColour() {
 // Commands, keys and buttons.
 
 const middle = () => /** @type {[number, number]} */ ([picture.width / 2, picture.height / 2]);
-/** @type {() => void} */ let openPalette = () => {};
 /** @type {import("./commands.js").Command[]} */
 const commands = [
   { name: "Half a stop brighter", keys: ["E"], act: () => setStops(canvas.view.stops + 0.5) },
@@ -493,8 +475,6 @@ const commands = [
     drawn();
     remeasure();
   } },
-  { name: "Commands", keys: ["Ctrl+K"], act: () => openPalette() },
-  { name: "Keys", keys: ["?"], act: () => /** @type {HTMLDialogElement} */ (element("sheet")).showModal() },
 ];
 
 /** @param {string} group @param {[string, Record<string, string>, () => void][]} wanted */
@@ -518,27 +498,19 @@ buttons("modes", [
   ["Marks", { mode: "marks" }, () => change({ marked: !canvas.view.marked })],
   ["Inside", { mode: "inside" }, () => show("inside")],
 ]);
-listen(commands);
-fillSheet(/** @type {HTMLDialogElement} */ (element("sheet")), element("keys"), commands);
-openPalette = palette(/** @type {HTMLDialogElement} */ (element("palette")), commands);
-element("open-palette").addEventListener("click", () => openPalette());
-element("open-sheet").addEventListener("click", () => /** @type {HTMLDialogElement} */ (element("sheet")).showModal());
+begin(commands);
 
 // Files that change on disk are shown anew; a server that is gone is said.
 
-function watch() {
-  const socket = new WebSocket(`${location.protocol === "https:" ? "wss" : "ws"}://${location.host}/events`);
-  socket.addEventListener("message", async (event) => {
-    const { changed } = JSON.parse(event.data);
-    state.facts.delete(changed);
-    if (changed === state.number) await open(changed, state.layer);
-    if (changed === state.reference) {
-      const layer = state.referenceLayer;
-      canvas.open((await factsOf(changed)).layers[layer], tilesOf(changed, layer), true);
-      await remeasure();
-    }
-  });
-  socket.addEventListener("close", () => failed("relume has ended; start it again, and open the address that it prints"));
+/** @param {{changed: number}} said */
+async function changed({ changed }) {
+  state.facts.delete(changed);
+  if (changed === state.number) await open(changed, state.layer);
+  if (changed === state.reference) {
+    const layer = state.referenceLayer;
+    canvas.open((await factsOf(changed)).layers[layer], tilesOf(changed, layer), true);
+    await remeasure();
+  }
 }
 
 /** For tests: the page's own state, and whether all that was asked for is shown. */
@@ -549,6 +521,6 @@ json("/pictures").then(async ({ files, scene }) => {
   state.scene = scene ?? "";
   element("tree-part").hidden = !scene;
   list();
-  watch();
+  listenTo(changed, failed);
   await open(0);
 }).catch(failed);

@@ -1,8 +1,9 @@
 // The page of a light stage: lamps are dragged, a map is turned, and the subject follows; at rest it is `relume`'s own.
 
 import { HdrCanvas } from "../canvas.js";
-import { fillSheet, listen, palette } from "../commands.js";
+import { begin } from "../commands.js";
 import { linesOfValue, plain, print } from "../measured.js";
+import { answer, json, Refused } from "../requests.js";
 import { commandOf, rgbOf } from "./command.js";
 import { LivePicture } from "./live.js";
 import { Sphere } from "./sphere.js";
@@ -33,14 +34,6 @@ const state = {
 /** @param {unknown} error */
 function failed(error) {
   element("message").textContent = error instanceof Error ? error.message : String(error);
-}
-
-/** @param {string} address @param {RequestInit} [options] */
-async function answer(address, options) {
-  const got = await fetch(address, options);
-  if (got.ok) return got;
-  const said = await got.json().catch(() => ({}));
-  throw Object.assign(new Error(said.error ?? `${got.status} ${got.statusText}`), { status: got.status });
 }
 
 /** @param {Response} got @returns {Promise<import("./live.js").Picture>} */
@@ -103,7 +96,7 @@ async function finish() {
     state.exact = true;
     about();
   } catch (error) {
-    if (!own.signal.aborted && /** @type {any} */ (error).status !== 409) failed(error);
+    if (!own.signal.aborted && !(error instanceof Refused && error.status === 409)) failed(error);
   }
 }
 
@@ -294,10 +287,10 @@ async function read(x, y) {
     if (i < 0 || j < 0 || i >= size[0] || j >= size[1]) continue;
     last = [i, j];
     try {
-      const got = await (await answer(`/stage/value?picture=${state.shown}&x=${i}&y=${j}`)).json();
+      const got = await json(`/stage/value?picture=${state.shown}&x=${i}&y=${j}`);
       print(element("value"), linesOfValue(got, "relative"));
     } catch (error) {
-      if (/** @type {any} */ (error).status !== 404) failed(error); // a picture that was followed by others
+      if (!(error instanceof Refused && error.status === 404)) failed(error); // a picture that was followed by others
     }
   }
   reading = false;
@@ -370,7 +363,6 @@ const stepLayer = (by) => layer(LAYERS[(LAYERS.findIndex(([name]) => name === st
 /** @param {number} by */
 const stops = (by) => canvas.set({ stops: canvas.view.stops + by });
 const middle = () => /** @type {[number, number]} */ ([picture.width / 2, picture.height / 2]);
-let openPalette = () => {};
 /** @type {import("../commands.js").Command[]} */
 const commands = [
   { name: "Add a lamp", keys: ["A"], act: add },
@@ -389,14 +381,8 @@ const commands = [
   { name: "Enlarge", keys: ["+", "="], act: () => canvas.enlarge(2, ...middle()) },
   { name: "Reduce", keys: ["-"], act: () => canvas.enlarge(0.5, ...middle()) },
   { name: "Copy the command", keys: [], act: copy },
-  { name: "Commands", keys: ["Ctrl+K"], act: () => openPalette() },
-  { name: "Keys", keys: ["?"], act: () => /** @type {HTMLDialogElement} */ (element("sheet")).showModal() },
 ];
-listen(commands);
-fillSheet(element("sheet"), element("keys"), commands);
-openPalette = palette(element("palette"), commands);
-element("open-palette").addEventListener("click", () => openPalette());
-element("open-sheet").addEventListener("click", () => /** @type {HTMLDialogElement} */ (element("sheet")).showModal());
+begin(commands);
 element("copy").addEventListener("click", copy);
 
 function copy() {
@@ -408,7 +394,7 @@ function copy() {
 async function follow() {
   try {
     const before = state.facts;
-    const facts = (state.facts = /** @type {Facts} */ (await (await answer("/stage")).json()));
+    const facts = (state.facts = /** @type {Facts} */ (await json("/stage")));
     if (facts.failed) return failed(facts.failed);
     element("title").textContent = facts.size ? `${facts.name}: ${facts.lights.length} lights, ${facts.size.join(" × ")}` : facts.name;
     document.title = `${facts.name} – relume`;

@@ -1,7 +1,7 @@
 // The studio's page: the steps along the light, one picture, and the shot file that every act edits.
 
 import { HdrCanvas } from "../canvas.js";
-import { fillSheet, listen, palette } from "../commands.js";
+import { begin } from "../commands.js";
 import { plain } from "../measured.js";
 import { cameraPane } from "./panes/camera.js";
 import { deliverPane } from "./panes/deliver.js";
@@ -11,12 +11,12 @@ import { objectsPane } from "./panes/objects.js";
 import { photographsPane } from "./panes/photographs.js";
 import { placePane } from "./panes/place.js";
 import { Overlay } from "./overlay.js";
-import { bytes, json, listenTo, post, Refused } from "./requests.js";
+import { bytes, json, listenTo, post, Refused } from "../requests.js";
 
 /** @typedef {import("../source.js").PictureFacts} PictureFacts */
-/** @typedef {{name: string, keys: string[], build: () => Node[], shown?: () => void, hidden?: () => void, changed?: () => void,
+/** @typedef {{name: string, keys: string[], build: () => Node[], shown?: () => void, hidden?: () => void, changed?: () => void, done?: () => void,
  *   drawing?: () => import("./overlay.js").Drawing, drawn?: () => void, drag?: (event: PointerEvent, phase: "begin" | "move" | "end") => boolean,
- *   commands?: import("../commands.js").Command[], dropped?: (files: File[]) => void}} Pane keys: what of the shot it shows */
+ *   commands?: import("../commands.js").Command[], dropped?: (files: File[]) => void}} Pane keys: what of the shot it shows; done: called when a job has ended */
 
 /** @param {string} id @returns {any} */
 const element = (id) => document.getElementById(id);
@@ -187,6 +187,7 @@ export class Studio {
     this.showJob(job);
     if (anyway || state.revision !== before.revision || job.status !== old.status || job.number !== old.number
       || state.results.join() !== before.results.join()) this.rebuild();
+    if (job.status === "done" && (old.status !== "done" || job.number !== old.number)) this.panes[this.step]?.done?.();
     // What a pane draws is ahead of the file until the last of its edits is there.
     if (this.waiting <= 1) this.panes[this.step]?.changed?.();
     this.drawn();
@@ -330,7 +331,6 @@ document.addEventListener("drop", (event) => {
 // Commands and keys.
 
 const middle = () => /** @type {[number, number]} */ ([picture.width / 2, picture.height / 2]);
-/** @type {() => void} */ let openPalette = () => {};
 /** @type {import("../commands.js").Command[]} */
 const commands = [
   ...studio.panes.map((pane, i) => ({ name: `Step: ${pane.name}`, keys: [`Alt+${i + 1}`], act: () => studio.go(i) })),
@@ -362,14 +362,8 @@ const commands = [
   ...studio.panes.flatMap((pane, i) => (pane.commands ?? []).map((each) => ({
     ...each, name: `${pane.name}: ${each.name}`, act: () => studio.step === i && each.act(),
   }))),
-  { name: "Commands", keys: ["Ctrl+K"], act: () => openPalette() },
-  { name: "Keys", keys: ["?"], act: () => /** @type {HTMLDialogElement} */ (element("sheet")).showModal() },
 ];
-listen(commands);
-fillSheet(element("sheet"), element("keys"), commands);
-openPalette = palette(element("palette"), commands);
-element("open-palette").addEventListener("click", () => openPalette());
-element("open-sheet").addEventListener("click", () => /** @type {HTMLDialogElement} */ (element("sheet")).showModal());
+begin(commands);
 element("undo").addEventListener("click", () => studio.undo(1));
 element("redo").addEventListener("click", () => studio.undo(-1));
 element("job-stop").addEventListener("click", () => studio.stop());

@@ -2,7 +2,7 @@
 
 import { at, choiceField, make, numberField, rounded, typed, vectorField } from "../fields.js";
 import { line, project } from "../projection.js";
-import { post } from "../requests.js";
+import { post } from "../../requests.js";
 
 const AXES = /** @type {const} */ (["x", "y", "z"]);
 

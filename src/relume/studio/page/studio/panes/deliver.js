@@ -9,7 +9,6 @@ export function deliverPane(studio) {
     if (name) studio.show(name, "results");
     else if (studio.platePath) studio.show(studio.platePath);
   }
-  let last = -1;
 
   return {
     name: "Deliver",
@@ -44,11 +43,7 @@ export function deliverPane(studio) {
       ];
     },
     shown: show,
-    changed() {
-      const { job } = studio.state;
-      if (job.status === "done" && job.number !== last) show();
-      last = job.status === "done" ? job.number : last;
-    },
+    done: show,
     hidden: () => studio.uncompare(),
   };
 }

@@ -11,7 +11,6 @@ export function developPane(studio) {
     if (found) studio.show(found, "results");
     else if (studio.platePath) studio.show(studio.platePath);
   }
-  let last = -1;
 
   return {
     name: "Develop",
@@ -31,11 +30,7 @@ export function developPane(studio) {
         `import relume as rl\n\nradiance = rl.read_radiance("${studio.state.out}/composite.exr")\npicture = rl.develop(radiance.radiance, rl.VirtualCamera())\nrl.write("${studio.state.out}/film.png", picture)`),
     ],
     shown: show,
-    changed() {
-      const { job } = studio.state;
-      if (job.status === "done" && job.number !== last) show();
-      last = job.status === "done" ? job.number : last;
-    },
+    done: show,
     hidden: () => studio.uncompare(),
   };
 }

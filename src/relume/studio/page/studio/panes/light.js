@@ -2,7 +2,7 @@
 
 import { HdrCanvas } from "../../canvas.js";
 import { at, make, numberField, quoted, typed } from "../fields.js";
-import { json, post, Refused } from "../requests.js";
+import { json, post, Refused } from "../../requests.js";
 
 /** @param {import("../studio.js").Studio} studio @returns {import("../studio.js").Pane} */
 export function lightPane(studio) {

@@ -3,7 +3,7 @@
 import { choiceField, make, numberField, rounded, typed } from "../fields.js";
 import { Drawing } from "../drawing.js";
 import { line, onPlane, project } from "../projection.js";
-import { bytes, json, post, upload } from "../requests.js";
+import { bytes, json, post, upload } from "../../requests.js";
 
 const IDENTITY = { moved: [0, 0, 0], turn: 0, scale: 1 };
 

@@ -1,6 +1,6 @@
 // Photographs: the folder sorted into brackets; which is the plate, which show the ball, and which frames count.
 
-import { json, upload } from "../requests.js";
+import { json, upload } from "../../requests.js";
 import { make, quoted, typed } from "../fields.js";
 
 /** Exposure times as photographers write them. @param {number} s */
