@@ -26,6 +26,13 @@ function listen(commands) {
   });
 }
 
+/** A key as it stands on the keyboard. @param {string} key */
+function keyCap(key) {
+  const cap = document.createElement("kbd");
+  cap.textContent = key === " " ? "Space" : key.replace("Arrow", "").replace(/(?<=.)\+(?=.)/g, " ");
+  return cap;
+}
+
 /** The sheet of keys. @param {Command[]} commands */
 function sheet(commands) {
   const dialog = document.createElement("dialog");
@@ -35,22 +42,21 @@ function sheet(commands) {
   const list = /** @type {HTMLElement} */ (dialog.querySelector("dl"));
   list.replaceChildren(...commands.filter((command) => command.keys.length).flatMap((command) => {
     const dt = document.createElement("dt"), dd = document.createElement("dd");
-    for (const key of command.keys) {
-      const shown = document.createElement("kbd");
-      shown.textContent = key === " " ? "Space" : key.replace("Arrow", "").replace(/(?<=.)\+(?=.)/g, " ");
-      dt.append(shown, " ");
-    }
+    for (const key of command.keys) dt.append(keyCap(key), " ");
     dd.textContent = command.name;
     return [dt, dd];
   }));
-  return shown(dialog);
+  shown(dialog);
+  return () => {
+    dialog.showModal(); // which scrolls to the button that it focuses
+    dialog.scrollTop = 0;
+  };
 }
 
 /** A dialog in the page, which a click beside it closes. @param {HTMLDialogElement} dialog */
 function shown(dialog) {
   dialog.addEventListener("click", (event) => event.target === dialog && dialog.close());
   document.body.append(dialog);
-  return dialog;
 }
 
 /** What opens the palette: type a part of a name, Enter does it. @param {Command[]} commands */
@@ -69,13 +75,12 @@ function palette(commands) {
     fitting = commands.filter((command) => words.every((word) => command.name.toLowerCase().includes(word)));
     chosen = Math.min(chosen, Math.max(fitting.length - 1, 0));
     list.replaceChildren(...fitting.map((command, place) => {
-      const item = document.createElement("li"), name = document.createElement("span"), key = document.createElement("kbd");
+      const item = document.createElement("li"), name = document.createElement("span");
       item.setAttribute("role", "option");
       item.id = `command-${place}`;
       item.setAttribute("aria-selected", String(place === chosen));
       name.textContent = command.name;
-      key.textContent = command.keys[0] ?? "";
-      item.append(name, ...(command.keys.length ? [key] : []));
+      item.append(name, ...command.keys.slice(0, 1).map(keyCap));
       item.addEventListener("click", () => run(place));
       return item;
     }));
@@ -107,17 +112,14 @@ function palette(commands) {
 
 /** The page's commands by key, by palette and by the two buttons of its header. @param {Command[]} own */
 export function begin(own) {
-  const all = [...own, { name: "Commands", keys: ["Ctrl+K"], act: () => open() }, { name: "Keys", keys: ["?"], act: () => keys.showModal() }];
-  const keys = sheet(all), open = palette(all);
+  const ways = [{ name: "Commands", keys: ["Ctrl+K"], act: () => find() }, { name: "Keys", keys: ["?"], act: () => list() }];
+  const all = [...own, ...ways];
+  const find = palette(all), list = sheet(all);
   listen(all);
-  for (const [id, words, key, title, act] of /** @type {[string, string, string, string, () => void][]} */ ([
-    ["open-palette", "Commands", "Ctrl K", "Find a command (Ctrl+K)", open],
-    ["open-sheet", "Keys", "?", "Keyboard (?)", () => keys.showModal()],
-  ])) {
-    const button = document.createElement("button"), kbd = document.createElement("kbd");
-    Object.assign(button, { id, type: "button", title });
-    kbd.textContent = key;
-    button.append(`${words} `, kbd);
+  for (const { name, keys, act } of ways) {
+    const button = document.createElement("button");
+    Object.assign(button, { id: `open-${name.toLowerCase()}`, type: "button", title: `${name} (${keys[0]})` });
+    button.append(`${name} `, keyCap(keys[0]));
     button.addEventListener("click", act);
     document.querySelector("header")?.append(button);
   }
