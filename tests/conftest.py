@@ -26,7 +26,7 @@ LONGEST = [
 ]
 # What `make quick` leaves out: what renders with Mitsuba, runs whole commands and shots, or takes more than 5 s.
 LONG = (
-    *("studio/test_*page.py", "studio/test_shot_server.py", "studio/test_ray_trees.py"),
+    *("studio/test_*page.py", "studio/test_shot_server.py", "studio/test_ray_trees.py", "studio/test_studio_*.py"),
     *("cli/*", "project/*", "report/*", "physics/*", "image/test_corpus*", "test_examples.py", "test_architecture.py"),
     *("renderers/*mitsuba*", "renderers/test_renderer.py", "renderers/test_environment.py", "renderers/test_sheet.py"),
     *("renderers/test_accumulation.py", "renderers/test_allocation.py", "renderers/test_filters.py"),

@@ -290,7 +290,7 @@ def test_the_latest_job_wins_a_killed_worker_is_one_line_and_nothing_is_lost(ser
             lambda: (j := server.json("/shot")["job"])["number"] > first["number"] and j["step"] and j, "the next"
         )
         assert second["status"] == "running"
-        workers = [each for each in _children(server.process.pid) if b"spawn_main" in _command(each)]
+        workers = server.workers()
         assert len(workers) == 1
         os.kill(workers[0], signal.SIGKILL)
         job = finished(server)
@@ -311,14 +311,3 @@ def test_a_job_for_an_unfinished_shot_is_refused(server: Server, folder: Path):
     assert status == 422 and answer["error"].startswith("the shot is not finished: light")
     server.post("/shot/undo", {"by": 1})
     assert server.post("/jobs/start", {"kind": "rm -rf"})[0] == 422
-
-
-def _children(process: int) -> list[int]:
-    return [int(each) for each in Path(f"/proc/{process}/task/{process}/children").read_text().split()] + [
-        int(child) for task in Path(f"/proc/{process}/task").iterdir() if task.name != str(process)
-        for child in (task / "children").read_text().split()
-    ]  # fmt: skip
-
-
-def _command(process: int) -> bytes:
-    return Path(f"/proc/{process}/cmdline").read_bytes()

@@ -15,6 +15,7 @@ import relume as rl
 from browsing import Tab, opened
 from serving import Server, serving
 from small_shot import TEXT, camera, write_small_shot
+from studio_page import done, looked_at
 
 for needed in ("uvicorn", "tomlkit"):
     pytest.importorskip(needed, reason="the extra studio is not installed")
@@ -69,16 +70,6 @@ def page(browser: Any, small: Path, small_server: Server) -> Iterator[Tab]:
 
 def table(folder: Path) -> dict[str, Any]:
     return tomllib.loads((folder / "shot.toml").read_text(encoding="utf-8"))
-
-
-def done(page: Tab, server: Server, kind: str) -> None:
-    page.until(
-        lambda: (job := server.json("/shot")["job"])["kind"] == kind and job["status"] in ("done", "failed"), kind, 240
-    )
-    job = server.json("/shot")["job"]
-    assert job["status"] == "done", job
-    page.until(lambda: page.tab.evaluate("() => relume.studio.state.job.status") == "done", "its end in the page")
-    page.settle()
 
 
 def bracket(name: str, role: str) -> str:
@@ -301,12 +292,28 @@ def test_no_element_lacks_a_name_and_nothing_leaves_a_small_window(page: Tab):
             assert nameless == []
 
 
-def looked_at(page: Tab, server: Server) -> None:
-    """The camera is known: by a quick look, once."""
-    if page.tab.evaluate("() => relume.studio.measured === null"):
-        server.post("/jobs/start", {"kind": "look"})
-        done(page, server, "look")
-        page.until(lambda: page.tab.evaluate("() => relume.studio.measured !== null"), "what it measured")
+def test_axe_finds_nothing_serious_in_any_pane(page: Tab, browser: Any, room: Path, room_server: Server):
+    axe = pytest.importorskip("axe_playwright_python.sync_playwright", reason="axe-playwright-python is not installed")
+
+    def serious(tab: Tab) -> list[tuple[str, str]]:
+        for summary in tab.tab.locator("details:not([open]) summary").all():
+            summary.click()
+        found = axe.Axe().run(tab.tab).response["violations"]
+        return [(each["id"], each["nodes"][0]["html"]) for each in found if each["impact"] in ("serious", "critical")]
+
+    steps = page.tab.evaluate("() => relume.studio.panes.map((each) => each.name)")
+    found = {}
+    for step, name in enumerate(steps):
+        page.press(f"Alt+{step + 1}")
+        found[name] = serious(page)
+    # The panes of photographs, and of a ball and a board that are there.
+    with opened(browser, room_server.address, refusals=True) as photographed:
+        for name, role in (("plate", "Plate"), ("ball_0", "Ball"), ("plate_grid.jpg", "Board")):
+            photographed.click(bracket(name, role))
+        for step in range(3):
+            photographed.press(f"Alt+{step + 1}")
+            found[f"photographs {step}"] = serious(photographed)
+    assert {name: faults for name, faults in found.items() if faults} == {}
 
 
 def live_pixel(page: Tab, at: np.ndarray) -> list[int]:

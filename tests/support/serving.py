@@ -63,24 +63,36 @@ class Server:
         status, _, answer = self.ask(path, method="POST", body=body, **own)
         return status, json.loads(answer)
 
+    def workers(self) -> list[int]:
+        """The process ids of its workers: children of any of its threads."""
+        tasks = Path(f"/proc/{self.process.pid}/task").iterdir()
+        children = [int(child) for task in tasks for child in (task / "children").read_text().split()]
+        return [each for each in children if b"spawn_main" in Path(f"/proc/{each}/cmdline").read_bytes()]
+
+
+def started(files: Sequence[Path | str], command: str = "view") -> Server:
+    """The command over these files, in a process that whoever asked for it ends."""
+    environment = {**os.environ, "PYTHONPATH": os.pathsep.join(sys.path)}
+    process = subprocess.Popen(
+        [sys.executable, "-c", COMMAND, command, "--no-browser", "--json", *map(str, files)],
+        env=environment, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True,
+    )  # fmt: skip
+    assert process.stdout is not None and process.stderr is not None
+    line = process.stdout.readline()
+    assert line, process.stderr.read()
+    parts = urlsplit(json.loads(line)["address"])
+    assert parts.port is not None
+    return Server(parts.port, parse_qs(parts.query)["token"][0], process)
+
 
 @contextmanager
 def serving(files: Sequence[Path | str], command: str = "view") -> Iterator[Server]:
-    """The command over these files, ended by Ctrl-C, which has to give exit code 0."""
-    environment = {**os.environ, "PYTHONPATH": os.pathsep.join(sys.path)}
-    with subprocess.Popen(
-        [sys.executable, "-c", COMMAND, command, "--no-browser", "--json", *map(str, files)],
-        env=environment, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True,
-    ) as process:  # fmt: skip
-        assert process.stdout is not None and process.stderr is not None
-        line = process.stdout.readline()
-        assert line, process.stderr.read()
-        parts = urlsplit(json.loads(line)["address"])
-        assert parts.port is not None
-        try:
-            yield Server(parts.port, parse_qs(parts.query)["token"][0], process)
-        finally:
-            process.send_signal(signal.SIGINT)
-            _, said = process.communicate(timeout=20)
-        assert process.returncode == 0, said
-        assert "Traceback" not in said, said
+    """The same, ended by Ctrl-C, which has to give exit code 0."""
+    server = started(files, command)
+    try:
+        yield server
+    finally:
+        server.process.send_signal(signal.SIGINT)
+        _, said = server.process.communicate(timeout=20)
+    assert server.process.returncode == 0, said
+    assert "Traceback" not in said, said

@@ -72,7 +72,7 @@ export function typed(command, python) {
       await navigator.clipboard?.writeText(text);
       button.textContent = "Copied";
     } }, `Copy the ${what}`);
-    return [make("pre", { className: "typed", data: { typed: what } }, text), button];
+    return [make("pre", { className: "typed", tabIndex: 0, role: "region", ariaLabel: `The ${what}`, data: { typed: what } }, text), button];
   };
   return make("details", {}, make("summary", {}, "What would I type?"), ...line(command, "command"), ...line(python, "Python"));
 }

@@ -150,6 +150,7 @@ export function cameraPane(studio) {
         rimMoved([size[0] / 2, 0.62 * size[1], 0.06 * size[0]], true);
         return studio.rebuild();
       } }, rim ? "Leave the circle out" : "Draw the ball")),
+      ...(studio.state.table.light?.ball ? [] : [numberField(studio, "Ball's radius", ["camera", "ball", "radius"], { unit: "m", step: 0.001, min: 0 })]),
       numberField(studio, "Looked down", ["camera", "ball", "pitch"], { unit: "°" }),
       numberField(studio, "Lens above table", ["camera", "ball", "camera_height"], { unit: "m" }),
     ];

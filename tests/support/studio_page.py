@@ -1,0 +1,25 @@
+"""What tests of the studio's page share: a job waited for, a camera that is known."""
+
+from __future__ import annotations
+
+from browsing import Tab
+from serving import Server
+
+
+def done(page: Tab, server: Server, kind: str) -> None:
+    """Wait for a job's end in the server and in the page."""
+    page.until(
+        lambda: (job := server.json("/shot")["job"])["kind"] == kind and job["status"] in ("done", "failed"), kind, 240
+    )
+    job = server.json("/shot")["job"]
+    assert job["status"] == "done", job
+    page.until(lambda: page.tab.evaluate("() => relume.studio.state.job.status") == "done", "its end in the page")
+    page.settle()
+
+
+def looked_at(page: Tab, server: Server) -> None:
+    """The camera is known: by a quick look, once."""
+    if page.tab.evaluate("() => relume.studio.measured === null"):
+        server.post("/jobs/start", {"kind": "look"})
+        done(page, server, "look")
+        page.until(lambda: page.tab.evaluate("() => relume.studio.measured !== null"), "what it measured")
