@@ -47,7 +47,7 @@ class Tab:
         return tuple(
             self.tab.evaluate(
                 "([x, y]) => { const c = relume.canvas, p = c.toScreen(x, y), b = c.canvas.getBoundingClientRect();"
-                "const d = c.canvas.width / b.width; return [b.left + p[0] / d, b.top + p[1] / d]; }", [x, y],
+                "const d = c.width / b.width; return [b.left + p[0] / d, b.top + p[1] / d]; }", [x, y],
             )
         )  # fmt: skip
 
@@ -74,7 +74,7 @@ class Page(Tab):
     def picture_at(self, x: float, y: float) -> list[float]:
         """The point of the picture that lies in the window at (x, y)."""
         return self.tab.evaluate(
-            "([x, y]) => { const c = relume.canvas, b = c.canvas.getBoundingClientRect(), d = c.canvas.width / b.width;"
+            "([x, y]) => { const c = relume.canvas, b = c.canvas.getBoundingClientRect(), d = c.width / b.width;"
             "return c.toPicture((x - b.left) * d, (y - b.top) * d); }", [x, y],
         )  # fmt: skip
 

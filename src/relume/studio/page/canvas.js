@@ -8,6 +8,7 @@ import { Source, texture, TILE } from "./source.js";
 const LARGEST_ZOOM = 256;
 const INSIDE_WIDTH = 2048; // columns of a map from inside: finer than a screen shows of it
 const SLOW = 24, MOVING = 150; // milliseconds: a frame that lasts longer is rough, while others follow within the second
+const ROUGH_PIXELS = 400_000; // of a rough frame, about; a processor that draws by software takes 10 ms for them
 
 /** @typedef {"picture" | "wipe" | "difference" | "inside"} Mode */
 
@@ -35,11 +36,14 @@ export class HdrCanvas {
       /** @type {Mode} */ mode: "picture", wipe: 0.5, wipeLies: false, gain: 1, yaw: 0, pitch: 0, field: Math.PI / 2,
     };
     /** @type {{texture: WebGLTexture, buffer: WebGLFramebuffer}[]} */ this.floats = [];
+    // The canvas in pixels of the screen. Its own buffer has fewer while frames are rough, and the browser enlarges it.
+    this.width = canvas.width;
+    this.height = canvas.height;
+    canvas.style.imageRendering = "pixelated"; // by nearest pixels: the browser too may draw by software
     this.asked = false;
     this.last = -Infinity; // when the last frame was drawn
     this.lasting = 0; // milliseconds between frames, smoothed, while they follow each other
     this.rough = 0; // the timer of the sharp frame that follows a rough one
-    /** @type {{texture: WebGLTexture, buffer: WebGLFramebuffer, width: number, height: number} | null} */ this.half = null;
     new ResizeObserver(() => this.resized()).observe(canvas);
   }
 
@@ -69,40 +73,43 @@ export class HdrCanvas {
     const density = window.devicePixelRatio || 1;
     const width = Math.max(1, Math.round(this.canvas.clientWidth * density));
     const height = Math.max(1, Math.round(this.canvas.clientHeight * density));
-    if (this.canvas.width === width && this.canvas.height === height) return;
-    this.canvas.width = width;
-    this.canvas.height = height;
-    for (const each of this.floats) {
-      this.gl.deleteTexture(each.texture);
-      this.gl.deleteFramebuffer(each.buffer);
-    }
-    this.floats = [];
-    if (this.half) {
-      this.gl.deleteTexture(this.half.texture);
-      this.gl.deleteFramebuffer(this.half.buffer);
-      this.half = null;
-    }
+    if (this.width === width && this.height === height) return;
+    this.width = width;
+    this.height = height;
     this.draw();
   }
 
-  // Where things are. Screen coordinates are the canvas's own pixels, from its left and top.
+  /** Have so many pixels to draw. @param {number} width @param {number} height */
+  buffered(width, height) {
+    const { canvas, gl } = this;
+    if (canvas.width === width && canvas.height === height) return;
+    canvas.width = width;
+    canvas.height = height;
+    for (const each of this.floats) {
+      gl.deleteTexture(each.texture);
+      gl.deleteFramebuffer(each.buffer);
+    }
+    this.floats = [];
+  }
+
+  // Where things are. Screen coordinates are pixels of the screen, from its left and top.
 
   /** @param {number} x @param {number} y */
   toPicture(x, y) {
     const { view } = this;
-    return [view.x + (x - this.canvas.width / 2) / view.zoom, view.y + (y - this.canvas.height / 2) / view.zoom];
+    return [view.x + (x - this.width / 2) / view.zoom, view.y + (y - this.height / 2) / view.zoom];
   }
 
   /** @param {number} x @param {number} y */
   toScreen(x, y) {
     const { view } = this;
-    return [(x - view.x) * view.zoom + this.canvas.width / 2, (y - view.y) * view.zoom + this.canvas.height / 2];
+    return [(x - view.x) * view.zoom + this.width / 2, (y - view.y) * view.zoom + this.height / 2];
   }
 
   /** The unit vector of the world that a screen point shows of a map from inside. @param {number} x @param {number} y */
   directionAt(x, y) {
     const { right, up, ahead } = this.axes();
-    const a = (2 * x) / this.canvas.width - 1, b = 1 - (2 * y) / this.canvas.height;
+    const a = (2 * x) / this.width - 1, b = 1 - (2 * y) / this.height;
     const d = ahead.map((each, i) => each + a * right[i] + b * up[i]);
     const length = Math.hypot(...d);
     return d.map((each) => each / length);
@@ -110,7 +117,7 @@ export class HdrCanvas {
 
   axes() {
     const { yaw, pitch, field } = this.view;
-    const tall = Math.tan(field / 2), wide = (tall * this.canvas.width) / this.canvas.height;
+    const tall = Math.tan(field / 2), wide = (tall * this.width) / this.height;
     const s = Math.sin(yaw), c = Math.cos(yaw), t = Math.sin(pitch), d = Math.cos(pitch);
     return {
       ahead: [s * d, t, -c * d],
@@ -130,7 +137,7 @@ export class HdrCanvas {
   fit() {
     if (!this.one) return;
     const [width, height] = this.one.layer.sizes[0];
-    const zoom = Math.min(this.canvas.width / width, this.canvas.height / height, LARGEST_ZOOM);
+    const zoom = Math.min(this.width / width, this.height / height, LARGEST_ZOOM);
     this.set({ x: width / 2, y: height / 2, zoom, yaw: 0, pitch: 0, field: Math.PI / 2 });
   }
 
@@ -142,17 +149,17 @@ export class HdrCanvas {
     }
     if (!this.one) return;
     const [width, height] = this.one.layer.sizes[0];
-    const least = Math.min(1, this.canvas.width / width, this.canvas.height / height) / 4;
+    const least = Math.min(1, this.width / width, this.height / height) / 4;
     const zoom = Math.min(Math.max(this.view.zoom * factor, least), LARGEST_ZOOM);
     const [a, b] = this.toPicture(x, y);
-    this.set({ zoom, x: a - (x - this.canvas.width / 2) / zoom, y: b - (y - this.canvas.height / 2) / zoom });
+    this.set({ zoom, x: a - (x - this.width / 2) / zoom, y: b - (y - this.height / 2) / zoom });
   }
 
   /** By pixels of the screen. @param {number} right @param {number} down */
   pan(right, down) {
     const { view } = this;
     if (view.mode === "inside") {
-      const angle = view.field / this.canvas.height;
+      const angle = view.field / this.height;
       const pitch = Math.min(Math.max(view.pitch + down * angle, -Math.PI / 2), Math.PI / 2);
       this.set({ yaw: view.yaw - right * angle, pitch });
     } else this.set({ x: view.x - right / view.zoom, y: view.y - down / view.zoom });
@@ -189,20 +196,11 @@ export class HdrCanvas {
     this.draw();
   }
 
-  /** @param {boolean} [rough] by a quarter of the pixels, as slow machines do while the picture moves */
+  /** @param {boolean} [rough] by fewer pixels, as slow machines do while the picture moves */
   drawNow(rough = false) {
-    const { gl, view } = this;
-    if (rough && view.mode === "picture") {
-      this.half ??= this.halfBuffer();
-      const { buffer, width, height } = this.half;
-      gl.bindFramebuffer(gl.FRAMEBUFFER, buffer);
-      gl.viewport(0, 0, width, height);
-      this.drawView();
-      gl.bindFramebuffer(gl.READ_FRAMEBUFFER, buffer);
-      gl.bindFramebuffer(gl.DRAW_FRAMEBUFFER, null);
-      gl.blitFramebuffer(0, 0, width, height, 0, 0, this.canvas.width, this.canvas.height, gl.COLOR_BUFFER_BIT, gl.NEAREST);
-      return;
-    }
+    const { gl, width, height } = this;
+    const part = rough ? Math.max(2, Math.round(Math.sqrt((width * height) / ROUGH_PIXELS))) : 1;
+    this.buffered(Math.ceil(width / part), Math.ceil(height / part));
     gl.bindFramebuffer(gl.FRAMEBUFFER, null);
     gl.viewport(0, 0, this.canvas.width, this.canvas.height);
     this.drawView();
@@ -226,10 +224,10 @@ export class HdrCanvas {
 
   /** @param {Linked} linked @param {Source} source @param {number} [gain] */
   drawTiles(linked, source, gain = 1) {
-    const { gl, canvas } = this, { sizes } = source.layer, scale = gain * source.layer.scale;
+    const { gl } = this, { sizes } = source.layer, scale = gain * source.layer.scale;
     const wanted = source.level(this.view.zoom);
     const [width, height] = sizes[0];
-    const [left, top] = this.toPicture(0, 0), [right, bottom] = this.toPicture(canvas.width, canvas.height);
+    const [left, top] = this.toPicture(0, 0), [right, bottom] = this.toPicture(this.width, this.height);
     gl.uniform1f(linked.at("scale"), scale);
     gl.uniform1i(linked.at("tile"), 0);
     gl.activeTexture(gl.TEXTURE0);
@@ -260,8 +258,8 @@ export class HdrCanvas {
         );
         gl.bindTexture(gl.TEXTURE_2D, tile.texture);
         gl.uniform4f(
-          linked.at("place"), (2 * x0) / canvas.width - 1, 1 - (2 * y1) / canvas.height,
-          (2 * x1) / canvas.width - 1, 1 - (2 * y0) / canvas.height,
+          linked.at("place"), (2 * x0) / this.width - 1, 1 - (2 * y1) / this.height,
+          (2 * x1) / this.width - 1, 1 - (2 * y0) / this.height,
         );
         gl.uniform4f(linked.at("part"), 0, 1, 1, 0); // row 0 is at the top
         gl.drawArrays(gl.TRIANGLE_STRIP, 0, 4);
@@ -272,7 +270,7 @@ export class HdrCanvas {
 
   /** @param {Source} one @param {Source} other */
   drawCompared(one, other) {
-    const { gl, view, canvas } = this;
+    const { gl, view } = this;
     if (!this.floats.length) this.floats = [this.floatBuffer(), this.floatBuffer()];
     gl.useProgram(this.programs.copy.program);
     for (const [source, target] of /** @type {[Source, typeof this.floats[0]][]} */ ([[one, this.floats[0]], [other, this.floats[1]]])) {
@@ -367,19 +365,6 @@ export class HdrCanvas {
     return { texture: made, buffer };
   }
 
-  /** A quarter of the canvas's pixels, in the screen's own bytes. */
-  halfBuffer() {
-    const { gl, canvas } = this;
-    const width = Math.ceil(canvas.width / 2), height = Math.ceil(canvas.height / 2);
-    const made = /** @type {WebGLTexture} */ (gl.createTexture());
-    gl.bindTexture(gl.TEXTURE_2D, made);
-    gl.texStorage2D(gl.TEXTURE_2D, 1, gl.RGBA8, width, height);
-    const buffer = /** @type {WebGLFramebuffer} */ (gl.createFramebuffer());
-    gl.bindFramebuffer(gl.FRAMEBUFFER, buffer);
-    gl.framebufferTexture2D(gl.FRAMEBUFFER, gl.COLOR_ATTACHMENT0, gl.TEXTURE_2D, made, 0);
-    return { texture: made, buffer, width, height };
-  }
-
   colourTexture() {
     const { gl } = this;
     const made = /** @type {WebGLTexture} */ (gl.createTexture());
@@ -394,7 +379,7 @@ export class HdrCanvas {
   screenAt(x, y) {
     this.drawNow();
     const found = new Uint8Array(4);
-    this.gl.readPixels(Math.floor(x), this.canvas.height - 1 - Math.floor(y), 1, 1, this.gl.RGBA, this.gl.UNSIGNED_BYTE, found);
+    this.gl.readPixels(Math.floor(x), this.height - 1 - Math.floor(y), 1, 1, this.gl.RGBA, this.gl.UNSIGNED_BYTE, found);
     return Array.from(found);
   }
 

@@ -48,7 +48,7 @@ export function begin(facts) {
   inside.addEventListener("click", () => canvas.set({ mode: canvas.view.mode === "inside" ? "picture" : "inside" }));
   slider.addEventListener("input", () => canvas.set({ stops: Number(slider.value) }));
   const point = (/** @type {MouseEvent} */ event) => {
-    const box = picture.getBoundingClientRect(), density = picture.width / box.width;
+    const box = picture.getBoundingClientRect(), density = canvas.width / box.width;
     return /** @type {[number, number]} */ ([(event.clientX - box.left) * density, (event.clientY - box.top) * density]);
   };
   /** @type {[number, number] | null} */ let last = null;

@@ -16,7 +16,7 @@ let asking = "";
  * @param {(error: Error) => void} failed
  */
 export function drawNumbers(overlay, canvas, address, digest, failed) {
-  const { width, height } = canvas.canvas;
+  const { width, height } = canvas;
   const density = window.devicePixelRatio || 1, { zoom } = canvas.view;
   // Hidden while there are none: a browser that draws by software would lay it over every frame.
   const shown = !!canvas.one && canvas.view.mode === "picture" && zoom >= ENLARGED * density;

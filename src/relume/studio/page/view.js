@@ -241,7 +241,7 @@ async function drawRays(x, y) {
 
 /** The picture's pixel at a pointer event. @param {PointerEvent | MouseEvent | WheelEvent} event @returns {[number, number]} */
 function screenPoint(event) {
-  const box = picture.getBoundingClientRect(), density = picture.width / box.width;
+  const box = picture.getBoundingClientRect(), density = canvas.width / box.width;
   return [(event.clientX - box.left) * density, (event.clientY - box.top) * density];
 }
 
@@ -374,7 +374,7 @@ function list() {
 
 function drawn() {
   const { view } = canvas, facts = state.facts.get(state.number);
-  const density = picture.width / Math.max(picture.clientWidth, 1);
+  const density = canvas.width / Math.max(picture.clientWidth, 1);
   exposure.value = String(view.stops);
   element("exposure-shown").textContent = `${view.stops >= 0 ? "+" : "−"}${Math.abs(view.stops).toFixed(2)} stops`;
   element("zoom-shown").textContent = view.mode === "inside" ? `${((view.field * 180) / Math.PI).toFixed(0)}° high`
@@ -431,7 +431,7 @@ function toggleFalseColour() {
 
 // Commands, keys and buttons.
 
-const middle = () => /** @type {[number, number]} */ ([picture.width / 2, picture.height / 2]);
+const middle = () => /** @type {[number, number]} */ ([canvas.width / 2, canvas.height / 2]);
 /** @type {import("./commands.js").Command[]} */
 const commands = [
   { name: "Half a stop brighter", keys: ["E"], act: () => setStops(canvas.view.stops + 0.5) },

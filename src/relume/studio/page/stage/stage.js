@@ -298,7 +298,7 @@ async function read(x, y) {
 
 /** @param {MouseEvent} event @returns {[number, number]} */
 function point(event) {
-  const box = picture.getBoundingClientRect(), density = picture.width / box.width;
+  const box = picture.getBoundingClientRect(), density = canvas.width / box.width;
   return [(event.clientX - box.left) * density, (event.clientY - box.top) * density];
 }
 
@@ -310,7 +310,7 @@ picture.addEventListener("pointerdown", (event) => {
 picture.addEventListener("pointerup", () => (drag = null));
 picture.addEventListener("pointermove", (event) => {
   const [x, y] = point(event);
-  if (drag && event.shiftKey) turn(state.turn + ((x - drag[0]) / picture.width) * 180);
+  if (drag && event.shiftKey) turn(state.turn + ((x - drag[0]) / canvas.width) * 180);
   else if (drag) canvas.pan(x - drag[0], y - drag[1]);
   if (drag) drag = [x, y];
   else read(.../** @type {[number, number]} */ (canvas.toPicture(x, y).map(Math.floor)));
@@ -362,7 +362,7 @@ function layers() {
 const stepLayer = (by) => layer(LAYERS[(LAYERS.findIndex(([name]) => name === state.layer) + by + LAYERS.length) % LAYERS.length][0]);
 /** @param {number} by */
 const stops = (by) => canvas.set({ stops: canvas.view.stops + by });
-const middle = () => /** @type {[number, number]} */ ([picture.width / 2, picture.height / 2]);
+const middle = () => /** @type {[number, number]} */ ([canvas.width / 2, canvas.height / 2]);
 /** @type {import("../commands.js").Command[]} */
 const commands = [
   { name: "Add a lamp", keys: ["A"], act: add },

@@ -25,7 +25,7 @@ export class Overlay {
 
   /** Where a pointer is in the picture. @param {MouseEvent} event @returns {[number, number]} */
   at(event) {
-    const box = this.canvas.canvas.getBoundingClientRect(), density = this.canvas.canvas.width / box.width;
+    const box = this.canvas.canvas.getBoundingClientRect(), density = this.canvas.width / box.width;
     const [x, y] = this.canvas.toPicture((event.clientX - box.left) * density, (event.clientY - box.top) * density);
     return [x, y];
   }
@@ -68,12 +68,13 @@ export class Overlay {
     this.glass.hidden = event === null;
     if (!event) return;
     const context = /** @type {CanvasRenderingContext2D} */ (this.glass.getContext("2d"));
-    const box = this.canvas.canvas.getBoundingClientRect(), density = this.canvas.canvas.width / box.width;
+    const box = this.canvas.canvas.getBoundingClientRect(), density = this.canvas.width / box.width;
     const x = (event.clientX - box.left) * density, y = (event.clientY - box.top) * density, side = this.glass.width, part = side / 6;
     context.imageSmoothingEnabled = false;
     context.fillStyle = "#121314";
     context.fillRect(0, 0, side, side);
-    context.drawImage(this.canvas.canvas, x - part / 2, y - part / 2, part, part, 0, 0, side, side);
+    const drawn = this.canvas.canvas, finer = drawn.width / this.canvas.width; // below 1 while frames are rough
+    context.drawImage(drawn, finer * (x - part / 2), finer * (y - part / 2), finer * part, finer * part, 0, 0, side, side);
     context.strokeStyle = "#f0a132";
     context.strokeRect(side / 2 - 3, side / 2 - 3, 6, 6);
     const right = event.clientX - box.left + 24 + side > box.width;
@@ -83,7 +84,7 @@ export class Overlay {
 
   /** @param {Drawing} drawing */
   draw({ lines = [], handles = [], points = [], words = [] }) {
-    const { canvas } = this, density = canvas.canvas.width / Math.max(canvas.canvas.clientWidth, 1);
+    const { canvas } = this, density = canvas.width / Math.max(canvas.canvas.clientWidth, 1);
     const screen = (/** @type {number} */ x, /** @type {number} */ y) => canvas.toScreen(x, y).map((each) => each / density);
     /** @type {Set<string>} */ const seen = new Set();
     const element = (/** @type {string} */ key, /** @type {string} */ kind) => {

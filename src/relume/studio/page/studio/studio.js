@@ -284,7 +284,7 @@ studio.panes = [photographsPane, lightPane, cameraPane, placePane, objectsPane, 
 
 /** @param {MouseEvent} event */
 function screenPoint(event) {
-  const box = picture.getBoundingClientRect(), density = picture.width / box.width;
+  const box = picture.getBoundingClientRect(), density = studio.canvas.width / box.width;
   return /** @type {[number, number]} */ ([(event.clientX - box.left) * density, (event.clientY - box.top) * density]);
 }
 /** @type {{x: number, y: number, taken: boolean} | null} */ let drag = null;
@@ -293,7 +293,7 @@ picture.addEventListener("pointerdown", (event) => {
   picture.setPointerCapture(event.pointerId);
   const [x, y] = screenPoint(event);
   if (studio.canvas.view.mode === "wipe") {
-    studio.canvas.set({ wipe: x / picture.width });
+    studio.canvas.set({ wipe: x / studio.canvas.width });
     drag = { x, y, taken: false };
     return;
   }
@@ -301,7 +301,7 @@ picture.addEventListener("pointerdown", (event) => {
 });
 picture.addEventListener("pointermove", (event) => {
   const [x, y] = screenPoint(event);
-  if (drag && studio.canvas.view.mode === "wipe") studio.canvas.set({ wipe: Math.min(Math.max(x / picture.width, 0), 1) });
+  if (drag && studio.canvas.view.mode === "wipe") studio.canvas.set({ wipe: Math.min(Math.max(x / studio.canvas.width, 0), 1) });
   else if (drag?.taken) studio.panes[studio.step].drag?.(event, "move");
   else if (drag) {
     studio.canvas.pan(x - drag.x, y - drag.y);
@@ -330,7 +330,7 @@ document.addEventListener("drop", (event) => {
 
 // Commands and keys.
 
-const middle = () => /** @type {[number, number]} */ ([picture.width / 2, picture.height / 2]);
+const middle = () => /** @type {[number, number]} */ ([studio.canvas.width / 2, studio.canvas.height / 2]);
 /** @type {import("../commands.js").Command[]} */
 const commands = [
   ...studio.panes.map((pane, i) => ({ name: `Step: ${pane.name}`, keys: [`Alt+${i + 1}`], act: () => studio.go(i) })),
