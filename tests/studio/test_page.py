@@ -201,9 +201,7 @@ def test_a_map_from_inside_has_the_direction_under_the_pointer(page: Page):
     page.until(lambda: "320, 160" not in page.text("#value"), "the pixel to the right")
     right = np.degrees(np.arctan(box["width"] / box["height"]))
     assert float(page.text("#value").split("° right")[0].split()[-1]) == pytest.approx(right, abs=0.6)
-    middle = page.tab.evaluate(
-        "() => { const c = relume.canvas; return c.screenAt(c.width / 2, c.height / 2); }"
-    )
+    middle = page.tab.evaluate("() => { const c = relume.canvas; return c.screenAt(c.width / 2, c.height / 2); }")
     assert middle[:3] == pytest.approx(encoded(gradient()[0, 320]), abs=2)
 
 
