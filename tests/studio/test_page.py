@@ -251,7 +251,7 @@ def test_frames_that_come_slowly_are_rough_while_they_move_and_sharp_after(page:
     page.until(lambda: len(page.tab.evaluate("window.seen")) >= 6, "six frames")
     page.settle()
     seen = page.tab.evaluate("window.seen")
-    # Rough frames are made of a part of the pixels; the last has the screen's own again. The view does not depend on it.
+    # Rough frames have a part of the pixels, the last has the screen's own again. The view does not depend on it.
     assert any(rough for rough, *_ in seen) and seen[-1][0] is False
     assert all(own == (-(-width // 2) if rough else width) for rough, own, width, _ in seen), seen
     across = [where[0] for *_, where in seen]
