@@ -18,7 +18,8 @@ from relume.capture.response.camera_profile import CameraProfile, write_profile
 from relume.errors import InvalidShot, NotABracket, UnreadableFile
 from relume.probe.ball.blending import Probe
 from relume.project.insertion.ball_light import blended
-from relume.project.insertion.photographs import Calibrated, _merged, calibrate, read_photographs
+from relume.project.insertion.merged_photographs import merged_brackets
+from relume.project.insertion.photographs import Calibrated, calibrate, read_photographs
 from relume.project.shot_file.shot import Shot, read_shot
 from relume.project.stages import Stages, Steps
 from shoots import textured
@@ -79,7 +80,7 @@ def test_camera_raws_without_the_facts_of_the_others_are_refused(shot: Shot) -> 
 def merged() -> tuple[list[MergedBracket], MergedCamera]:
     """The room's one ball, and its camera."""
     shot = as_it_lies(read_shot(ROOM / "shot.toml"))
-    (_, *balls), cameras = _merged(shot, read_photographs(shot))
+    (_, *balls), cameras = merged_brackets(shot, read_photographs(shot))
     (camera,) = cameras.values()
     return balls, camera
 

@@ -55,7 +55,7 @@ def drag_handle(page: Tab, name: str, to: tuple[float, float]) -> None:
 
 
 def test_lines_dragged_along_edges_give_the_camera_that_saw_them(page: Tab, small: Path, server: Server):
-    page.press("Alt+3")
+    page.press("Alt+4")
     page.tab.locator("#camera-source").select_option("lines")
     page.until(lambda: page.tab.locator('circle[data-handle="length1"]').count() == 1, "the lines' handles")
     # Edges of the table: two along X, two along Z; the origin; half a metre along X.
@@ -82,7 +82,7 @@ def test_lines_dragged_along_edges_give_the_camera_that_saw_them(page: Tab, smal
 
 
 def test_the_ball_drawn_on_the_plate_gives_the_camera_that_would_see_it_so(page: Tab, small: Path, server: Server):
-    page.press("Alt+3")
+    page.press("Alt+4")
     page.tab.locator("#camera-source").select_option("ball")
     page.settle()
     radius = page.tab.locator('input[data-place="camera.ball.radius"]')
@@ -109,7 +109,7 @@ def test_the_ball_drawn_on_the_plate_gives_the_camera_that_would_see_it_so(page:
 
 
 def test_the_wipe_shows_the_composite_on_one_side_and_the_plate_on_the_other(page: Tab, small: Path, server: Server):
-    page.press("Alt+7")
+    page.press("Alt+8")
     page.click('button:text-is("Render the composite")')
     done(page, server, "insert")
     page.until(lambda: page.text("#caption") == "composite.exr", "the composite")

@@ -16,3 +16,5 @@ from .reflection_sheet import draw_reflection_sheet as draw_reflection_sheet
 from .shot_check import ShotCheck as ShotCheck
 from .shot_check import check_shot as check_shot
 from .shot_check import placed_meshes as placed_meshes
+from .shot_radiance import ShotRadiance as ShotRadiance
+from .shot_radiance import merge_shot as merge_shot

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
@@ -46,6 +46,12 @@ class ClippingReport:
     share: float
     orders: float
     moved: Mapping[str, int] = field(default_factory=dict)
+
+    def scaled(self, factor: tuple[float, float, float]) -> ClippingReport:
+        """The same of a map that was multiplied; luminances by the factor's own."""
+        red, green, blue = factor
+        irradiance = self.irradiance and tuple(f * e for f, e in zip((red, green, blue), self.irradiance, strict=True))
+        return replace(self, brightest=float(luminance(np.array(factor))) * self.brightest, irradiance=irradiance)
 
 
 def solid_angles(width: int, height: int, focal_length: float) -> np.ndarray:

@@ -2,24 +2,22 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import cache
 from pathlib import Path
 
 import numpy as np
 
-from relume.capture.brackets.merging import BracketSource, merge_brackets
+from relume.capture.brackets.merging import BracketSource
 from relume.capture.brackets.result import MergedBracket, MergedCamera
 from relume.capture.denoising import denoise
 from relume.capture.exposure.bracket import Bracket, read_bracket, require_known_exposures
 from relume.capture.exposure.exposures import exposed
 from relume.capture.response.calibration import Calibration
-from relume.capture.response.camera_profile import CameraProfile, read_profile
 from relume.errors import InvalidShot, NotABracket, warn
 from relume.image import files
 from relume.image.files.signatures import kind_of
-from relume.image.photograph import Exposure
 from relume.image.radiance import RadianceMap
 from relume.image.response import Response
 from relume.probe.ball.blending import Probe
@@ -27,7 +25,8 @@ from relume.probe.ball.crops import on_one_frame
 from relume.probe.ball.silhouette import Outline
 from relume.project.insertion.ball_camera import BallCamera, camera_of_ball
 from relume.project.insertion.ball_light import blended, picked_outline
-from relume.project.insertion.single_plate import assumed_response, is_single, merge_single, read_single, why_untied
+from relume.project.insertion.merged_photographs import FirstFacts, Photographs, first_facts, merged_brackets
+from relume.project.insertion.single_plate import is_single, read_single, why_untied
 from relume.project.insertion.slips import CHANGED, other_time_or_place, require_measures
 from relume.project.shot_file.shot import MergeTable, Shot
 from relume.project.stages import Steps
@@ -38,29 +37,19 @@ PLOTTED = 2000
 
 
 @dataclass(frozen=True, eq=False)
-class Photographs:
-    """Every photograph of a shot.
-
-    plate : a bracket, the paths of camera raws, or a finished radiance map
-    balls : a bracket or the paths of camera raws, one for each view of the ball
-    """
-
-    plate: BracketSource | RadianceMap
-    balls: tuple[BracketSource, ...]
-
-
-@dataclass(frozen=True, eq=False)
 class MergedPlate:
     """The plate as its photographs were merged.
 
     radiance : its map
     moved : its photographs, moved onto one another; None where they lay well, and for raws
     focal_length : pixels; None where unknown
+    gains : (3,) by which the photographs' own radiance was multiplied: balance and scale
     """
 
     radiance: RadianceMap
     moved: Bracket | None
     focal_length: float | None
+    gains: tuple[float, float, float] = (1.0, 1.0, 1.0)
 
 
 @dataclass(frozen=True, eq=False)
@@ -74,6 +63,7 @@ class Calibrated:
     cameras : what is known of each camera, by its name
     untied : why the scale of the light is not that of the plate; None where exposures tie them, or maps are taken so
     stood : the plate's camera and the ball's place, where the camera was found from the ball
+    gains : by which what the plate's photographs show by their response was multiplied: balance and scale
     """
 
     plate: RadianceMap
@@ -83,6 +73,7 @@ class Calibrated:
     cameras: dict[str, MergedCamera]
     untied: str | None = None
     stood: BallCamera | None = None
+    gains: tuple[float, float, float] = (1.0, 1.0, 1.0)
 
     @property
     def ball_centre(self) -> tuple[float, float, float] | None:
@@ -95,10 +86,10 @@ class Calibrated:
         return {name: each.calibration for name, each in self.cameras.items() if each.calibration is not None}
 
     def response(self, camera: str) -> Response:
-        """The response of a camera that took encoded photographs."""
+        """The response of a camera that took encoded photographs, to radiance balanced and scaled as the plate's is."""
         response = self.cameras[camera].response
         assert response is not None  # raws have no bracket, for which this is asked
-        return response
+        return replace(response, log_exposure=response.log_exposure + np.log(self.gains)[:, None])
 
 
 def read_photographs(shot: Shot) -> Photographs:
@@ -122,7 +113,7 @@ def read_photographs(shot: Shot) -> Photographs:
     # A single photograph may be off the scale of the others: it is found from what both show.
     taken = [*balls] if isinstance(plate, RadianceMap) or is_single(plate) else [plate, *balls]
     require_known_exposures(each for each in taken if isinstance(each, Bracket))
-    _require_one_scale([_first_facts(each) for each in taken])
+    _require_one_scale([first_facts(each) for each in taken])
     for line in other_time_or_place(plate, balls):
         warn(line, CHANGED)
     return Photographs(plate, balls)
@@ -151,21 +142,25 @@ def calibrate(shot: Shot, photographs: Photographs, steps: Steps) -> Calibrated:
         [shot.files(shot.plate.photographs), *(shot.files(ball.photographs) for ball in shot.light.balls or ())],
         [shot.plate.times, *(ball.times for ball in shot.light.balls or ())],
         settings,
+        shot.plate.spot and shot.plate.spot.model_dump(),
         [shot.path(table.profile) for table in tables if table.profile is not None],
     ]  # fmt: skip
     # All brackets are merged together, once, if any of the steps needs it.
-    merged = cache(lambda: _merged(shot, photographs))
+    merged = cache(lambda: merged_brackets(shot, photographs))
     cameras = steps.keep("response", sources, lambda: {k: _for_plot(each) for k, each in merged()[1].items()})
 
     # The plate.
     bracket: Bracket | None = None
+    gains = (1.0, 1.0, 1.0)
     if isinstance(plate, RadianceMap):
+        if shot.plate.spot is not None:
+            merged()  # refuses it
         if shot.plate.denoise:
             raise InvalidShot("plate.denoise: only a bracket's noise is known; leave it out for a radiance map")
         radiance, focal_length = plate, None
     else:
         found = steps.keep("plate", sources, lambda: _merged_plate(merged()[0][0]))
-        radiance, focal_length = found.radiance, found.focal_length
+        radiance, focal_length, gains = found.radiance, found.focal_length, found.gains
         bracket = found.moved or (plate if isinstance(plate, Bracket) else None)
         if shot.plate.denoise:
             radiance = steps.keep("denoised", radiance, lambda: denoise(radiance))
@@ -217,7 +212,7 @@ def calibrate(shot: Shot, photographs: Photographs, steps: Steps) -> Calibrated:
             "plate and light come from different files; relume cannot verify that they share one radiance scale. A "
             "recovered reflectance that is not believable says that they do not"
         )
-    return Calibrated(radiance, bracket, focal_length, probe, cameras, untied, stood)
+    return Calibrated(radiance, bracket, focal_length, probe, cameras, untied, stood, gains)
 
 
 def _why_untied(shot: Shot, photographs: Photographs) -> str | None:
@@ -257,24 +252,7 @@ def _ball_source(paths: Sequence[Path], times: Sequence[float] | None, picked: O
     return Bracket(on_one_frame(exposed([files.read_photograph(path) for path in paths], times=times), picked))
 
 
-@dataclass(frozen=True)
-class _FirstFacts:
-    """What one bracket's first photograph says of all of them; `raw` where they are camera raws."""
-
-    name: str
-    camera: str
-    exposure: Exposure | None
-    raw: bool
-
-
-def _first_facts(source: BracketSource) -> _FirstFacts:
-    if isinstance(source, Bracket):
-        return _FirstFacts(source.name, source.photographs[0].camera, source.photographs[0].exposure, False)
-    facts = files.read_facts(Path(str(source[0])))
-    return _FirstFacts(facts.name, facts.camera, facts.exposure, True)
-
-
-def _require_one_scale(brackets: Sequence[_FirstFacts]) -> None:
+def _require_one_scale(brackets: Sequence[FirstFacts]) -> None:
     """Refuse brackets whose scales differ: camera raws beside encoded photographs, aperture or ISO in some only."""
     raw = [each.raw for each in brackets]
     if any(raw) and not all(raw):
@@ -302,94 +280,12 @@ def _require_one_scale(brackets: Sequence[_FirstFacts]) -> None:
             )
 
 
-def _merged(shot: Shot, photographs: Photographs) -> tuple[list[MergedBracket], dict[str, MergedCamera]]:
-    """Every bracket merged, in the order plate, balls; and what is known of the cameras.
-
-    Brackets of one camera with the same settings are merged together, so that they recover one response. Those with
-    other settings take the camera's profile, where another of its brackets has one, else the response that was
-    recovered of it before: plate and light of one camera have one white.
-    """
-    # What there is, and the profiles that are given.
-    pairs: list[tuple[BracketSource, MergeTable]] = []
-    if not isinstance(photographs.plate, RadianceMap):
-        pairs.append((photographs.plate, shot.plate))
-    pairs += zip(photographs.balls, shot.light.balls or (), strict=True)
-    single = photographs.plate if is_single(photographs.plate) else None
-    facts = [_first_facts(source) for source, _ in pairs]
-    own = [table.profile for _, table in pairs]
-    read = {name: _profile(shot.path(name)) for name in dict.fromkeys(own) if name is not None}
-    of_camera: dict[str, str] = {}
-    for one, name in zip(facts, own, strict=True):
-        if name is not None and read[of_camera.setdefault(one.camera, name)].balance != read[name].balance:
-            raise InvalidShot(
-                f"profile: {of_camera[one.camera]} and {name} are both for {one.camera or 'one camera'} and balance "
-                "white differently; give plate and balls the same one"
-            )
-    profiles = [name or of_camera.get(one.camera) for one, name in zip(facts, own, strict=True)]
-    first = 1 if single is not None else 0
-    _require_one_recovery(facts[first:], profiles[first:], [table for _, table in pairs[first:]])
-
-    # The brackets of one camera, profile and settings together; a single plate last, as it shows no response itself.
-    kinds = [
-        (one.camera, profile, table.merge_settings())
-        for one, profile, (_, table) in zip(facts, profiles, pairs, strict=True)
-    ]
-    found: dict[int, MergedBracket] = {}
-    cameras: dict[str, MergedCamera] = {}
-    for kind in dict.fromkeys(kinds if single is None else kinds[1:]):
-        camera, profile, settings = kind
-        chosen = [index for index, each in enumerate(kinds) if each == kind and (index or single is None)]
-        known = _response_of(camera, cameras) if profile is None else read[profile]
-        one = pairs[chosen[0]][0]
-        if known is None and is_single(one) and all(is_single(pairs[index][0]) for index in chosen):
-            known = assumed_response(one.photographs[0])
-        result = merge_brackets([pairs[index][0] for index in chosen], profile=known, settings=settings)
-        for doubt in result.doubts:
-            warn(doubt.line, doubt.effect)
-        found |= zip(chosen, result.brackets, strict=True)
-        cameras = {**result.cameras, **cameras}
-    # The single plate.
-    if single is not None:
-        camera, profile, settings = kinds[0]
-        known = _response_of(camera, cameras) if profile is None else read[profile]
-        found[0], own_camera = merge_single(single, known, settings)
-        if camera in cameras and cameras[camera].response is None:
-            cameras[f"{camera} (raws)"] = cameras.pop(camera)
-        cameras = {camera: own_camera, **cameras}
-    return [found[index] for index in range(len(pairs))], cameras
-
-
-def _response_of(camera: str, cameras: Mapping[str, MergedCamera]) -> Response | None:
-    return cameras[camera].response if camera in cameras else None
-
-
-def _profile(path: Path) -> CameraProfile:
-    try:
-        return read_profile(path)
-    except ValueError as error:
-        raise InvalidShot(f"profile: {error}") from None
-
-
-def _require_one_recovery(
-    facts: Sequence[_FirstFacts], profiles: Sequence[str | None], tables: Sequence[MergeTable]
-) -> None:
-    """Refuse two ways to recover one camera's response, which is recovered once; raises InvalidShot."""
-    ways: dict[str, tuple[str, dict[str, object]]] = {}
-    for one, profile, table in zip(facts, profiles, tables, strict=True):
-        if one.raw or profile is not None:
-            continue
-        way = table.model_dump(include={"method", "neutral", "refine"})
-        first, before = ways.setdefault(one.camera, (one.name, way))
-        if differing := [key for key in way if way[key] != before[key]]:
-            raise InvalidShot(
-                f"{differing[0]}: differs between {first} and {one.name}, of one camera, whose response is recovered "
-                "once; give plate and balls the same"
-            )
-
-
 def _merged_plate(merged: MergedBracket) -> MergedPlate:
     moved = merged.aligned.bracket if merged.aligned is not None and merged.aligned.moved else None
-    return MergedPlate(merged.picture, moved, merged.focal_length)
+    balance = (1.0, 1.0, 1.0) if merged.balance is None else merged.balance.gains
+    scale = (1.0, 1.0, 1.0) if merged.scale is None else merged.scale.factor
+    red, green, blue = (float(a * b) for a, b in zip(balance, scale, strict=True))
+    return MergedPlate(merged.picture, moved, merged.focal_length, (red, green, blue))
 
 
 def _for_plot(camera: MergedCamera) -> MergedCamera:

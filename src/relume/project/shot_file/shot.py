@@ -60,12 +60,26 @@ TABLE = 24.0
 Mirrored = Annotated[float, Field(gt=0, le=1)]
 
 
+class Spot(Table):
+    """A place of the plate whose luminance was measured, by which plate and light are in cd/m².
+
+    at : its pixel, column and row from 0 at the top left
+    luminance : cd/m²
+    radius : pixels of the disc whose mean is compared; a spot meter's 1° unless given
+    """
+
+    at: tuple[Annotated[int, Field(ge=0)], Annotated[int, Field(ge=0)]]
+    luminance: Positive
+    radius: Positive | None = None
+
+
 class Plate(MergeTable):
     """The photograph that receives the objects: a bracket, a single photograph or one radiance map."""
 
     photographs: Names = Field(min_length=1)
     times: list[Positive] | None = None
     denoise: bool = False
+    spot: Spot | None = None
 
 
 class BallPhotographs(MergeTable):

@@ -26,11 +26,13 @@ class Jobs:
         "stopped"), step, share of it, seconds so far, result or the line that says what went wrong
     changes : how often that changed
     measured : what the last job that looked at plate and light has found of them; None before
+    merged : the same of the last job that merged the photographs
     """
 
     def __init__(self, scratch: Path) -> None:
         self.changes = 0
         self.measured: dict[str, Any] | None = None
+        self.merged: dict[str, Any] | None = None
         self.state: dict[str, Any] = {"status": "none", "number": 0}
         self._scratch = scratch
         self._wanted: tuple[str, Path, Path] | None = None
@@ -138,6 +140,8 @@ class Jobs:
         facts = {"result": said[1]} if said[0] == "done" else {"error": said[1]} if said[0] == "failed" else {}
         if said[0] == "done" and "camera" in said[1]:
             self.measured = said[1]
+        if said[0] == "done" and "brackets" in said[1]:
+            self.merged, facts = said[1], {"result": None}
         self._say(status=said[0], seconds=round(time.monotonic() - begun, 1), **facts)
 
     def _say(self, **facts: Any) -> None:

@@ -61,7 +61,7 @@ class Studio:
         return document | {
             "folder": str(self.folder.root), "out": _beside(self.out, self.folder.root),
             "plate": self._named(table.get("plate")), "balls": [self._named(view) for view in views],
-            "job": self.jobs.state, "measured": self.jobs.measured,
+            "job": self.jobs.state, "measured": self.jobs.measured, "merged": self.jobs.merged,
             "results": [name for name in results if not name.startswith(".")],
         }  # fmt: skip
 

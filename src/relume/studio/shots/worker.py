@@ -12,6 +12,7 @@ from typing import Any
 import numpy as np
 
 import relume as rl
+from relume.studio.shots.merging import merged_facts
 
 Report = Callable[[str, float], None]
 
@@ -94,8 +95,14 @@ def _insert(shot: Path, out: Path, scratch: Path, report: Report) -> dict[str, A
     return found | {"picture": "composite.png", "radiance": "composite.exr", "report": "report.html"}
 
 
+def _merge(shot: Path, _out: Path, scratch: Path, report: Report) -> dict[str, Any]:
+    """The photographs merged, for their radiance to be looked at."""
+    return merged_facts(shot, scratch, report)
+
+
 JOBS: dict[str, Callable[[Path, Path, Path, Report], dict[str, Any]]] = {
     "check": _check,
+    "merge": _merge,
     "look": _look,
     "insert": _insert,
 }

@@ -10,13 +10,15 @@ import { lightPane } from "./panes/light.js";
 import { objectsPane } from "./panes/objects.js";
 import { photographsPane } from "./panes/photographs.js";
 import { placePane } from "./panes/place.js";
+import { radiancePane } from "./panes/radiance.js";
 import { Overlay } from "./overlay.js";
 import { bytes, json, listenTo, post, Refused } from "../requests.js";
 
 /** @typedef {import("../source.js").PictureFacts} PictureFacts */
 /** @typedef {{name: string, keys: string[], build: () => Node[], shown?: () => void, hidden?: () => void, changed?: () => void, done?: () => void,
  *   drawing?: () => import("./overlay.js").Drawing, drawn?: () => void, drag?: (event: PointerEvent, phase: "begin" | "move" | "end") => boolean,
- *   commands?: import("../commands.js").Command[], dropped?: (files: File[]) => void}} Pane keys: what of the shot it shows; done: called when a job has ended */
+ *   clicked?: (x: number, y: number) => void, commands?: import("../commands.js").Command[], dropped?: (files: File[]) => void}} Pane keys: what of the shot it shows; done: called when a job has ended;
+ *   clicked: on a point of the picture */
 
 /** @param {string} id @returns {any} */
 const element = (id) => document.getElementById(id);
@@ -25,12 +27,12 @@ let busy = 0;
 
 export class Studio {
   constructor() {
-    /** @type {any} */ this.state = { table: {}, fault: null, job: { status: "none" }, revision: -1, plate: [], balls: [], results: [], measured: null };
+    /** @type {any} */ this.state = { table: {}, fault: null, job: { status: "none" }, revision: -1, plate: [], balls: [], results: [], measured: null, merged: null };
     this.canvas = new HdrCanvas(picture, () => this.drawn(), (error) => this.say(error));
     this.overlay = new Overlay(element("overlay"), element("glass"), this.canvas);
     /** @type {Map<number, PictureFacts>} */ this.facts = new Map();
     this.number = -1;
-    this.shownPath = "";
+    this.shownPath = this.shownWhere = "";
     /** What the last job measured, for panes to draw. @type {any} */ this.measured = null;
     /** @type {any[]} */ this.brackets = [];
     /** @type {Pane[]} */ this.panes = [];
@@ -87,7 +89,7 @@ export class Studio {
     return this.attempt(async () => this.take(await post("/shot/undo", { by })));
   }
 
-  /** @param {"check" | "look" | "insert"} kind */
+  /** @param {"check" | "merge" | "look" | "insert"} kind */
   start(kind) {
     return this.attempt(async () => {
       this.say("");
@@ -109,6 +111,7 @@ export class Studio {
       const before = this.facts.get(this.number);
       this.number = number;
       this.shownPath = path;
+      this.shownWhere = where;
       this.canvas.open(facts.layers[0], this.tilesOf(number, 0));
       if (fit || !before || before.size.join() !== facts.size.join()) this.canvas.fit();
       const bright = await this.greyStops(number);
@@ -197,7 +200,7 @@ export class Studio {
   showJob(job) {
     const words = { none: "", waiting: "waiting", running: job.step || "starting", stopping: "stopping …", done: "", stopped: "stopped",
       failed: "" }[/** @type {string} */ (job.status)] ?? job.status;
-    const going = ["waiting", "running", "stopping"].includes(job.status), names = { check: "check", look: "quick look", insert: "render" };
+    const going = ["waiting", "running", "stopping"].includes(job.status), names = { check: "check", merge: "merge", look: "quick look", insert: "render" };
     const name = names[/** @type {"check"} */ (job.kind)] ?? "";
     element("job-words").textContent = job.status === "done" ? `${name} done, ${job.seconds} s` : going || words ? `${name}: ${words}` : "";
     element("job-share").hidden = !going;
@@ -278,7 +281,7 @@ export class Studio {
 }
 
 const studio = new Studio();
-studio.panes = [photographsPane, lightPane, cameraPane, placePane, objectsPane, developPane, deliverPane].map((build) => build(studio));
+studio.panes = [photographsPane, radiancePane, lightPane, cameraPane, placePane, objectsPane, developPane, deliverPane].map((build) => build(studio));
 
 // The pointer: a pane may take it, else it pans; the wheel enlarges where it is.
 
@@ -287,17 +290,17 @@ function screenPoint(event) {
   const box = picture.getBoundingClientRect(), density = studio.canvas.width / box.width;
   return /** @type {[number, number]} */ ([(event.clientX - box.left) * density, (event.clientY - box.top) * density]);
 }
-/** @type {{x: number, y: number, taken: boolean} | null} */ let drag = null;
+/** @type {{x: number, y: number, taken: boolean, from: [number, number]} | null} */ let drag = null;
 picture.addEventListener("pointerdown", (event) => {
   if (event.button !== 0) return;
   picture.setPointerCapture(event.pointerId);
   const [x, y] = screenPoint(event);
   if (studio.canvas.view.mode === "wipe") {
     studio.canvas.set({ wipe: x / studio.canvas.width });
-    drag = { x, y, taken: false };
+    drag = { x, y, taken: false, from: [NaN, NaN] };
     return;
   }
-  drag = { x, y, taken: studio.panes[studio.step]?.drag?.(event, "begin") ?? false };
+  drag = { x, y, taken: studio.panes[studio.step]?.drag?.(event, "begin") ?? false, from: [x, y] };
 });
 picture.addEventListener("pointermove", (event) => {
   const [x, y] = screenPoint(event);
@@ -309,7 +312,9 @@ picture.addEventListener("pointermove", (event) => {
   } else studio.read(...studio.overlay.at(event));
 });
 picture.addEventListener("pointerup", (event) => {
+  const [x, y] = screenPoint(event);
   if (drag?.taken) studio.panes[studio.step].drag?.(event, "end");
+  else if (drag && Math.hypot(x - drag.from[0], y - drag.from[1]) < 4) studio.panes[studio.step]?.clicked?.(...studio.overlay.at(event));
   drag = null;
 });
 picture.addEventListener("wheel", (event) => {
@@ -389,8 +394,8 @@ studio.attempt(async () => {
     if (changed !== undefined) {
       studio.facts.delete(changed);
       // A preview goes when the job that wrote it has ended.
-      const { shownPath, state: { results } } = studio, ofResults = /^(preview|composite|layers|light)\.(exr|png)$/.test(shownPath);
-      if (changed === studio.number && (!ofResults || results.includes(shownPath))) studio.show(shownPath, ofResults ? "results" : "folder");
+      const { shownPath, shownWhere, state: { results } } = studio;
+      if (changed === studio.number && (shownWhere !== "results" || results.includes(shownPath))) studio.show(shownPath, shownWhere);
     }
   }, (line) => studio.say(line));
 }).catch((error) => error instanceof Refused && studio.say(error));
