@@ -18,8 +18,8 @@ from relume.capture.response.camera_profile import CameraProfile, write_profile
 from relume.errors import InvalidShot, NotABracket, UnreadableFile
 from relume.probe.ball.blending import Probe
 from relume.project.insertion.ball_light import blended
-from relume.project.insertion.merged_photographs import merged_brackets
 from relume.project.insertion.photographs import Calibrated, calibrate, read_photographs
+from relume.project.merging.merged_photographs import merged_brackets
 from relume.project.shot_file.shot import Shot, read_shot
 from relume.project.stages import Stages, Steps
 from shoots import textured

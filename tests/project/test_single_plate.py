@@ -19,7 +19,7 @@ from relume.image.radiance import BLACK, SATURATED
 from relume.project.insertion.insert import insert
 from relume.project.insertion.outcome import Inserted
 from relume.project.insertion.photographs import read_photographs
-from relume.project.insertion.single_plate import merge_single, read_single, why_untied
+from relume.project.merging.single_plate import merge_single, read_single, why_untied
 from relume.project.shot_file.shot import Shot, read_shot
 from relume.renderers.renderer import ConstantRenderer
 from relume.virtual_camera.film.film import Film, srgb_response

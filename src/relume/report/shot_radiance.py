@@ -16,8 +16,8 @@ from relume.capture.exposure.bracket import Bracket
 from relume.errors import Doubt, GatheredDoubts, InvalidShot, ranked
 from relume.image.radiance import RadianceMap
 from relume.image.response import Response
-from relume.project.insertion.merged_photographs import merged_brackets
 from relume.project.insertion.photographs import read_photographs
+from relume.project.merging.merged_photographs import merged_brackets
 from relume.project.shot_file.shot import Shot
 
 PLACES = 100_000

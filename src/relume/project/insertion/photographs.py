@@ -25,9 +25,9 @@ from relume.probe.ball.crops import on_one_frame
 from relume.probe.ball.silhouette import Outline
 from relume.project.insertion.ball_camera import BallCamera, camera_of_ball
 from relume.project.insertion.ball_light import blended, picked_outline
-from relume.project.insertion.merged_photographs import FirstFacts, Photographs, first_facts, merged_brackets
-from relume.project.insertion.single_plate import is_single, read_single, why_untied
 from relume.project.insertion.slips import CHANGED, other_time_or_place, require_measures
+from relume.project.merging.merged_photographs import FirstFacts, Photographs, first_facts, merged_brackets
+from relume.project.merging.single_plate import is_single, read_single, why_untied
 from relume.project.shot_file.shot import MergeTable, Shot
 from relume.project.stages import Steps
 from relume.sphere.environment_files import as_environment

@@ -18,7 +18,7 @@ from relume.image import files
 from relume.image.photograph import Exposure
 from relume.image.radiance import RadianceMap
 from relume.image.response import Response
-from relume.project.insertion.single_plate import assumed_response, is_single, merge_single
+from relume.project.merging.single_plate import assumed_response, is_single, merge_single
 from relume.project.shot_file.shot import MergeTable, Shot
 
 
