@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import os
 import re
+import threading
 from collections.abc import Iterator
 from pathlib import Path
 
@@ -12,12 +13,15 @@ import pytest
 
 import relume as rl
 from relume.errors import RelumeError, UnreadableFile
+from relume.studio.library import Library
+from relume.studio.pictures import Layer, OpenPicture, halved, open_picture
 from serving import Server, serving
 
 pytest.importorskip("starlette", reason="the extra studio is not installed")
 uvicorn = pytest.importorskip("uvicorn", reason="the extra studio is not installed")
 
 WIDTH, HEIGHT = 1200, 600
+PAGE = Path(rl.__file__).parent / "studio" / "page"
 
 
 def light() -> rl.RadianceMap:
@@ -180,6 +184,59 @@ def test_tiles_hold_the_picture_and_the_levels_its_means(server: Server):
     assert np.abs(level / mean - 1).max() < 2**-10
     assert server.ask(f"/tiles/0/0/{'0' * 24}/0/0/0", **server.cookie)[0] == 410
     assert server.ask(f"/tiles/0/0/{layer['digest']}/0/3/0", **server.cookie)[0] == 404
+
+
+@pytest.mark.parametrize("shape", [(130, 66), (131, 67), (1, 3)])
+def test_a_smaller_picture_is_the_mean_of_its_pixels(shape: tuple[int, int]):
+    pixels = np.random.default_rng(4).uniform(size=(*shape, 3)).astype(np.float32)
+    even = np.pad(pixels, ((0, shape[0] % 2), (0, shape[1] % 2), (0, 0)), mode="edge")
+    mean = even.reshape(len(even) // 2, 2, even.shape[1] // 2, 2, 3).astype(np.float64).mean((1, 3))
+    assert halved(pixels) == pytest.approx(mean, rel=3e-7)
+
+
+@pytest.mark.parametrize(
+    ("odd", "count"), [((np.inf, -np.inf), 2), ((np.nan,), 1), ((np.inf,), 1), ((3e38, 3e38), 0), ((), 0)]
+)
+def test_values_that_are_not_finite_are_counted_and_left_out_of_the_extent(odd: tuple[float, ...], count: int):
+    pixels = np.full((20, 20, 3), 0.5, np.float32)
+    pixels[3, : len(odd), 1] = odd
+    smallest, largest, found = Layer("any", pixels).extent
+    assert (smallest, found) == (0.5, count) and largest == np.float32(3e38 if odd == (3e38, 3e38) else 0.5)
+
+
+def test_the_first_picture_is_opened_before_it_is_asked_for_and_once(
+    files: list[Path], monkeypatch: pytest.MonkeyPatch
+):
+    opened: list[str] = []
+
+    def counted(path: Path) -> OpenPicture:
+        opened.append(path.name)
+        return open_picture(path)
+
+    monkeypatch.setattr("relume.studio.library.open_picture", counted)
+    pictures = Library(files)
+    pictures.begin()
+    for thread in threading.enumerate():
+        if thread.name == "first picture":
+            thread.join(20)
+    assert opened == [files[0].name]
+    assert "digest" in pictures.picture(0).layers[0].__dict__ and opened == [files[0].name]
+
+
+@pytest.mark.parametrize("page", ["view.html", "stage/stage.html"])
+def test_a_page_asks_for_all_its_modules_at_once(page: str):
+    text = (PAGE / page).read_text("utf-8")
+    (entry,) = re.findall(r'<script type="module" src="/page/([^"]+)"', text)
+    found, waiting = set[str](), [entry]
+    while waiting:
+        module = waiting.pop()
+        for name in re.findall(r'^import .* from "(\.[^"]+)"', (PAGE / module).read_text("utf-8"), re.MULTILINE):
+            imported = os.path.normpath(Path(module).parent / name).replace(os.sep, "/")
+            if imported not in found:
+                found.add(imported)
+                waiting.append(imported)
+    # In its head, so that none waits until the module before it has come.
+    assert set(re.findall(r'<link rel="modulepreload" href="/page/([^"]+)"', text)) == found
 
 
 def test_statistics_of_a_region_and_of_a_map(server: Server):

@@ -5,6 +5,7 @@ from __future__ import annotations
 import threading
 from collections import OrderedDict
 from collections.abc import Sequence
+from contextlib import suppress
 from pathlib import Path
 
 import relume as rl
@@ -22,6 +23,16 @@ class Library:
         self._open: OrderedDict[int, tuple[tuple[int, int], OpenPicture]] = OrderedDict()
         self._locks = [threading.Lock() for _ in self.files]
         self._changing = threading.Lock()
+
+    def begin(self) -> None:
+        """Open the first picture behind the page, which asks for it as soon as it is there itself."""
+
+        def first() -> None:
+            # What is wrong with it is said where the page asks.
+            with suppress(rl.RelumeError, LookupError, ValueError, OSError, MemoryError):
+                self.picture(0)
+
+        threading.Thread(target=first, daemon=True, name="first picture").start()
 
     def add(self, file: Path) -> int:
         """The number of a file, which is taken in unless it is there already."""
@@ -43,6 +54,7 @@ class Library:
                     self._open.move_to_end(number)
                     return kept[1]
             picture = open_picture(self.files[number])
+            picture.facts()  # measured before others have it: who waits for it does not measure too
             with self._changing:
                 self._open[number] = (stamp, picture)
                 self._open.move_to_end(number)

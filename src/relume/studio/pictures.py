@@ -19,6 +19,8 @@ TILE = 512
 """Pixels along a tile: 2 MB in halves, small enough to arrive at once, large enough that few are asked for."""
 LARGEST_HALF = 32768.0
 """To which a layer's brightest pixel is scaled at most where its tiles are half floats."""
+BAND = 32
+"""Rows that are halved at once: they stay in a core's own cache."""
 STOPS_OF_HALVES = 26
 """Stops that halves keep to a tenth of a per cent and better: 29 above their smallest normal number, less the room
 between it and the darkest pixel."""
@@ -48,9 +50,13 @@ class Layer:
     @cached_property
     def extent(self) -> tuple[float, float, int]:
         """Smallest value above 0 at the 0.1th percentile, largest finite one, and how many values are not finite."""
-        finite = np.isfinite(self.pixels)
-        odd = int(self.pixels.size - np.count_nonzero(finite))
-        values = self.pixels[finite] if odd else self.pixels.ravel()
+        values, odd = self.pixels.ravel(), 0
+        with np.errstate(over="ignore", invalid="ignore"):
+            # A finite sum is one of finite values: they are looked at one by one only where it is not.
+            if not np.isfinite(values.sum()):
+                finite = np.isfinite(values)
+                odd = int(values.size - np.count_nonzero(finite))
+                values = values[finite] if odd else values
         largest = float(values.max(initial=0))
         lit = values[:: max(1, values.size // 2_000_000)]
         lit = lit[lit > 0]
@@ -169,10 +175,13 @@ def halved(pixels: np.ndarray) -> np.ndarray:
     height, width = pixels.shape[:2]
     if height % 2 or width % 2:
         pixels = np.pad(pixels, ((0, height % 2), (0, width % 2), (0, 0)), mode="edge")
-    result = pixels[0::2, 0::2] + pixels[1::2, 0::2]
-    result += pixels[0::2, 1::2]
-    result += pixels[1::2, 1::2]
-    result *= np.float32(0.25)
+    result = np.empty((pixels.shape[0] // 2, pixels.shape[1] // 2, pixels.shape[2]), pixels.dtype)
+    for start in range(0, len(result), BAND):
+        band = slice(start, start + BAND)
+        rows = pixels[0::2][band] + pixels[1::2][band]
+        rows *= np.float32(0.25)
+        for channel in range(rows.shape[2]):  # one at a time: loops over lines, not over three values
+            np.add(rows[:, 0::2, channel], rows[:, 1::2, channel], out=result[band, :, channel])
     return result
 
 

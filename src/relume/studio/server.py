@@ -56,10 +56,15 @@ def view(
     require_host(host, allow_remote, "reads these files")
 
     def application() -> Starlette:
-        from relume.studio.routes import application as answering
-        from relume.studio.stage.routes import stage_application
+        if stage is not None:
+            from relume.studio.stage.routes import stage_application
 
-        return answering(Library(found), trees) if stage is None else stage_application(stage, found)
+            return stage_application(stage, found)
+        library = Library(found)
+        library.begin()
+        from relume.studio.routes import application as answering
+
+        return answering(library, trees)
 
     serve(application, host, port, allow_remote=allow_remote, open_browser=open_browser, say=say)
 

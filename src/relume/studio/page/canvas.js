@@ -41,6 +41,7 @@ export class HdrCanvas {
     this.height = canvas.height;
     canvas.style.imageRendering = "pixelated"; // by nearest pixels: the browser too may draw by software
     this.asked = false;
+    this.moving = false; // whether the next frame shows another view, not only tiles that came
     this.last = -Infinity; // when the last frame was drawn
     this.lasting = 0; // milliseconds between frames, smoothed, while they follow each other
     this.rough = 0; // the timer of the sharp frame that follows a rough one
@@ -131,6 +132,7 @@ export class HdrCanvas {
   /** @param {Partial<HdrCanvas["view"]>} change */
   set(change) {
     Object.assign(this.view, change);
+    this.moving = true;
     this.draw();
   }
 
@@ -173,6 +175,7 @@ export class HdrCanvas {
     requestAnimationFrame((now) => {
       this.asked = false;
       const rough = this.isSlow(now);
+      this.moving = false;
       clearTimeout(this.rough);
       this.rough = rough ? window.setTimeout(() => this.sharpen(), MOVING) : 0;
       this.drawNow(rough);
@@ -187,7 +190,7 @@ export class HdrCanvas {
     if (gap > MOVING) this.lasting = 0;
     else this.lasting = this.lasting ? 0.8 * this.lasting + 0.2 * gap : gap;
     // Once rough, it stays so until nothing moves: the picture does not flicker between the two.
-    return gap <= MOVING && (this.lasting > SLOW || this.rough > 0);
+    return gap <= MOVING && (this.rough > 0 || (this.moving && this.lasting > SLOW));
   }
 
   sharpen() {

@@ -17,6 +17,7 @@ const exposure = /** @type {HTMLInputElement} */ (element("exposure"));
 const state = {
   /** @type {{name: string, path: string}[]} */ files: [],
   /** @type {Map<number, PictureFacts>} */ facts: new Map(),
+  /** @type {Map<number, Promise<PictureFacts>>} */ coming: new Map(),
   number: -1, layer: 0, reference: -1, referenceLayer: 0,
   /** @type {[number, number, number, number] | null} */ region: null,
   /** @type {any} */ held: null,
@@ -40,12 +41,17 @@ try {
 
 /** @param {number} number @returns {Promise<PictureFacts>} */
 async function factsOf(number) {
-  let found = state.facts.get(number);
-  if (!found) {
-    found = /** @type {PictureFacts} */ (await json(`/pictures/${number}`));
-    state.facts.set(number, found);
+  const kept = state.facts.get(number);
+  if (kept) return kept;
+  const coming = state.coming.get(number) ?? json(`/pictures/${number}`);
+  state.coming.set(number, coming);
+  try {
+    const found = await coming;
+    if (state.coming.get(number) === coming) state.facts.set(number, found);
+    return found;
+  } finally {
+    if (state.coming.get(number) === coming) state.coming.delete(number);
   }
-  return found;
 }
 
 /** @param {number} number @param {number} layer @returns {import("./source.js").Fetched} */
@@ -505,6 +511,7 @@ begin(commands);
 /** @param {{changed: number}} said */
 async function changed({ changed }) {
   state.facts.delete(changed);
+  state.coming.delete(changed);
   if (changed === state.number) await open(changed, state.layer);
   if (changed === state.reference) {
     const layer = state.referenceLayer;
@@ -516,6 +523,7 @@ async function changed({ changed }) {
 /** For tests: the page's own state, and whether all that was asked for is shown. */
 Object.assign(window, { relume: { canvas, state, settled: () => canvas.settled && !asking && !busy && state.number >= 0 } });
 
+factsOf(0).catch(() => {}); // together with the list of files; what is wrong with it is said when it is opened
 json("/pictures").then(async ({ files, scene }) => {
   state.files = files;
   state.scene = scene ?? "";
