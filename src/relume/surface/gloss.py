@@ -36,8 +36,8 @@ PATTERN, LIGHT = 0.1, 0.03
 """Expected errors, as shares of what the photograph and of what the probe shows: patterns do not lie on one another to
 the pixel, and two photographs of one light differ by a few per cent. They set the weights of dark and bright places."""
 MIRRORED = tuple((0.04, r) for r in (0.12, 0.25, 0.45))
-"""F₀ and roughness by which what a surface mirrors is foreseen, to be doubted: a lamp that hangs nearer than the distant
-scene is mirrored elsewhere than the model has it. Believed, the softboxes of a product table made its F₀ 0.01."""
+"""F₀ and roughness by which what a surface mirrors is foreseen, to be doubted: a lamp nearer than the distant scene is
+mirrored elsewhere than the model has it. Believed, the softboxes of a product table made its F₀ 0.01."""
 OUTLIER = 2.0
 """Expected errors from which on a difference counts for less: a thing on the table, its reflection or its shadow."""
 STARTS = tuple(np.array([f0, r]) for f0 in (0.02, 0.06) for r in (0.12, 0.25, 0.45, 0.75))
