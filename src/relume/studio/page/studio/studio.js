@@ -17,7 +17,7 @@ import { bytes, json, listenTo, post, Refused } from "../requests.js";
 /** @typedef {import("../source.js").PictureFacts} PictureFacts */
 /** @typedef {{name: string, keys: string[], build: () => Node[], shown?: () => void, hidden?: () => void, changed?: () => void, done?: () => void,
  *   drawing?: () => import("./overlay.js").Drawing, drawn?: () => void, drag?: (event: PointerEvent, phase: "begin" | "move" | "end") => boolean,
- *   clicked?: (x: number, y: number) => void, commands?: import("../commands.js").Command[], dropped?: (files: File[]) => void}} Pane keys: what of the shot it shows; done: called when a job has ended;
+ *   clicked?: (x: number, y: number) => void, commands?: import("../commands.js").Command[], dropped?: (files: File[], event: DragEvent) => void}} Pane keys: what of the shot it shows; done: called when a job has ended;
  *   clicked: on a point of the picture */
 
 /** @param {string} id @returns {any} */
@@ -330,7 +330,7 @@ document.addEventListener("drop", (event) => {
   const files = [...(event.dataTransfer?.files ?? [])];
   if (!files.length) return;
   event.preventDefault();
-  (studio.panes[studio.step].dropped ?? studio.panes[0].dropped)?.(files);
+  (studio.panes[studio.step].dropped ?? studio.panes[0].dropped)?.(files, event);
 });
 
 // Commands and keys.

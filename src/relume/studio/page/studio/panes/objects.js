@@ -101,10 +101,13 @@ export function objectsPane(studio) {
 
   /** @param {File[]} files @param {[number, number]} [where] metres on the table */
   const add = (files, where = [0, 0]) => studio.attempt(async () => {
-    for (const file of files) {
+    const beside = 2.8 * (studio.state.table.light?.ball?.radius ?? 0.05);
+    for (const [n, file] of files.entries()) {
       const path = await upload(file);
       if (!/^objects\//.test(path)) continue;
-      await studio.edit([{ append: ["objects"], value: { mesh: path, stand: where.map(rounded) } }], true);
+      // Several stand side by side, each to be had by the pointer.
+      const stand = [where[0] + (n - (files.length - 1) / 2) * beside, where[1]];
+      await studio.edit([{ append: ["objects"], value: { mesh: path, stand: stand.map(rounded) } }], true);
       await fetchObjects();
       chosen = tables().length - 1;
       // What is no thing for a table gets the size of two balls; its file may be in other units.
@@ -250,7 +253,10 @@ export function objectsPane(studio) {
       }
       return true;
     },
-    dropped: (files) => add(files),
+    dropped(files, event) {
+      const hit = lens() && onPlane(lens(), ...studio.overlay.at(event), 0);
+      add(files, hit ? [hit[0], hit[2]] : [0, 0]);
+    },
     commands: [
       { name: "turn it to the left", keys: ["["], act: () => nudge(15, 1) },
       { name: "turn it to the right", keys: ["]"], act: () => nudge(-15, 1) },
