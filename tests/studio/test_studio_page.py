@@ -218,6 +218,36 @@ def test_a_mesh_is_handed_over_and_stands_on_the_table(page: Tab, small: Path):
     page.until(lambda: table(small)["objects"][1].get("material") == {"preset": "gold"}, "the material")
 
 
+def test_a_light_is_placed_by_the_point_that_shall_mirror_it_and_stands_apart(
+    page: Tab, small: Path, small_server: Server
+):
+    looked_at(page, small_server)
+    page.press("Alt+6")
+    page.until(lambda: page.tab.evaluate("() => !document.getElementById('live').hidden"), "the live picture")
+    page.tab.locator("#objects-look").uncheck()
+    page.until(lambda: page.tab.locator("#overlay path").count() > 0, "the object")
+    x, y = camera().project(np.array([0.01, 0.06, 0.0]))
+    page.click('button:text-is("Add one by its reflection")')
+    # Beside the object there is nothing that could mirror it.
+    page.tab.mouse.click(*page.point_at(20, 20))
+    page.until(lambda: "there is no object at this point" in page.text("#message"), "the refusal")
+    page.tab.mouse.click(*page.point_at(float(x), float(y)))
+    page.until(lambda: "added" in table(small)["light"], "the light")
+    (light,) = table(small)["light"]["added"]
+    expected = rl.report.mirrored_light(rl.read_shot(small / "shot.toml"), camera(), float(x), float(y))
+    assert expected is not None
+    assert np.degrees(np.linalg.norm(np.subtract(light["direction"], expected.direction))) < 0.1
+    assert "translate" not in table(small)["objects"][0]  # it was clicked, not dragged
+    page.until(lambda: "adds 50 %" in page.text('[data-added="0"]'), "its share")
+    # Switched off it stays in the file; taken out it goes.
+    page.tab.locator("#added-0").uncheck()
+    page.until(lambda: table(small)["light"]["added"][0].get("on") is False, "off")
+    page.click('button:text-is("Brighter")')
+    page.until(lambda: table(small)["light"]["added"][0]["irradiance"] > 1.4 * light["irradiance"], "brighter")
+    page.click('[data-added="0"] button:text-is("Out")')
+    page.until(lambda: "added" not in table(small)["light"], "gone")
+
+
 # The document
 
 

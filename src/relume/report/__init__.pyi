@@ -5,6 +5,8 @@ from .develop_report import write_develop_report as write_develop_report
 from .file_facts import describe as describe
 from .file_facts import describe_system as describe_system
 from .file_facts import draw_environment as draw_environment
+from .light_placing import MirroredLight as MirroredLight
+from .light_placing import mirrored_light as mirrored_light
 from .light_plot import draw_lights as draw_lights
 from .merge_facts import merge_facts as merge_facts
 from .merge_facts import merge_summary as merge_summary

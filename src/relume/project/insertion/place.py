@@ -172,9 +172,13 @@ def require_in_place(place: Scene, camera: Camera) -> None:
 
 
 def relit(place: Scene, shot: Shot) -> Scene:
-    """The place under the light as the shot changes it: turned about the place where it was measured, brighter."""
+    """The place under the light as the shot changes it: turned about the place where it was measured, brighter.
+
+    Lights that were added shine beside it, as they stand in the shot.
+    """
     turn, exposure = shot.light.turn, shot.light.exposure
-    if turn == 0 and exposure == 0:
+    added = [each for each in shot.light.added if each.on]
+    if turn == 0 and exposure == 0 and not added:
         return place
     if turn != 0 and place.lights:
         raise InvalidShot("light.turn: lamps that have a place cannot be turned; leave light.lamps out, or the turn")
@@ -182,7 +186,10 @@ def relit(place: Scene, shot: Shot) -> Scene:
         replace(lamp, radiance=tuple(float(c) * 2.0**exposure for c in lamp.radiance)) if isinstance(lamp, SphereLight)
         else lamp for lamp in place.lights
     )  # fmt: skip
-    return replace(place, light=turned_light(place.light, turn, exposure), lights=lamps)
+    light = turned_light(place.light, turn, exposure)
+    for each in added:
+        light = each.shining_in(light)
+    return replace(place, light=light, lights=lamps)
 
 
 def _recovered(

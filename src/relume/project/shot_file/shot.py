@@ -21,6 +21,7 @@ from relume.errors import InvalidShot, UnreadableFile
 from relume.probe.ball.silhouette import Outline, outline_of_circle, outline_through
 from relume.project.mesh_tables import MaterialTable, Placement
 from relume.project.schema import Names, Positive, Table, Vector, checked, read_toml
+from relume.project.shot_file.added_lights import AddedLight
 from relume.project.shot_file.camera_table import CameraTable
 from relume.project.shot_file.local_table import DistantTable, LocalTable
 from relume.project.shot_file.match_table import MatchTable
@@ -140,6 +141,7 @@ class Light(Table):
     surface_reflectance : mean share of light that the surface under the objects gives back, from which the scale is
         found where no exposure says it; its reflectance is recovered all the same
     turn, exposure : degrees about +Y and stops, to change what was measured
+    added : lights that were never there, beside what was measured
     """
 
     balls: list[BallPhotographs] | None = None
@@ -154,6 +156,7 @@ class Light(Table):
     lamps: list[Vector] = Field(default_factory=list)
     turn: float = 0.0
     exposure: float = 0.0
+    added: tuple[AddedLight, ...] = ()
     keyframes: tuple[LightKey, ...] = ()
 
     @model_validator(mode="after")

@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import Any
 
 import relume as rl
-from relume.studio.shots.worker import camera_facts
+from relume.studio.shots.cameras import camera_facts
 
 
 def board_camera(path: Path, asked: Mapping[str, Any]) -> dict[str, Any]:

@@ -23,6 +23,7 @@ from relume.studio.library import Library
 from relume.studio.routes import PAGE, UNKEPT, answered, closed, picture_routes
 from relume.studio.shots.ball import unwrapped
 from relume.studio.shots.board import board_camera
+from relume.studio.shots.cameras import camera_of
 from relume.studio.shots.document import Conflict, Document
 from relume.studio.shots.folder import LARGEST_UPLOAD, Folder
 from relume.studio.shots.jobs import Jobs
@@ -129,6 +130,19 @@ class Studio:
         """The board in a photograph, as the camera that sees it so."""
         return _json({"camera": board_camera(self.folder.path(str(body.get("photograph", ""))), body)})
 
+    def mirrored(self, _request: Request, body: dict[str, Any]) -> Response:
+        """Where the light is that a point of an object mirrors into the plate's camera."""
+        x, y = body.get("x"), body.get("y")
+        if not isinstance(x, int | float) or not isinstance(y, int | float):
+            raise ValueError("x and y are a pixel of the plate")
+        if self.jobs.measured is None:
+            raise ValueError("the camera is not known yet; find it under Camera")
+        camera = camera_of(self.jobs.measured["camera"])
+        found = rl.report.mirrored_light(rl.read_shot(self.document.path), camera, x, y)
+        if found is None:
+            raise ValueError("there is no object at this point; click one where it shall mirror the light")
+        return _json({"direction": found.direction, "point": found.point, "normal": found.normal})
+
     def start(self, _request: Request, body: dict[str, Any]) -> Response:
         """Start a job, in place of the one that runs."""
         self.document.look()
@@ -211,6 +225,7 @@ def studio_application(studio: Studio) -> Starlette:
             posted("/opened", studio.opened),
             posted("/ball", studio.ball),
             posted("/board", studio.board),
+            posted("/light/mirrored", studio.mirrored),
             posted("/jobs/start", studio.start),
             posted("/jobs/stop", studio.stop),
             Route("/objects", answered(studio.objects)),

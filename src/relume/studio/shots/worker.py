@@ -12,6 +12,7 @@ from typing import Any
 import numpy as np
 
 import relume as rl
+from relume.studio.shots.cameras import camera_facts
 from relume.studio.shots.merging import merged_facts
 
 Report = Callable[[str, float], None]
@@ -128,16 +129,6 @@ def _measured(result: Any, camera: rl.Camera, step: int, scratch: Path) -> dict[
         "seconds": {name: round(each, 2) for name, each in result.seconds.items()},
         "kept": list(result.kept),
     }
-
-
-def camera_facts(camera: rl.Camera) -> dict[str, Any]:
-    """A camera for JSON: rotation by rows, world from camera; distortion in OpenCV's coefficients."""
-    lens = camera.distortion
-    return {
-        "size": [camera.width, camera.height], "focal_length": camera.focal_length, "centre": camera.principal_point,
-        "position": camera.position.tolist(), "rotation": camera.rotation.tolist(),
-        "distortion": None if lens is None else [lens.k1, lens.k2, lens.p1, lens.p2, lens.k3],
-    }  # fmt: skip
 
 
 def irradiance_facts(light: rl.EnvironmentMap) -> list[list[float]]:

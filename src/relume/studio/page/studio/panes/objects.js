@@ -1,5 +1,6 @@
 // Objects: dropped on the photograph, dragged on the table, turned and scaled; drawn at once, rendered when they rest.
 
+import { addedLights } from "./added_lights.js";
 import { choiceField, make, numberField, rounded, typed } from "../fields.js";
 import { Drawing } from "../drawing.js";
 import { line, onPlane, project } from "../projection.js";
@@ -15,7 +16,7 @@ export function objectsPane(studio) {
   let fetched = -1, coming = Promise.resolve(), chosen = 0, looks = true, shining = 1, presets = /** @type {string[]} */ ([]), fault = "", lastJob = -1;
   /** @type {{number: number, from: number[], moved: number[], turn: number, scale: number} | null} */ let act = null;
 
-  const tables = () => studio.state.table.objects ?? [];
+  const added = addedLights(studio), tables = () => studio.state.table.objects ?? [];
   const lens = () => studio.measured?.camera ?? null;
 
   /** The objects where the shot has them now. */
@@ -178,6 +179,7 @@ export function objectsPane(studio) {
             chosen = 0;
           } }, "Take it out")),
         ] : []),
+        ...added.build(),
         make("h2", {}, "Look"),
         make("div", { className: "row" }, look, make("label", { for: "objects-look" }, "Look after every act")),
         make("div", { className: "row" },
@@ -224,8 +226,14 @@ export function objectsPane(studio) {
       for (const [p, q] of [[[l, t], [r, t]], [[r, t], [r, b]], [[r, b], [l, b]], [[l, b], [l, t]]]) d.push(line(lens(), place(p[0], p[1]), place(q[0], q[1])));
       return { lines: [{ key: "foot", d }] };
     },
+    clicked(x, y) {
+      if (!added.aiming || !lens()) return;
+      // The quick look is of a smaller plate.
+      const scale = studio.shownPath === "preview.exr" ? lens().size[0] / (studio.facts.get(studio.number)?.size[0] ?? lens().size[0]) : 1;
+      added.place(x * scale, y * scale);
+    },
     drag(event, phase) {
-      if (!lens()) return false;
+      if (!lens() || added.aiming) return false;
       const [x, y] = studio.overlay.at(event);
       if (phase === "begin") {
         const n = under(x, y);
