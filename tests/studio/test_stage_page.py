@@ -148,6 +148,40 @@ def test_while_it_moves_the_picture_is_within_the_stated_error(page: Page, serve
     assert np.abs(live - truth).sum() / np.abs(truth).sum() < stated["single"] + 0.01
 
 
+def test_pictures_at_half_the_size_are_means_of_the_whole_ones(page: Page, server: Server, stage: Path, room: Path):
+    page.tab.locator("#map").select_option("0")
+    page.settle()
+    light = json.dumps({**page.tab.evaluate("relume.light()"), "small": True})
+    own = {"Origin": f"http://127.0.0.1:{server.port}", **server.cookie}
+    status, headers, body = server.ask("/stage/picture", method="POST", body=light, **own)
+    truth = own_picture(page, stage, room)
+    height, width = truth.shape[:2]
+    assert status == 200 and headers["x-size"] == f"{width // 2},{height // 2}"
+    small = np.frombuffer(body, "<f2").reshape(height // 2, width // 2, 3).astype(np.float32)
+    mean = truth.reshape(height // 2, 2, width // 2, 2, 3).mean((1, 3))
+    assert np.abs(small - mean).sum() / np.abs(mean).sum() < 0.02
+
+
+def test_a_machine_that_takes_long_shows_smaller_pictures_where_the_whole_one_is_until_nothing_moves(page: Page):
+    page.tab.evaluate(
+        "() => { window.seen = []; const plain = fetch, fill = relume.live.fill.bind(relume.live), c = relume.canvas;"
+        " window.fetch = async (...a) => { await new Promise((done) => setTimeout(done, 50)); return plain(...a); };"
+        " relume.live.fill = (got, small) => { fill(got, small);"
+        "   seen.push([relume.live.shown, got.width, c.toPicture(0, 0), c.one.layer.sizes[0][0]]); };"
+        " let n = 0; const strength = document.getElementById('strength');"
+        " const step = () => { strength.value = String(++n / 100); strength.dispatchEvent(new Event('input'));"
+        "   if (n < 40) requestAnimationFrame(step); }; step(); }"
+    )
+    page.until(lambda: len(page.tab.evaluate("seen")) >= 5, "pictures")
+    page.settle()
+    seen = page.tab.evaluate("seen")
+    width = page.tab.evaluate("relume.state.facts.size[0]")
+    assert [level for level, *_ in seen].count(1) >= 2 and seen[-1][:2] == [0, width], seen
+    assert all(own == (width // 2 if level else width) for level, own, *_ in seen)
+    # The view is the same throughout.
+    assert all(where == seen[0][2] and whole == width for *_, where, whole in seen)
+
+
 def test_the_keyboard_alone_moves_adds_and_removes_lamps(page: Page):
     page.tab.locator("#sphere .lamp").first.focus()
     before = page.tab.evaluate("relume.state.lamps[0].direction")

@@ -132,8 +132,7 @@ export class HdrCanvas {
   /** @param {Partial<HdrCanvas["view"]>} change */
   set(change) {
     Object.assign(this.view, change);
-    this.moving = true;
-    this.draw();
+    this.draw(true);
   }
 
   fit() {
@@ -169,7 +168,9 @@ export class HdrCanvas {
 
   // Drawing.
 
-  draw() {
+  /** @param {boolean} [moving] whether the view changed, not only what is seen of it */
+  draw(moving = false) {
+    this.moving ||= moving;
     if (this.asked) return;
     this.asked = true;
     requestAnimationFrame((now) => {

@@ -5,7 +5,7 @@ from __future__ import annotations
 import threading
 import warnings
 from collections import OrderedDict
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from functools import cached_property
 from pathlib import Path
 from typing import Any
@@ -22,6 +22,11 @@ MOST_BYTES = 3 * 1024**3
 """Of a field in memory as float32."""
 KEPT = 12
 """Pictures kept for reading pixels."""
+SMALL_MEMORY = 1 << 26
+"""Of a field at half its size, compressed at once."""
+
+Sum = Callable[[np.ndarray], rl.RadianceMap]
+"""A picture from the lights' irradiances (N, 3)."""
 
 
 class OpenStage:
@@ -36,6 +41,8 @@ class OpenStage:
         self.reduced, self.axes = 1, np.eye(3)
         self.field: rl.lightstage.Pictures | None = None
         self.live: rl.lightstage.LiveField | None = None
+        self._sum: Sum | None = None  # of the field; what is quickest so far
+        self._small_sum: Sum | None = None  # at half its size
         self._maps: dict[int, rl.EnvironmentMap] = {}
         self._turning: dict[int, rl.lightstage.TurningMap] = {}
         self._pictures: OrderedDict[str, np.ndarray] = OrderedDict()
@@ -56,8 +63,14 @@ class OpenStage:
                 self.field = self._read()
                 self.step, self.share = "making pictures under a grid of lights", 0.0
                 live = rl.lightstage.live_field(self.field, progress=report)
-                self.live, self.step, self.share = live, "compressing", 0.0
+                self.live, self._sum, self.step, self.share = live, live.relight, "compressing", 0.0
+                # First what is done soonest. What a first picture compiles is compiled before it is asked for.
+                nothing = np.zeros((len(live.lights), 3))
+                small = rl.lightstage.compress_cosine(_halved_field(live.field), memory=SMALL_MEMORY).relight
+                small(nothing)
+                self._small_sum = small
                 self.live = live.compress(progress=report)
+                self._sum = self.live.relight
                 self.notes += [str(each.message) for each in caught]
             self.step, self.share = "ready", 1.0
         except (rl.RelumeError, ValueError) as error:
@@ -102,10 +115,14 @@ class OpenStage:
         }  # fmt: skip
         return found
 
-    def live_picture(self, light: Light) -> np.ndarray:
-        """The picture (H, W, 3) float32 while the light is moved; raises LookupError before there is one."""
-        if self.live is None:
+    def live_picture(self, light: Light, *, small: bool = False) -> np.ndarray:
+        """The picture (H, W, 3) float32 while the light is moved; raises LookupError before there is one.
+
+        small : at half its size, where that is known already, for who draws slowly
+        """
+        if self.live is None or self._sum is None:
             raise LookupError
+        relit = (small and self._small_sum) or self._sum
         given = np.zeros((len(self.live.lights), 3))
         if light.map is not None:
             given += 2.0**light.stops * self._turning_map(light.map).irradiances(float(np.radians(light.turn)))
@@ -114,7 +131,7 @@ class OpenStage:
             given += lamps.irradiances(self.live.lights)
         if not given.any():
             return np.zeros((*self.live.field.shape, 3), np.float32)
-        return self.live.relight(given).radiance
+        return relit(given).radiance
 
     def exact_picture(self, light: Light) -> np.ndarray | None:
         """`rl.lightstage.relight`'s own picture of it; None where another was asked for meanwhile."""
@@ -193,6 +210,15 @@ class OpenStage:
         """A picture that was handed out; raises LookupError where it is gone."""
         with self._changing:
             return self._pictures[name]
+
+
+def _halved_field(field: rl.lightstage.Pictures) -> rl.lightstage.Pictures:
+    """The same at half its size, each pixel the mean of 2 × 2."""
+    height, width = field.shape
+    values = np.empty((len(field.lights), -(-height // 2), -(-width // 2), 3), np.float32)
+    for picture, result in zip(field.values, values, strict=True):
+        result[:] = halved(picture)
+    return rl.lightstage.Pictures(values, field.lights)
 
 
 def is_stage(path: Path) -> bool:

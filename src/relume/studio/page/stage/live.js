@@ -14,38 +14,44 @@ export class LivePicture {
     });
     /** @type {Map<string, import("../source.js").Tile>} */ this.tiles = new Map();
     this.settled = true;
+    this.shown = 0; // the level of the last picture: whole, or at half its size
   }
 
   level() {
-    return 0;
+    return this.shown;
   }
 
-  /** @param {number} _level @param {number} column @param {number} row */
-  tile(_level, column, row) {
-    return this.tiles.get(`${column}/${row}`) ?? null;
+  /** @param {number} level @param {number} column @param {number} row */
+  tile(level, column, row) {
+    return level === this.shown ? this.tiles.get(`${level}/${column}/${row}`) ?? null : null;
   }
 
   begin() {}
   end() {}
   close() {}
 
-  /** Show another picture, of any size. @param {Picture} picture */
-  fill({ name, half, width, height, bytes }) {
-    const { gl, layer } = this, [w, h] = layer.sizes[0];
+  /** Show another picture: of any size, or the one that is there, at half its size. @param {Picture} picture @param {boolean} [small] */
+  fill({ name, half, width, height, bytes }, small = false) {
+    const { gl, layer } = this, level = small ? 1 : 0, [w, h] = layer.sizes[level] ?? [0, 0];
     if (w !== width || h !== height || layer.half !== half) {
-      for (const tile of this.tiles.values()) gl.deleteTexture(tile.texture);
-      this.tiles.clear();
+      for (const [key, tile] of this.tiles) {
+        if (small && layer.half === half && key.startsWith("0/")) continue;
+        gl.deleteTexture(tile.texture);
+        this.tiles.delete(key);
+      }
+      layer.sizes = small ? [layer.sizes[0], [width, height]] : [[width, height]];
     }
+    this.shown = level;
     layer.digest = name;
     layer.half = half;
-    layer.sizes = [[width, height]];
     const values = half ? new Uint16Array(bytes) : new Float32Array(bytes), type = half ? gl.HALF_FLOAT : gl.FLOAT;
     gl.pixelStorei(gl.UNPACK_ALIGNMENT, 1);
     gl.pixelStorei(gl.UNPACK_ROW_LENGTH, width);
     for (let row = 0; row * TILE < height; row++) for (let column = 0; column * TILE < width; column++) {
       const across = Math.min(TILE, width - column * TILE), down = Math.min(TILE, height - row * TILE);
-      let tile = this.tiles.get(`${column}/${row}`);
-      if (!tile) this.tiles.set(`${column}/${row}`, (tile = { texture: storage(gl, across, down, half), width: across, height: down }));
+      const key = `${level}/${column}/${row}`;
+      let tile = this.tiles.get(key);
+      if (!tile) this.tiles.set(key, (tile = { texture: storage(gl, across, down, half), width: across, height: down }));
       gl.bindTexture(gl.TEXTURE_2D, tile.texture);
       gl.pixelStorei(gl.UNPACK_SKIP_PIXELS, column * TILE);
       gl.pixelStorei(gl.UNPACK_SKIP_ROWS, row * TILE);

@@ -14,6 +14,8 @@ import { Sphere } from "./sphere.js";
  *   size: [number, number], reduced: number, lights: Three[], axes: Three[], error: {random: number, single: number} | null,
  *   surface: string[]}} Facts */
 
+const AT_ONCE = 2; // pictures on their way: one is summed while the other is shown
+const SLOW = 33; // milliseconds that a picture may last from wish to screen; machines that need longer get smaller ones
 const REST = 250; // milliseconds without a change after which the exact picture is asked for
 const LAYERS = [["", "relit"], ["normal", "normals"], ["albedo", "albedo"], ["specular_energy", "specular energy"],
   ["specular_reflectance", "specular reflectance"], ["roughness", "roughness"]];
@@ -47,9 +49,11 @@ async function pixels(got) {
 const canvas = new HdrCanvas(picture, drawn, failed);
 const live = new LivePicture(canvas.gl);
 
-// The picture: of many wishes the latest alone is asked for, one at a time; the exact one when nothing moves.
+// The picture: of many wishes the latest alone is asked for; the exact one when nothing moves.
 
-let loading = 0, asking = false, wanted = false, resting = 0, /** @type {AbortController | null} */ stop = null;
+let loading = 0, asking = 0, wanted = false, resting = 0, /** @type {AbortController | null} */ stop = null;
+let asked = 0, latest = 0; // pictures asked for, and the number of the one that is shown: an older one comes too late
+let slow = false; // until nothing moves
 
 function light() {
   return {
@@ -65,20 +69,25 @@ async function relight() {
   state.exact = false;
   clearTimeout(resting);
   stop?.abort();
-  if (asking || !state.facts?.size) return;
-  asking = true;
+  if (asking >= AT_ONCE || !state.facts?.size) return;
+  asking++;
   try {
     while (wanted) {
       wanted = false;
-      const got = await pixels(await answer("/stage/picture", { method: "POST", body: JSON.stringify(light()) }));
+      const turn = ++asked, begun = performance.now(), body = JSON.stringify({ ...light(), small: slow });
+      const got = await pixels(await answer("/stage/picture", { method: "POST", body }));
       if (state.layer) break;
+      slow ||= performance.now() - begun > SLOW;
+      if (turn < latest) continue;
+      latest = turn;
       show(got);
       state.pictures++;
     }
   } catch (error) {
     failed(error);
   }
-  asking = false;
+  asking--;
+  if (asking) return;
   about();
   resting = window.setTimeout(finish, REST);
 }
@@ -86,6 +95,7 @@ async function relight() {
 /** `relume`'s own picture of the same light, which takes longer. */
 async function finish() {
   resting = 0;
+  slow = false;
   if (state.layer || state.exact) return;
   const own = (stop = new AbortController());
   try {
@@ -102,14 +112,14 @@ async function finish() {
 
 /** @param {import("./live.js").Picture} got */
 function show(got) {
-  const first = !state.shown;
-  live.fill(got);
-  state.shown = got.name;
+  const first = !state.shown, small = !first && !state.layer && got.width !== state.facts?.size[0];
+  live.fill(got, small);
+  if (!small) state.shown = got.name; // pixels are read of whole pictures
   canvas.one = /** @type {any} */ (live);
   if (first) canvas.fit();
   if (!state.exposed) expose();
-  canvas.draw();
-  if (last) read(...last);
+  canvas.draw(small);
+  if (last && !small) read(...last);
 }
 
 /** The exposure at which the brightest hundredth of what is lit is white. */
