@@ -9,7 +9,7 @@ from itertools import combinations
 import numpy as np
 
 from relume.errors import BallNotFound
-from relume.probe.ball.candidates import SEARCH_SIDE, candidates, coverage_needed
+from relume.probe.ball.candidates import SEARCH_SIDE, candidates, coverage_needed, guesses
 from relume.probe.ball.outline import JUDGED_AT, find_outline
 from relume.probe.ball.rim_selection import settled
 from relume.probe.ball.silhouette import TELEPHOTO, Outline
@@ -97,7 +97,7 @@ def _round_things(
     focal = float(TELEPHOTO * picture.shape[1]) if focal_length is None else focal_length
     pyramid = Pyramid.of(picture.astype(np.float32), focal)
     found: list[tuple[Outline, np.ndarray, bool]] = []
-    for candidate in candidates(pyramid, JUDGED_AT[0], mirrored=False):
+    for candidate in candidates(pyramid, guesses(pyramid), JUDGED_AT[0], mirrored=False):
         if candidate.outline.coverage < _FAINT or len(found) == _TRIED:
             continue
         sharp = candidate.believable

@@ -14,9 +14,8 @@ from dataclasses import dataclass, replace
 import cv2
 import numpy as np
 from scipy import fft
-from scipy.ndimage import maximum_filter
-from scipy.optimize import minimize
 
+from relume.probe.ball.descent import down_across
 from relume.probe.ball.edge_tracking import LEAST_WITHIN, REACH, evened, follow
 from relume.probe.ball.mirroring import Mirroring, mirroring
 from relume.probe.ball.silhouette import RAYS, Cone, Outline
@@ -100,27 +99,39 @@ class Candidate:
         return self.outline.coverage * float(np.sqrt(self.outline.radius)) * (0.1 + self.mirror.likelihood)
 
 
-def candidates(pyramid: Pyramid, at: float, mirrored: bool = True, lens_known: bool = True) -> list[Candidate]:
+def guesses(pyramid: Pyramid) -> list[tuple[Circle, float]]:
+    """Circles of a picture that might be a ball's rim, pixels, and how far each may be off, in radii."""
+    (width, height), longer = pyramid.size, max(pyramid.size)
+    factor = SEARCH_SIDE / longer if longer > SEARCH_SIDE else max(1.0, LEAST_SEARCHED / longer)
+    whole = pyramid.window((width / 2, height / 2), longer, factor)
+    found = [(circle, UNSURE_CUT) for circle in _cut_out(pyramid.size)]
+    for x, y, radius in likeliest_circles(evened(whole.light)):
+        centre = whole.whole(np.array([[x, y]]))[0]
+        found.append(((float(centre[0]), float(centre[1]), radius / whole.factor), UNSURE / radius))
+    return found
+
+
+def candidates(
+    pyramid: Pyramid,
+    circles: Sequence[tuple[Circle, float]],
+    at: float,
+    mirrored: bool = True,
+    lens_known: bool = True,
+) -> list[Candidate]:
     """The round things of a picture that show an edge along a part of their rim, the worthiest first.
 
+    circles : the picture's `guesses`
     at : radius, in pixels, of the pictures in which they are fitted and judged
     mirrored : whether they have to show their surroundings
     lens_known : whether the pyramid's focal length is the picture's; others are tried where it is not
     """
-    width, height = pyramid.size
-    longer = max(width, height)
-    factor = SEARCH_SIDE / longer if longer > SEARCH_SIDE else max(1.0, LEAST_SEARCHED / longer)
-    whole = pyramid.window((width / 2, height / 2), longer, factor)
-    guesses = [(circle, UNSURE_CUT) for circle in _cut_out(pyramid.size)]
-    for x, y, radius in likeliest_circles(evened(whole.light)):
-        centre = whole.whole(np.array([[x, y]]))[0]
-        guesses.append(((float(centre[0]), float(centre[1]), radius / whole.factor), UNSURE / radius))
     found: list[Candidate] = []
-    for circle, unsure in guesses:
+    for circle, unsure in circles:
         window = pyramid.about(circle, at)
-        fitted = _fitted(window, circle, unsure)
+        picture = evened(window.light)
+        fitted = _fitted(window, picture, circle, unsure)
         outline = None if fitted is None else follow(
-            evened(window.light), fitted, window.focal_length, REACH[:2], window.size)  # fmt: skip
+            picture, fitted, window.focal_length, REACH[:2], window.size)  # fmt: skip
         if outline is None:
             continue
         candidate = _judged(pyramid, window, outline, at, mirrored)
@@ -128,7 +139,7 @@ def candidates(pyramid: Pyramid, at: float, mirrored: bool = True, lens_known: b
         beyond = candidate.outline.cut(pyramid.size)
         plain = radius > LEAST_CUT and candidate.outline.coverage > PLAINLY_SEEN
         if (
-            4 < radius < 0.7 * longer
+            4 < radius < 0.7 * max(pyramid.size)
             and beyond < (MUCH_BEYOND if plain else MOST_BEYOND)
             and not _known(candidate, found)
         ):
@@ -204,39 +215,26 @@ def _known(candidate: Candidate, found: Sequence[Candidate]) -> bool:
     return any(np.hypot(x - a, y - b) + abs(radius - r) < 0.02 * radius for a, b, r in (f.circle for f in found))
 
 
-def _fitted(window: Window, circle: Circle, unsure: float) -> Cone | None:
+def _fitted(window: Window, picture: np.ndarray, circle: Circle, unsure: float) -> Cone | None:
     """The ball near a guess, in pixels of the window: its rim, across which the picture changes on most of it.
 
+    picture : the window's, `evened`
     circle : the guess, pixels of the whole picture
     unsure : how far the rim may be from it, in radii: farther off are other curves
     """
     x, y = window.part(np.array(circle[:2]))
     guess = np.array([x, y, circle[2] * window.factor])
-    picture = evened(window.light)
     turns = 2 * np.pi * np.arange(RAYS // 4) / (RAYS // 4)
     ring = np.stack([np.cos(turns), np.sin(turns)], axis=1)
+    principal = window.size[0] / 2, window.size[1] / 2
     for share in (1, 1 / 2, 1 / 4):
         blur = max(share * unsure * guess[2], 0.8)
         gx, gy = gradient(picture, blur)
-        noise = float(np.median(np.abs(gx))) + 1e-6
-        both = np.dstack([gx, gy]) / np.float32(noise)
-
-        def unseen(c: np.ndarray, both: np.ndarray = both) -> float:
-            # A ball aside of the middle is longer towards it.
-            aside = c[:2] - np.array(window.size) / 2
-            longer = np.hypot(1, np.hypot(*aside) / window.focal_length) - 1
-            way = aside / max(np.hypot(*aside), 1e-9)
-            rim = c[:2] + c[2] * (ring + longer * (ring @ way)[:, None] * way)
-            at = (rim - 0.5).astype(np.float32)
-            change = cv2.remap(both, at[None, :, 0], at[None, :, 1], cv2.INTER_LINEAR, borderMode=cv2.BORDER_REPLICATE)
-            within = np.all((rim > 0) & (rim < picture.shape[::-1]), axis=1)
-            # The logarithm lets a long weak edge outweigh a short strong one.
-            seen = np.log1p((change[0] * ring).sum(1) ** 2)
-            return -float(seen[within].sum() / max(within.sum(), LEAST_WITHIN * len(rim)))
-
+        noise = np.float32(np.median(np.abs(gx)) + 1e-6)
         simplex = guess + np.vstack([np.zeros(3), np.eye(3) * blur])
-        options = {"initial_simplex": simplex, "xatol": 0.05, "fatol": 1e-3, "maxiter": 50}
-        guess = minimize(unseen, guess, method="Nelder-Mead", options=options).x
+        guess, _ = down_across(
+            gx / noise, gy / noise, ring, window.focal_length, principal, LEAST_WITHIN, simplex, 0.05, 1e-3, 50
+        )
     if not 4 < guess[2] < 2 * max(picture.shape):
         return None
     return cone_at((guess[0], guess[1], guess[2]), window.size, window.focal_length)
@@ -298,10 +296,10 @@ def _at_scale(picture: np.ndarray, least: float, largest: float) -> list[tuple[f
         part = np.asarray(fft.irfft2(shown * np.conj(np.asarray(fft.rfft2(ring))), s=(height, width)))[inner]
         # A short arc is matched by chance more easily than a long one, and so is a small circle.
         share = np.where(part > LEAST_SHOWN, share / np.maximum(part, LEAST_SHOWN) ** 0.7, 0) * radius**0.25
-        peak = np.where(share == maximum_filter(share, 7), share, 0)
-        for index in np.argpartition(peak, -4, axis=None)[-4:]:
-            row, column = divmod(int(index), share.shape[1])
-            found.append((float(share[row, column]), column + 0.5, row + 0.5, float(radius)))
+        rows, columns = np.nonzero((share > 0) & (share == cv2.dilate(share, np.ones((7, 7), np.uint8))))
+        for best in np.argsort(share[rows, columns])[-4:]:
+            row, column = rows[best], columns[best]
+            found.append((float(share[row, column]), column + 0.5, row + 0.5, radius))
         radius += 0.95 * thick
     return found
 

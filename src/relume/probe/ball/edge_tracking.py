@@ -8,6 +8,7 @@ inside; where the ball reflects nearly all, there is no step at all, only this r
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
+from functools import lru_cache
 
 import numpy as np
 from scipy.ndimage import gaussian_filter, gaussian_filter1d, map_coordinates
@@ -130,11 +131,9 @@ def robust_cone(
     points: np.ndarray, size: tuple[float, float], focal_length: float, tolerance: float
 ) -> tuple[Cone, np.ndarray]:
     """The cone that most points (N, 2) lie on within `tolerance` pixels, and which they are, (N,) bool."""
-    generator = np.random.default_rng(1998)
     rays = _rays(points, size, focal_length)
     # Cones through three points each, all at once: d·m = 1 on their rays, as in `cone_through`.
-    chosen = np.stack([generator.choice(len(points), 3, replace=False) for _ in range(100)])
-    normal = np.linalg.pinv(rays[chosen]).sum(2)
+    normal = np.linalg.pinv(rays[_threes(len(points))]).sum(2)
     cosine = 1 / np.linalg.norm(normal, axis=1)
     axes, halves = normal * cosine[:, None], np.arcsin(np.sqrt(np.clip(1 - cosine**2, 1e-12, 1)))
     near = np.abs(_outside(rays, axes[:, None], halves[:, None], focal_length)) < tolerance
@@ -149,6 +148,13 @@ def robust_cone(
         best = near
         cone = cone_through(points[best], size, focal_length)
     return cone, best
+
+
+@lru_cache(maxsize=RAYS)
+def _threes(count: int) -> np.ndarray:
+    """A hundred choices of three of so many points, (100, 3)."""
+    generator = np.random.default_rng(1998)
+    return np.stack([generator.choice(count, 3, replace=False) for _ in range(100)])
 
 
 def _off(points: np.ndarray, cone: Cone, size: tuple[float, float], focal_length: float) -> np.ndarray:

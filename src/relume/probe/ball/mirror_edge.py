@@ -17,8 +17,8 @@ from functools import cache
 
 import numpy as np
 from scipy.ndimage import gaussian_filter, gaussian_filter1d, uniform_filter1d
-from scipy.optimize import minimize
 
+from relume.probe.ball.descent import least_along
 from relume.probe.ball.edge_tracking import evened, profiles
 from relume.probe.ball.silhouette import Cone, Outline, cone_through, outline_of
 from relume.probe.ball.windows import Pyramid, Window, outline_within, outline_without
@@ -201,14 +201,7 @@ def best_move(cost: np.ndarray, steps: np.ndarray, normals: np.ndarray, reach: f
     grid = np.linspace(-reach, reach, 9)
     starts = np.stack(np.meshgrid(grid, grid, grid, indexing="ij"), axis=-1).reshape(-1, 3)
     starts = starts[np.hypot(starts[:, 0], starts[:, 1]) + np.abs(starts[:, 2]) <= 1.5 * reach]
-    first = sorted(starts, key=lambda start: sum_along(start, cost, steps, normals))[:2]
-    found = []
-    for start in first:
-        simplex = start + reach / 5 * np.vstack([np.zeros(3), np.eye(3)])
-        options = {"initial_simplex": simplex, "xatol": 0.02, "fatol": 0.1}
-        found.append(minimize(sum_along, start, (cost, steps, normals), method="Nelder-Mead", options=options))
-    best = min(found, key=lambda each: each.fun)
-    return best.x, float(best.fun)
+    return least_along(starts, cost, steps, normals, reach / 5, (0.02, 0.1), tried=2)
 
 
 def changes(
@@ -219,14 +212,6 @@ def changes(
     seen = profiles(picture, rim, normals, wide)
     shown = profiles(np.ones_like(picture), rim, normals, wide, mode="constant") > 0.99
     return np.log(np.abs(seen[:, 2:] - seen[:, :-2]) + 0.002), shown[:, 2:] & shown[:, :-2]
-
-
-def sum_along(by: np.ndarray, cost: np.ndarray, steps: np.ndarray, normals: np.ndarray) -> float:
-    """The sum of a cost (N, K) along an ellipse moved right, down and outward."""
-    place = (np.clip(by[2] + normals @ by[:2], steps[0], steps[-1]) - steps[0]) / (steps[1] - steps[0])
-    index = np.clip(place.astype(int), 0, len(steps) - 2)
-    part, rows = place - index, np.arange(len(normals))
-    return float(((1 - part) * cost[rows, index] + part * cost[rows, index + 1]).sum())
 
 
 def leaked(part: Part, cone: Cone, blur: float) -> float:
@@ -282,21 +267,14 @@ def fitted_profiles(part: Part, cone: Cone) -> tuple[np.ndarray, float]:
     shown = profiles(np.ones_like(part.light), rim, normals, steps, mode="constant").min(1) > 0.99
     varied = ((seen - seen.mean(1, keepdims=True)) ** 2).sum(1)
     moves = np.arange(INWARD - STEADY, OUTWARD + STEADY + 0.05, 0.1)
+    starts = np.array([(0, 0, out) for out in np.arange(INWARD, OUTWARD, 0.1)])
     found = []
     for blur in BLURS:
         left = np.stack([((_unexplained(blur, tuple(steps - move)) @ seen.T) ** 2).sum(0) for move in moves], axis=1)
         noise = float(np.median(left[shown].min(1))) if shown.any() else 1.0
         cost = np.where(shown[:, None], np.log(left + (noise + MISFIT**2 * varied + 1e-12)[:, None]), 0)
-
-        def unlikely(by: np.ndarray, cost: np.ndarray = cost) -> float:
-            beyond = max(0, np.hypot(by[0], by[1]) - STEADY) + max(0, INWARD - by[2]) + max(0, by[2] - OUTWARD)
-            return sum_along(by, cost, moves, normals) + 1e3 * beyond
-
-        start = min((np.array([0, 0, out]) for out in np.arange(INWARD, OUTWARD, 0.1)), key=unlikely)
-        simplex = start + 0.2 * np.vstack([np.zeros(3), np.eye(3)])
-        options = {"initial_simplex": simplex, "xatol": 0.01, "fatol": 0.05}
-        result = minimize(unlikely, start, method="Nelder-Mead", options=options)
-        found.append((float(result.fun), blur, result.x))
+        by, value = least_along(starts, cost, moves, normals, 0.2, (0.01, 0.05), limits=(STEADY, INWARD, OUTWARD))
+        found.append((value, blur, by))
     _, blur, by = min(found, key=lambda each: each[0])
     return by, blur
 

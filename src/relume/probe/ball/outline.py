@@ -14,7 +14,7 @@ from dataclasses import replace
 import numpy as np
 
 from relume.errors import BallNotFound, warn
-from relume.probe.ball.candidates import SPREAD, Candidate, Circle, candidates, coverage_needed
+from relume.probe.ball.candidates import SPREAD, Candidate, Circle, candidates, coverage_needed, guesses
 from relume.probe.ball.rim_likelihood import sharpest_rim
 from relume.probe.ball.rim_selection import settled
 from relume.probe.ball.silhouette import TELEPHOTO, Outline
@@ -74,9 +74,9 @@ def find_outline(
     """
     focal = float(TELEPHOTO * radiance.shape[1]) if focal_length is None else focal_length
     pyramid = Pyramid.of(radiance, focal)
-    found: list[Candidate] = []
+    circles, found = guesses(pyramid), list[Candidate]()
     for at in JUDGED_AT:
-        found = candidates(pyramid, at, mirrored, focal_length is not None) or found
+        found = candidates(pyramid, circles, at, mirrored, focal_length is not None) or found
         seen = [each for each in found if each.believable and not any(_outdone(each, other) for other in found)]
         seen.sort(key=lambda each: -_worth(each, expected))
         _require_one(seen, expected, name, radiance, mirrored)
