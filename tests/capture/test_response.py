@@ -4,6 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from scipy.linalg import lstsq
 from scipy.optimize import lsq_linear
 
 from relume.capture.exposure.bracket import Bracket, read_bracket
@@ -127,7 +128,8 @@ def dense_least_squares(values: np.ndarray, log_times: np.ndarray, smoothness: f
         row[z - 1 : z + 2] = np.sqrt(smoothness * pixels) * weight[z] * np.array([1.0, -2.0, 1.0])
         rows.append(row)
         right.append(0.0)
-    return np.linalg.lstsq(np.stack(rows), np.array(right), rcond=None)[0][:256]
+    # By QR: singular values take six times as long, and no column is without a row.
+    return lstsq(np.stack(rows), np.array(right), lapack_driver="gelsy")[0][:256]
 
 
 @pytest.mark.parametrize("camera", [NOISELESS, NOISY], ids=["without noise", "with noise"])

@@ -26,7 +26,7 @@ _FLAGS = {"nsz", "arcp", "contract", "afn", "reassoc"}
 
 
 @lru_cache
-def _cache_folder(module: str) -> str:
+def cache_folder(module: str) -> str:
     """Where a module's compiled kernels are kept: a folder for this very source.
 
     Numba alone looks at the file that holds a kernel, not at those whose functions and numbers are compiled into it:
@@ -63,7 +63,7 @@ def _compiled(fast: set[str] | bool) -> Callable[[Callable[..., Any]], Any]:
     def decorate(function: Callable[..., Any]) -> Any:
         config: Any = numba.config  # pyright: ignore[reportPrivateImportUsage]
         before = config.CACHE_DIR
-        config.CACHE_DIR = before or _cache_folder(function.__module__)
+        config.CACHE_DIR = before or cache_folder(function.__module__)
         try:
             return numba.njit(cache=True, nogil=True, fastmath=fast, error_model="numpy")(function)
         finally:
