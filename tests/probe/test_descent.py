@@ -60,8 +60,8 @@ def test_a_circle_creeps_to_where_the_picture_changes_across_it_as_by_scipy():
         longer, way = np.hypot(1, np.hypot(*aside) / focal) - 1, aside / np.hypot(*aside)
         rim = circle[:2] + circle[2] * (RING + longer * (RING @ way)[:, None] * way)
         at = np.rint(32 * (rim.T[::-1] - 0.5)) / 32
-        change = sum(map_coordinates(each, at, np.float64, 1, mode="nearest") * n for each, n in zip(
-            (right, down), RING.T, strict=True))  # fmt: skip
+        change = np.sum([map_coordinates(each, at, np.float64, 1, mode="nearest") * n for each, n in zip(
+            (right, down), RING.T, strict=True)], axis=0)  # fmt: skip
         within = np.all((rim > 0) & (rim < (120, 90)), axis=1)
         return -np.log1p(change[within] ** 2).sum() / max(within.sum(), 0.6 * 90)
 

@@ -233,7 +233,7 @@ def _fitted(window: Window, picture: np.ndarray, circle: Circle, unsure: float) 
         noise = np.float32(np.median(np.abs(gx)) + 1e-6)
         simplex = guess + np.vstack([np.zeros(3), np.eye(3) * blur])
         guess, _ = down_across(
-            gx / noise, gy / noise, ring, window.focal_length, principal, LEAST_WITHIN, simplex, 0.05, 1e-3, 50
+            gx / noise, gy / noise, ring, window.focal_length, principal, LEAST_WITHIN, simplex, 0.05, 1e-3, 49
         )
     if not 4 < guess[2] < 2 * max(picture.shape):
         return None
