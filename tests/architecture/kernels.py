@@ -33,7 +33,7 @@ PROOFS: dict[str, tuple[str, str]] = {
         "slow twin of the summed-area table",
     ),
     "lightstage/relighting/sum_kernel.py": ("lightstage/relighting/test_relighting.py", "identity: the matrix product"),
-    "probe/ball/descent.py": ("probe/test_descent.py", "slow twins: the same sums by NumPy, descended by SciPy"),
+    "probe/descent.py": ("probe/test_descent.py", "slow twins: the same sums by NumPy, descended by SciPy"),
     "probe/panorama/kernel.py": ("probe/test_panorama_parts.py", "identity: views of one light give it back"),
     "renderers/prefiltered/filter_kernels.py": ("renderers/test_filters.py", "identity: light is kept; slow quads"),
     "renderers/prefiltered/glossy_kernel.py": ("renderers/test_mapped.py", "closed forms of albedo"),

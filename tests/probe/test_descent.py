@@ -7,7 +7,7 @@ import pytest
 from scipy.ndimage import gaussian_filter, map_coordinates
 from scipy.optimize import minimize
 
-from relume.probe.ball.descent import down_across, least_along
+from relume.probe.descent import down_across, least_along
 
 TURNS = 2 * np.pi * np.arange(90) / 90
 RING = np.stack([np.cos(TURNS), np.sin(TURNS)], axis=1)

@@ -15,7 +15,7 @@ import cv2
 import numpy as np
 from scipy import fft
 
-from relume.probe.ball.descent import down_across
+from relume.probe.descent import down_across
 from relume.probe.ball.edge_tracking import LEAST_WITHIN, REACH, evened, follow
 from relume.probe.ball.mirroring import Mirroring, mirroring
 from relume.probe.ball.silhouette import RAYS, Cone, Outline
@@ -298,7 +298,7 @@ def _at_scale(picture: np.ndarray, least: float, largest: float) -> list[tuple[f
         share = np.where(part > LEAST_SHOWN, share / np.maximum(part, LEAST_SHOWN) ** 0.7, 0) * radius**0.25
         rows, columns = np.nonzero((share > 0) & (share == cv2.dilate(share, np.ones((7, 7), np.uint8))))
         for best in np.argsort(share[rows, columns])[-4:]:
-            row, column = rows[best], columns[best]
+            row, column = int(rows[best]), int(columns[best])
             found.append((float(share[row, column]), column + 0.5, row + 0.5, radius))
         radius += 0.95 * thick
     return found

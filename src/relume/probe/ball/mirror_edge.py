@@ -18,7 +18,7 @@ from functools import cache
 import numpy as np
 from scipy.ndimage import gaussian_filter, gaussian_filter1d, uniform_filter1d
 
-from relume.probe.ball.descent import least_along
+from relume.probe.descent import least_along
 from relume.probe.ball.edge_tracking import evened, profiles
 from relume.probe.ball.silhouette import Cone, Outline, cone_through, outline_of
 from relume.probe.ball.windows import Pyramid, Window, outline_within, outline_without
