@@ -15,11 +15,11 @@ import cv2
 import numpy as np
 from scipy import fft
 
-from relume.probe.descent import down_across
 from relume.probe.ball.edge_tracking import LEAST_WITHIN, REACH, evened, follow
 from relume.probe.ball.mirroring import Mirroring, mirroring
 from relume.probe.ball.silhouette import RAYS, Cone, Outline
 from relume.probe.ball.windows import Pyramid, Window, outline_without
+from relume.probe.descent import down_across
 from relume.sphere.directions import normalised
 
 SEARCH_SIDE = 256

@@ -18,10 +18,10 @@ from functools import cache
 import numpy as np
 from scipy.ndimage import gaussian_filter, gaussian_filter1d, uniform_filter1d
 
-from relume.probe.descent import least_along
 from relume.probe.ball.edge_tracking import evened, profiles
 from relume.probe.ball.silhouette import Cone, Outline, cone_through, outline_of
 from relume.probe.ball.windows import Pyramid, Window, outline_within, outline_without
+from relume.probe.descent import least_along
 
 BLURS = (0.3, 0.4, 0.5, 0.65, 0.85, 1.1)
 """Standard deviations of the picture's blur that are tried, pixels; at the last the edge is lost."""
