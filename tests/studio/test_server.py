@@ -14,6 +14,7 @@ import pytest
 import relume as rl
 from relume.errors import RelumeError, UnreadableFile
 from relume.studio.library import Library
+from relume.studio.pages import PAGE, with_modules
 from relume.studio.pictures import Layer, OpenPicture, halved, open_picture
 from serving import Server, serving
 
@@ -21,7 +22,7 @@ pytest.importorskip("starlette", reason="the extra studio is not installed")
 uvicorn = pytest.importorskip("uvicorn", reason="the extra studio is not installed")
 
 WIDTH, HEIGHT = 1200, 600
-PAGE = Path(rl.__file__).parent / "studio" / "page"
+VIEW = ("canvas", "commands", "measured", "numbers", "requests", "shaders", "source", "tree")
 
 
 def light() -> rl.RadianceMap:
@@ -223,20 +224,16 @@ def test_the_first_picture_is_opened_before_it_is_asked_for_and_once(
     assert "digest" in pictures.picture(0).layers[0].__dict__ and opened == [files[0].name]
 
 
-@pytest.mark.parametrize("page", ["view.html", "stage/stage.html"])
-def test_a_page_asks_for_all_its_modules_at_once(page: str):
-    text = (PAGE / page).read_text("utf-8")
-    (entry,) = re.findall(r'<script type="module" src="/page/([^"]+)"', text)
-    found, waiting = set[str](), [entry]
-    while waiting:
-        module = waiting.pop()
-        for name in re.findall(r'^import .* from "(\.[^"]+)"', (PAGE / module).read_text("utf-8"), re.MULTILINE):
-            imported = os.path.normpath(Path(module).parent / name).replace(os.sep, "/")
-            if imported not in found:
-                found.add(imported)
-                waiting.append(imported)
-    # In its head, so that none waits until the module before it has come.
-    assert set(re.findall(r'<link rel="modulepreload" href="/page/([^"]+)"', text)) == found
+def test_a_page_asks_for_all_its_modules_at_once(server: Server):
+    head = server.ask("/", **server.cookie)[2].decode().split("</head>")[0]
+    named = re.findall(r'<link rel="modulepreload" href="/page/([^"]+)"', head)
+    assert sorted(named) == sorted(f"{each}.js" for each in VIEW) and head.index("modulepreload") < head.index(
+        "<script"
+    )
+    for page, among in (("stage/stage.html", "stage/sphere.js"), ("studio.html", "studio/panes/light.js")):
+        named = re.findall(r'href="/page/([^"]+\.js)"', with_modules(page))
+        assert among in named and "source.js" in named  # what its modules' own modules import
+        assert all((PAGE / each).is_file() for each in named) and len(set(named)) == len(named)
 
 
 def test_statistics_of_a_region_and_of_a_map(server: Server):

@@ -5,25 +5,23 @@ from __future__ import annotations
 import asyncio
 from collections.abc import Callable
 from dataclasses import dataclass
-from pathlib import Path
 from typing import Any
 
 from starlette.applications import Starlette
 from starlette.concurrency import run_in_threadpool
 from starlette.exceptions import HTTPException
 from starlette.requests import Request
-from starlette.responses import FileResponse, JSONResponse, Response
-from starlette.routing import Mount, Route, WebSocketRoute
-from starlette.staticfiles import StaticFiles
+from starlette.responses import JSONResponse, Response
+from starlette.routing import Route, WebSocketRoute
 from starlette.websockets import WebSocket, WebSocketDisconnect
 
 import relume as rl
 from relume.studio.library import Library
 from relume.studio.measuring import Box, differences, statistics, value_at, values
+from relume.studio.pages import page_routes
 from relume.studio.pictures import Layer, OpenPicture
 from relume.studio.ray_trees import SceneTrees
 
-PAGE = Path(__file__).parent / "page"
 WATCHED_EVERY = 1.0
 """Seconds between looks at the files."""
 UNKEPT = {"cache-control": "no-store"}
@@ -114,16 +112,12 @@ def application(library: Library, trees: SceneTrees | None = None) -> Starlette:
     """The application over a library of pictures, not yet guarded."""
     answers = Answers(library, trees)
 
-    def index(_request: Request) -> Response:
-        return FileResponse(PAGE / "view.html", headers=UNKEPT)
-
     return Starlette(
         routes=[
-            Route("/", index),
+            *page_routes("view.html"),
             *picture_routes(library, trees),
             Route("/tree", answered(answers.tree)),
             WebSocketRoute("/events", answers.events),
-            Mount("/page", StaticFiles(directory=PAGE)),
         ]
     )
 

@@ -14,13 +14,13 @@ from starlette.concurrency import run_in_threadpool
 from starlette.exceptions import HTTPException
 from starlette.requests import ClientDisconnect, Request
 from starlette.responses import FileResponse, JSONResponse, Response
-from starlette.routing import Mount, Route, WebSocketRoute
-from starlette.staticfiles import StaticFiles
+from starlette.routing import Route, WebSocketRoute
 from starlette.websockets import WebSocket
 
 import relume as rl
 from relume.studio.library import Library
-from relume.studio.routes import PAGE, UNKEPT, answered, closed, picture_routes
+from relume.studio.pages import page_routes
+from relume.studio.routes import UNKEPT, answered, closed, picture_routes
 from relume.studio.shots.ball import unwrapped
 from relume.studio.shots.board import board_camera
 from relume.studio.shots.cameras import camera_of
@@ -208,15 +208,12 @@ class Studio:
 def studio_application(studio: Studio) -> Starlette:
     """The application of a studio, not yet guarded."""
 
-    def index(_request: Request) -> Response:
-        return FileResponse(PAGE / "studio.html", headers=UNKEPT)
-
     def posted(path: str, endpoint: Callable[[Request, dict[str, Any]], Response]) -> Route:
         return Route(path, _posted(endpoint), methods=["POST"])
 
     return Starlette(
         routes=[
-            Route("/", index),
+            *page_routes("studio.html"),
             Route("/shot", answered(studio.shot)),
             posted("/shot/edit", studio.edit),
             posted("/shot/undo", studio.undo),
@@ -234,7 +231,6 @@ def studio_application(studio: Studio) -> Starlette:
             Route("/uploads", _uploaded(studio.upload), methods=["POST"]),
             *picture_routes(studio.library),
             WebSocketRoute("/events", studio.events),
-            Mount("/page", StaticFiles(directory=PAGE)),
         ]
     )
 

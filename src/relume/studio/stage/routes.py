@@ -12,15 +12,14 @@ from starlette.applications import Starlette
 from starlette.concurrency import run_in_threadpool
 from starlette.exceptions import HTTPException
 from starlette.requests import Request
-from starlette.responses import FileResponse, JSONResponse, Response
-from starlette.routing import Mount, Route
-from starlette.staticfiles import StaticFiles
+from starlette.responses import JSONResponse, Response
+from starlette.routing import Route
 
 import relume as rl
+from relume.studio.pages import page_routes
 from relume.studio.stage.lighting import light_of
 from relume.studio.stage.stage import OpenStage
 
-PAGE = Path(__file__).parents[1] / "page"
 UNKEPT = {"cache-control": "no-store"}
 LARGEST_REQUEST = 64 * 1024
 LARGEST_HALF = 65504.0
@@ -90,9 +89,6 @@ def stage_application(path: Path, maps: Sequence[Path]) -> Starlette:
     stage.start()
     answers = StageAnswers(stage)
 
-    def index(_request: Request) -> Response:
-        return FileResponse(PAGE / "stage" / "stage.html", headers=UNKEPT)
-
     async def picture(request: Request) -> Response:
         try:
             return await answers.picture(request)
@@ -101,13 +97,12 @@ def stage_application(path: Path, maps: Sequence[Path]) -> Starlette:
 
     return Starlette(
         routes=[
-            Route("/", index),
+            *page_routes("stage/stage.html"),
             Route("/stage", _answered(answers.facts)),
             Route("/stage/picture", picture, methods=["POST"]),
             Route("/stage/surface/{name}", _answered(answers.surface)),
             Route("/stage/maps/{number:int}", _answered(answers.map)),
             Route("/stage/value", _answered(answers.value)),
-            Mount("/page", StaticFiles(directory=PAGE)),
         ]
     )
 
