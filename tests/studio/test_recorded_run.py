@@ -101,14 +101,14 @@ def test_the_demos_composite_is_made_by_the_pointer_and_is_the_commands_to_the_b
         page.settle()
         for number in (4, 3, 2, 1, 0):
             facts = server.json("/objects")["objects"][number]
-            x, z = STANDS[number]
+            before = table(folder)["objects"][number]["stand"]
+            # Held in its middle; the pointer's ray meets the table somewhere behind, and moves as the object shall.
             height = 0.5 * (facts["high"][1] + facts["low"][1])
             start = lens.project(np.array([facts["foot"][0], height, facts["foot"][2]]))
-            seen = lens.rays_through(start[None])[0]
-            held = lens.position - seen * (lens.position[1] / seen[1])  # where the pointer's ray meets the table
-            target = np.array([held[0] + x - facts["foot"][0], 0.0, held[2] + z - facts["foot"][2]])
+            ray = lens.rays_through(start[None])[0]
+            held = lens.position - ray * (lens.position[1] / ray[1])
+            target = held + np.array([STANDS[number][0] - before[0], 0.0, STANDS[number][1] - before[1]])
             end = lens.project(target)
-            before = table(folder)["objects"][number]["stand"]
             page.drag((float(start[0]), float(start[1])), (float(end[0]), float(end[1])))
             page.until(lambda n=number, b=before: table(folder)["objects"][n]["stand"] != b, "the drag", 60)
             page.settle()

@@ -25,8 +25,9 @@ for needed in ("starlette", "uvicorn", "tomlkit"):
 
 ROOM = Path(__file__).resolve().parents[2] / "examples" / "room"
 POSTS = ["/shot/edit", "/shot/undo", "/opened", "/ball", "/board", "/light/mirrored", "/jobs/start", "/jobs/stop",
-         "/uploads?name=a.glb"]  # fmt: skip
-GETS = ["/", "/shot", "/brackets", "/thumbnail?path=plate.exr", "/objects", "/objects/0", "/results/report.html"]
+         "/uploads?name=a.glb", "/occluder"]  # fmt: skip
+GETS = ["/", "/shot", "/brackets", "/thumbnail?path=plate.exr", "/objects", "/objects/0", "/occluder?path=plate.exr",
+        "/results/report.html"]  # fmt: skip
 
 
 @pytest.fixture(scope="module")
@@ -108,6 +109,7 @@ OUTSIDE = ["../secret.jpg", "%2e%2e/secret.jpg", "..%2fsecret.jpg", "/etc/passwd
 def test_no_name_leads_out_of_the_folder(server: Server, name: str):
     from urllib.parse import unquote
 
+    assert server.ask(f"/occluder?path={name}", **server.cookie)[0] == 404
     status, _, body = server.ask(f"/thumbnail?path={name}", **server.cookie)
     assert status == 404 and b"root:" not in body
     for path, key in (("/opened", "path"), ("/ball", "path"), ("/board", "photograph")):
@@ -142,6 +144,13 @@ def test_uploads_get_names_of_their_own_and_overwrite_nothing(server: Server, fo
     for name in ("x.py", "shot.toml", "x.html", "x", "x.glb%00.sh"):
         assert server.post(f"/uploads?name={name}", b"x")[0] == 422
     assert sorted(each.name for each in (folder / "objects").iterdir()) == ["ball.glb"]
+
+
+def test_a_matte_that_is_no_png_is_refused(server: Server, folder: Path):
+    for content in (b"", b"<svg/>", b"\x89PNG\r\n\x1a\nbroken"):
+        status, answer = server.post("/occluder", content)
+        assert status == 422 and len(answer["error"].splitlines()) == 1
+    assert not list((folder / "mattes").glob("*"))
 
 
 def test_two_gigabytes_are_refused_before_they_are_sent(server: Server, folder: Path):

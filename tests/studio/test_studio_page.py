@@ -8,6 +8,7 @@ from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
+import cv2
 import numpy as np
 import pytest
 
@@ -174,6 +175,43 @@ def test_the_tables_side_is_dragged_to_where_it_ends(page: Tab, small: Path, sma
     page.drag(tuple(start), tuple(end))
     assert table(small)["local"][0]["size"] == pytest.approx([0.9, 0.8], abs=1e-4)
     assert table(small)["local"][0]["translate"] == pytest.approx([-0.05, 0, 0], abs=1e-4)
+
+
+def test_what_stands_in_front_is_painted_by_polygon_and_brush_and_hides_the_object(page: Tab, small: Path):
+    page.press("Alt+5")
+    page.click('button:text-is("Polygon")')
+    for x, y in ((80, 40), (100, 40), (100, 80), (60, 80)):
+        page.tab.mouse.click(*page.point_at(x, y))
+    page.settle()
+    # A corner dragged to where it belongs.
+    page.drag((60, 80), (80, 80))
+    page.click('button:text-is("Fill it")')
+    page.click('button:text-is("Eraser")')
+    page.tab.locator("#brush").fill("4")
+    page.drag((90, 70), (90, 78))
+    page.click('button:text-is("Keep it")')
+    page.until(lambda: "occluder" in table(small).get("match", {}), "the matte in the shot")
+    name = table(small)["match"]["occluder"]
+    picture = cv2.imread(str(small / name), cv2.IMREAD_UNCHANGED)
+    assert picture is not None
+    alpha = picture[..., 3]
+    assert alpha.shape == (128, 192)
+    assert (alpha[42:64, 82:98] == 255).all() and (alpha[:38] == 0).all() and (alpha[:, 104:] == 0).all()
+    assert (alpha[:, :78] == 0).all()  # the corner was dragged
+    assert (alpha[70:78, 88:92] == 0).all() and alpha[74, 84] == 255  # what was erased
+    # It covers the plate's own pixels again in the composite.
+    shot = rl.read_shot(small / "shot.toml")
+    rl.insert(shot, small / "masked")
+    composite, plate = (rl.read_radiance(small / each).radiance for each in ("masked/composite.exr", "plate.exr"))
+    assert np.array_equal(composite[alpha == 255], plate[alpha == 255])
+    assert not np.array_equal(composite[70:78, 88:92], plate[70:78, 88:92])
+    # Undone it is gone from the page too; done again it is there.
+    page.press("Control+z")
+    page.until(lambda: "occluder" not in table(small).get("match", {}), "the undo")
+    page.until(lambda: painted(page, 90, 50) == 0, "the page without it")
+    page.press("Control+Shift+Z")
+    page.until(lambda: painted(page, 90, 50) > 80, "the page with it")
+    assert "mattes" not in str(page.tab.evaluate("() => relume.studio.brackets.map((each) => each.name)"))
 
 
 def test_an_object_is_dragged_on_the_table_by_what_the_pointer_moved_there(
@@ -344,6 +382,14 @@ def test_axe_finds_nothing_serious_in_any_pane(page: Tab, browser: Any, room: Pa
             photographed.press(f"Alt+{step + 1}")
             found[f"photographs {step}"] = serious(photographed)
     assert {name: faults for name, faults in found.items() if faults} == {}
+
+
+def painted(page: Tab, x: float, y: float) -> int:
+    """How opaque the matte is drawn over a pixel of the picture."""
+    return page.tab.evaluate(
+        "([x, y]) => { const c = document.getElementById('matte'), s = relume.canvas.toScreen(x, y);"
+        "return c.getContext('2d').getImageData(s[0] | 0, s[1] | 0, 1, 1).data[3]; }", [x, y],
+    )  # fmt: skip
 
 
 def live_pixel(page: Tab, at: np.ndarray) -> list[int]:

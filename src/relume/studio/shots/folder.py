@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import hashlib
 import os
 import re
 import shutil
@@ -30,11 +31,14 @@ PICTURES = (
     ".arw",
     ".raf",
 )
+PNG = b"\x89PNG\r\n\x1a\n"
 LARGEST_UPLOAD = 1024**3
 """Bytes of a file that a page may hand over; a scan of ten million triangles has half of it."""
 ROOM_LEFT = 256 * 1024**2
 """Bytes that an upload leaves free on the disk, for the shot file and the kept stages."""
 DEEPEST, MOST_FILES = 4, 20_000
+MATTES = "mattes"
+"""The folder of what is painted in the page; it holds no photographs."""
 
 
 @dataclass(frozen=True)
@@ -81,7 +85,7 @@ class Folder:
                     return
                 if path.name.startswith(".") or path.is_symlink():
                     continue
-                if path.is_dir() and path != beside and depth < DEEPEST:
+                if path.is_dir() and path not in (beside, self.root / MATTES) and depth < DEEPEST:
                     waiting.append((path, depth + 1))
                 elif path.suffix.lower() in PICTURES and path.is_file():
                     yield path
@@ -112,6 +116,27 @@ class Folder:
             target = folder / f"{stem}-{number}{ending}"
         with rl.files.replacing(target) as temporary, open(temporary, "wb") as file:
             yield file, target
+
+    def matte(self, content: bytes) -> Path:
+        """Write a painted matte, a PNG, under a name of its content: what the shot named before is still there.
+
+        Raises ValueError for what is no PNG, OutputNotWritten.
+        """
+        if not content.startswith(PNG):
+            raise ValueError("a matte is a PNG")
+        folder = self.root / MATTES
+        if folder.is_symlink():
+            raise ValueError(f"{MATTES} is a link elsewhere; nothing is written there")
+        target = folder / f"occluder-{hashlib.blake2b(content, digest_size=5).hexdigest()}.png"
+        try:
+            folder.mkdir(exist_ok=True)
+        except OSError as error:
+            raise rl.errors.OutputNotWritten(f"{folder}: cannot be made ({error.strerror})") from None
+        if not target.is_file():
+            with rl.files.replacing(target) as temporary:
+                temporary.write_bytes(content)
+                rl.files.read_facts(temporary)
+        return target
 
     def room(self) -> int:
         """Bytes that may still be written."""

@@ -32,6 +32,8 @@ from relume.studio.shots.photographs import Thumbnails, brackets
 
 LARGEST_BODY = 1024**2
 """Bytes of a request that edits; the largest of ours has some thousand."""
+LARGEST_MATTE = 64 * 1024**2
+"""Bytes of a painted matte: as many as a plate of 60 megapixels may have."""
 LOOKED_AT_EVERY = 0.2
 """Seconds between looks at the shot file and the job for each window."""
 SHOWN_RESULTS = ("report.html", "composite.png", "preview.png")
@@ -187,6 +189,22 @@ class Studio:
                 await run_in_threadpool(file.write, chunk)
         return _json({"path": self.folder.name(target)})
 
+    async def keep_matte(self, request: Request) -> Response:
+        """Keep what was painted in front of the objects."""
+        content = bytearray()
+        async for chunk in request.stream():
+            content += chunk
+            if len(content) > LARGEST_MATTE:
+                raise HTTPException(413, f"the matte is too large; up to {LARGEST_MATTE / 1e6:.0f} MB are taken")
+        return _json({"path": self.folder.name(await run_in_threadpool(self.folder.matte, bytes(content)))})
+
+    def matte(self, request: Request) -> Response:
+        """A painted matte of the folder, as it is."""
+        path = self.folder.path(request.query_params.get("path", ""))
+        if rl.files.kind_of(path) not in ("PNG", "JPEG"):
+            raise rl.errors.UnreadableFile(f"{path.name}: a browser shows no such matte; it counts all the same")
+        return FileResponse(path, headers=UNKEPT)
+
     async def events(self, socket: WebSocket) -> None:
         """Says what the studio is, whenever that changes, until the window is closed."""
         await socket.accept()
@@ -228,6 +246,8 @@ def studio_application(studio: Studio) -> Starlette:
             Route("/objects", answered(studio.objects)),
             Route("/objects/{number:int}", answered(studio.mesh)),
             Route("/results/{name}", answered(studio.result)),
+            Route("/occluder", answered(studio.matte), methods=["GET"]),
+            Route("/occluder", _uploaded(studio.keep_matte), methods=["POST"]),
             Route("/uploads", _uploaded(studio.upload), methods=["POST"]),
             *picture_routes(studio.library),
             WebSocketRoute("/events", studio.events),

@@ -12,7 +12,7 @@ export function deliverPane(studio) {
 
   return {
     name: "Deliver",
-    keys: ["render", "match", "sequence"],
+    keys: ["render", "sequence"],
     build() {
       const { job, results, out, fault } = studio.state, going = ["waiting", "running", "stopping"].includes(job.status);
       const result = job.status === "done" ? job.result : null;

@@ -1,12 +1,14 @@
 // Place: the table drawn on the photograph, with what is known of its reflectance; the walls that the light comes from.
 
 import { at, choiceField, make, numberField, rounded, typed, vectorField } from "../fields.js";
+import { occluder } from "./occluder.js";
 import { line, onPlane, project } from "../projection.js";
 
 /** @param {import("../studio.js").Studio} studio @returns {import("../studio.js").Pane} */
 export function placePane(studio) {
   /** The rectangle while it is dragged: left, right, back, front. @type {number[] | null} */ let dragged = null;
 
+  const front = occluder(studio);
   const tables = () => studio.state.table.local ?? [];
   const index = () => tables().findIndex((/** @type {any} */ each) => each.shape === "plane");
   const plane = () => tables()[index()] ?? null;
@@ -60,7 +62,7 @@ export function placePane(studio) {
 
   return {
     name: "Place",
-    keys: ["local"],
+    keys: ["local", "match"],
     build() {
       const table = plane(), i = index(), found = studio.measured?.reflectance ?? [];
       const known = [["found in every pixel", "recover"], ["found, one colour", "recover even"],
@@ -89,13 +91,22 @@ export function placePane(studio) {
         ...(at(studio.state.table, ["light", "distant", "shape"]) === "box" ? [
           vectorField(studio, "Low corner", ["light", "distant", "low"], ["x", "y", "z"]), vectorField(studio, "High corner", ["light", "distant", "high"], ["x", "y", "z"]),
         ] : []),
+        ...front.build(),
         typed(`relume insert shot.toml --dry-run -o ${studio.state.out}`, 'import relume as rl\n\nprint(rl.read_shot("shot.toml").surfaces())'),
       ];
     },
-    shown: () => void (studio.platePath && studio.show(studio.platePath)),
+    async shown() {
+      if (studio.platePath) await studio.show(studio.platePath);
+      front.shown();
+    },
+    hidden: front.hidden,
+    changed: front.changed,
+    drawn: front.drawn,
+    clicked: front.clicked,
+    drag: front.drag,
     drawing() {
-      const s = sides(), view = lens();
-      if (!view || !s || studio.shownPath !== studio.platePath) return {};
+      const s = sides(), view = lens(), painted = front.drawing();
+      if (painted.handles || !view || !s || studio.shownPath !== studio.platePath) return painted;
       const y = height(), corners = [[s[0], y, s[2]], [s[1], y, s[2]], [s[1], y, s[3]], [s[0], y, s[3]]];
       const edge = corners.flatMap((corner, i) => line(view, corner, corners[(i + 1) % 4])).filter(([a]) => Number.isFinite(a));
       const middle = [[s[0], y, (s[2] + s[3]) / 2], [s[1], y, (s[2] + s[3]) / 2], [(s[0] + s[1]) / 2, y, s[2]], [(s[0] + s[1]) / 2, y, s[3]]];
