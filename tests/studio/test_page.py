@@ -267,6 +267,23 @@ def test_frames_that_come_slowly_are_rough_while_they_move_and_sharp_after(page:
     assert shown == pytest.approx(encoded(gradient()[0, 300]), abs=1.01)
 
 
+@pytest.mark.parametrize("mode", ["picture", "wipe", "difference", "inside"])
+def test_a_rough_frame_shows_what_the_sharp_one_does(page: Page, mode: str):
+    page.tab.locator("#files button").nth(1).click(button="right")
+    page.settle()
+    page.tab.evaluate("(mode) => relume.canvas.set({ mode, wipe: 0.3 })", mode)
+    page.settle()
+    shown = page.tab.evaluate(
+        "() => [false, true].map((rough) => { const c = relume.canvas, gl = c.gl; c.drawNow(rough);"
+        " return [0.1, 0.25, 0.35, 0.6, 0.8].map((x) => { const out = new Uint8Array(4);"
+        " gl.readPixels(Math.floor(x * c.canvas.width), Math.floor(0.55 * c.canvas.height), 1, 1, gl.RGBA,"
+        " gl.UNSIGNED_BYTE, out); return Array.from(out); }); })"
+    )
+    sharp, rough = np.array(shown)
+    # Light doubles in 40 columns: the pixels beside each other, of which a rough frame shows one, are 4 codes apart.
+    assert np.abs(sharp - rough).max() <= 6 and np.ptp(sharp[:, 0]) > 60, (sharp, rough)
+
+
 def test_no_element_lacks_a_name_and_nothing_leaves_a_small_window(page: Page):
     nameless = page.tab.evaluate(
         "() => [...document.querySelectorAll('button, input, [role=slider]')].filter((e) => !(e.textContent.trim() ||"
