@@ -236,8 +236,8 @@ export class HdrCanvas {
     gl.uniform1i(linked.at("tile"), 0);
     gl.activeTexture(gl.TEXTURE0);
     source.begin();
-    /** The tiles of a level that are seen; null for those that have not come. @param {number} level */
-    const seen = (level) => {
+    /** The tiles of a level that are seen; null for those that have not come. @param {number} level @param {boolean} needed */
+    const seen = (level, needed) => {
       const [w, h] = sizes[level], across = width / w, down = height / h, found = [];
       const first = [Math.max(0, Math.floor(left / across / TILE)), Math.max(0, Math.floor(top / down / TILE))];
       const last = [
@@ -245,16 +245,17 @@ export class HdrCanvas {
         Math.min(Math.ceil(h / TILE) - 1, Math.floor(bottom / down / TILE)),
       ];
       for (let row = first[1]; row <= last[1]; row++) for (let column = first[0]; column <= last[0]; column++) {
-        found.push({ tile: source.tile(level, column, row), column, row });
+        found.push({ tile: source.tile(level, column, row, needed), column, row });
       }
       return found;
     };
-    // The smallest level first: what has not come yet is seen less sharply until it has.
-    const sharp = seen(wanted), complete = sharp.every(({ tile }) => tile);
+    // The smallest level first: what has not come yet is seen less sharply until it has. What was seen before one enlarged
+    // is sharper, and is not fetched for this alone.
+    const sharp = seen(wanted, true), complete = sharp.every(({ tile }) => tile);
     const coarser = complete ? [] : [...new Set([sizes.length - 1, wanted + 1])].filter((each) => each > wanted && each < sizes.length);
     for (const level of [...coarser, wanted]) {
       const [w, h] = sizes[level], across = width / w, down = height / h;
-      for (const { tile, column, row } of level === wanted ? sharp : seen(level)) {
+      for (const { tile, column, row } of level === wanted ? sharp : seen(level, level === sizes.length - 1)) {
         if (!tile) continue;
         const [x0, y0] = this.toScreen(column * TILE * across, row * TILE * down);
         const [x1, y1] = this.toScreen(

@@ -42,8 +42,9 @@ export class Source {
     return Math.min(Math.max(wanted, 0), this.layer.sizes.length - 1);
   }
 
-  /** The tile, or null; asked for where it is not there yet. @param {number} level @param {number} column @param {number} row */
-  tile(level, column, row) {
+  /** The tile, or null; asked for where it is not there yet, unless it is not needed.
+   * @param {number} level @param {number} column @param {number} row @param {boolean} needed */
+  tile(level, column, row, needed) {
     const key = `${level}/${column}/${row}`;
     const found = this.tiles.get(key);
     if (found) {
@@ -51,7 +52,7 @@ export class Source {
       this.tiles.set(key, found);
       return found;
     }
-    if (!this.coming.has(key) && !this.wanted.includes(key)) this.wanted.push(key);
+    if (needed && !this.coming.has(key) && !this.wanted.includes(key)) this.wanted.push(key);
     return null;
   }
 
