@@ -31,6 +31,7 @@ export class HdrCanvas {
     /** @type {Source | null} */ this.other = null;
     /** @type {WebGLTexture | null} */ this.map = null;
     this.mapScale = 1;
+    this.mapTiles = 0; // that are still to come
     this.view = {
       x: 0, y: 0, zoom: 1, stops: 0, channel: 0, falseColour: false, low: -10, high: 10, clipping: false, marked: false,
       /** @type {Mode} */ mode: "picture", wipe: 0.5, wipeLies: false, gain: 1, yaw: 0, pitch: 0, field: Math.PI / 2,
@@ -336,7 +337,8 @@ export class HdrCanvas {
     this.mapScale = scale;
     const stop = new AbortController();
     for (let row = 0; row * TILE < height; row++) for (let column = 0; column * TILE < width; column++) {
-      source.fetched(level, column, row, stop.signal).then((bytes) => {
+      this.mapTiles++;
+      source.fetched(level, column, row, stop.signal).finally(() => this.mapTiles--).then((bytes) => {
         if (this.map !== map) return;
         const w = Math.min(TILE, width - column * TILE), h = Math.min(TILE, height - row * TILE);
         gl.bindTexture(gl.TEXTURE_2D, map);
@@ -390,7 +392,7 @@ export class HdrCanvas {
 
   /** Whether every tile of the last frame is there. */
   get settled() {
-    return !this.asked && !this.rough && (this.one?.settled ?? true) && (this.other?.settled ?? true);
+    return !this.asked && !this.rough && !this.mapTiles && (this.one?.settled ?? true) && (this.other?.settled ?? true);
   }
 }
 
