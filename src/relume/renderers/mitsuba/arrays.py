@@ -9,6 +9,9 @@ import numpy as np
 from relume.scene.materials.materials import Colour
 from relume.scene.shapes.shapes import Mesh
 
+ALIGNMENT = 64
+"""Bytes: what the widest vectors of a processor hold."""
+
 
 def rgb(colour: Colour | np.ndarray) -> dict[str, Any]:
     """A colour in Mitsuba's words."""
@@ -44,6 +47,19 @@ def _bitmap_words(mi: Any, image: np.ndarray) -> dict[str, Any]:
     return {"type": "bitmap", "bitmap": bitmap, "raw": True}
 
 
+def aligned(values: np.ndarray, kind: type[np.generic]) -> np.ndarray:
+    """All values in one row, of a kind, in memory that begins where Dr.Jit's own does.
+
+    Dr.Jit takes NumPy's memory as it lies, and compiles other kernels where it lies otherwise.
+    """
+    flat = np.ravel(values)
+    memory = np.empty(flat.size * np.dtype(kind).itemsize + ALIGNMENT, np.uint8)
+    skipped = -memory.ctypes.data % ALIGNMENT
+    row = memory[skipped : len(memory) - ALIGNMENT + skipped].view(kind)
+    row[:] = flat
+    return row
+
+
 def triangles(mi: Any, mesh: Mesh, parts: dict[str, Any]) -> Any:
     """Triangles as a Mitsuba mesh, with the surface, emitter and medium that `parts` says; `uv` as Mitsuba has it."""
     properties = mi.Properties()
@@ -55,9 +71,9 @@ def triangles(mi: Any, mesh: Mesh, parts: dict[str, Any]) -> Any:
         has_vertex_normals=mesh.normals is not None, has_vertex_texcoords=mesh.uv is not None,
     )  # fmt: skip
     parameters = mi.traverse(built)
-    parameters["faces"] = np.ravel(mesh.faces).astype(np.uint32)
+    parameters["faces"] = aligned(mesh.faces, np.uint32)
     for name, values in arrays.items():
         if values is not None:
-            parameters[name] = np.ravel(values).astype(np.float32)
+            parameters[name] = aligned(values, np.float32)
     parameters.update()
     return built

@@ -12,6 +12,7 @@ import numpy as np
 
 from relume.renderers.mitsuba.materials import bsdf, emission, filling
 from relume.renderers.mitsuba.scene import _shape
+from relume.renderers.mitsuba.transport import opaque
 from relume.renderers.mitsuba.transport.caustics import caustics
 from relume.renderers.mitsuba.transport.guides import first_scattered
 from relume.renderers.mitsuba.transport.lens import Lens
@@ -68,7 +69,7 @@ class Estimator:
         )  # fmt: skip
         self.camera, self.lens, self.guide = camera, Lens(camera), Guide(scene.objects)
         round_them = (bounding_sphere(solid) for solid, sent in zip(scene.objects, smooth, strict=True) if sent)
-        self.spheres = [(mi.Point3f(*map(float, centre)), float(radius)) for centre, radius in round_them]
+        self.spheres = [opaque.sphere(*each) for each in round_them]
         # What is level never meets itself, in however many pieces: no path goes on without the objects.
         heights = [_corners(shape)[:, 1] for shape in scene.local]
         self.alone = not heights or float(np.ptp(np.concatenate(heights))) == 0

@@ -8,6 +8,7 @@ import drjit as dr
 import mitsuba as mi
 import numpy as np
 
+from relume.renderers.mitsuba.transport import opaque
 from relume.scene.cameras.camera import Camera
 
 FAR = 1e5
@@ -19,19 +20,18 @@ class Lens:
 
     def __init__(self, camera: Camera) -> None:
         self.camera = camera
-        # Numbers that the parts of a picture do not share: compiled into the kernels they would make new ones of each.
-        self.across, self.down = (dr.opaque(mi.Float, float(v)) for v in camera.principal_point)
-        self.focus = min(float(camera.focus), FAR)
-        self.turn = mi.Matrix3f(camera.rotation.tolist())
-        self.back = mi.Matrix3f(camera.rotation.T.tolist())
-        self.place = mi.Point3f(*map(float, camera.position))
+        self.across, self.down = map(opaque.number, camera.principal_point)
+        self.focus, self.focal_length = opaque.number(min(float(camera.focus), FAR)), opaque.number(camera.focal_length)
+        self.turn, self.back = opaque.matrix(camera.rotation), opaque.matrix(camera.rotation.T)
+        self.place = opaque.point(camera.position)
+        self.aperture = opaque.number(camera.aperture)
         self.straight = None if camera.distortion is None else _straight(camera)
 
     def rays(self, x: Any, y: Any, aperture: Any) -> Any:
         """Rays through pixel coordinates; `aperture`, two numbers from 0 to 1, is where they go through the lens."""
         camera = self.camera
         if self.straight is None:
-            across, up = (x - self.across) / camera.focal_length, (self.down - y) / camera.focal_length
+            across, up = (x - self.across) / self.focal_length, (self.down - y) / self.focal_length
         else:
             # Corner samples of the pixels, so that what lies between is within a thousandth of a pixel.
             u, v = (x + 0.5) / (camera.width + 1), (y + 0.5) / (camera.height + 1)
@@ -45,7 +45,7 @@ class Lens:
         """Where a ray goes through the lens, from its middle and in the camera's frame."""
         if not self.camera.aperture > 0:
             return mi.Vector3f(0)
-        disc = self.camera.aperture * mi.warp.square_to_uniform_disk_concentric(aperture)
+        disc = self.aperture * mi.warp.square_to_uniform_disk_concentric(aperture)
         return mi.Vector3f(disc.x, disc.y, 0)
 
     def seen_at(self, si: Any, aperture: Any, active: Any) -> tuple[Any, Any, Any]:
@@ -69,10 +69,10 @@ class Lens:
             across, down, stretch, upright = _distorted(camera, across, -up)
             up = -down
             ahead &= upright
-        x = self.across + camera.focal_length * across
-        y = self.down - camera.focal_length * up
+        x = self.across + self.focal_length * across
+        y = self.down - self.focal_length * up
         ahead &= (x >= 0) & (x < camera.width) & (y >= 0) & (y < camera.height)
-        factor = dr.square(camera.focal_length / distance) * stretch / (cosine * cosine * cosine)
+        factor = dr.square(self.focal_length / distance) * stretch / (cosine * cosine * cosine)
         back = si.spawn_ray(way / distance)
         back.maxt = distance * (1 - 1e-4)
         return mi.Point2f(x, y), dr.select(ahead, factor, 0), back

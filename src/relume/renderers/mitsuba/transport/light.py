@@ -9,6 +9,7 @@ import mitsuba as mi
 import numpy as np
 
 from relume.errors import UnsupportedScene
+from relume.renderers.mitsuba.transport import opaque
 from relume.renderers.mitsuba.transport.light_map import FAR, LightMap
 from relume.renderers.mitsuba.transport.sampling import Sample, Spheres, aimed, beside, parallel
 from relume.scene.lights import DistantLight, PointLight, SphereLight, SquareLaw
@@ -24,9 +25,8 @@ class _SphereLamp:
     """A sphere that shines."""
 
     def __init__(self, light: SphereLight) -> None:
-        # Python's own numbers: one of NumPy's times a symbolic one would be evaluated.
-        self.centre, self.radius = mi.Point3f(*map(float, light.position)), float(light.radius)
-        self.radiance = mi.Color3f(*map(float, light.radiance))
+        self.centre, self.radius = opaque.sphere(light.position, light.radius)
+        self.radiance = mi.Color3f(opaque.point(light.radiance))
 
     def distance(self, place: Any, direction: Any) -> Any:
         """How far along a ray it begins; infinity where it is missed or left from within."""
@@ -70,8 +70,8 @@ class _PointLamp:
     def __init__(self, light: PointLight) -> None:
         if not isinstance(light.falloff, SquareLaw):
             raise UnsupportedScene("points of light fall with the square of the distance here; use the square law")
-        self.place = mi.Point3f(*map(float, light.position))
-        self.intensity = mi.Color3f(*map(float, light.intensity))
+        self.place = opaque.point(light.position)
+        self.intensity = mi.Color3f(opaque.point(light.intensity))
 
     def sample(self, place: Any, point: Any, active: Any) -> Sample:
         way = self.place - place
@@ -87,8 +87,8 @@ class _Sun:
     """Parallel light."""
 
     def __init__(self, light: DistantLight) -> None:
-        self.direction = mi.Vector3f(*map(float, normalised(light.towards)))
-        self.irradiance = mi.Color3f(*map(float, light.irradiance))
+        self.direction = mi.Vector3f(opaque.point(normalised(light.towards)))
+        self.irradiance = mi.Color3f(opaque.point(light.irradiance))
 
     def sample(self, place: Any, point: Any, active: Any) -> Sample:
         return Sample(self.direction, mi.Float(FAR), self.irradiance, mi.Float(0), mi.Bool(True))
@@ -124,12 +124,14 @@ class SceneLight:
             self.shares = self.shares / self.shares.sum() + 0.02
             self.shares = self.shares / self.shares.sum()
         # Between what cones find well and what blinds: a few times the mean.
-        self.bright = BRIGHT * float(scene.light.total().mean()) / (4 * np.pi)
+        bright = BRIGHT * float(scene.light.total().mean()) / (4 * np.pi)
         self.emitting = self.shares.copy()
         if self.map is not None:
-            self.emitting[0] *= self.map.prepare_emission(self.bright)
+            self.emitting[0] *= self.map.prepare_emission(bright)
         if self.emitting.any():
             self.emitting /= self.emitting.sum()
+        self.bright = opaque.number(bright)
+        self._sampled, self._sent = ([*map(opaque.number, shares)] for shares in (self.shares, self.emitting))
 
     @property
     def even(self) -> bool:
@@ -147,7 +149,7 @@ class SceneLight:
         weight, density, valid = mi.Color3f(0), mi.Float(0), mi.Bool(False)
         low = 0.0
         for index, source in enumerate(self.sources):
-            share = float(self.shares[index])
+            share = self._sampled[index]
             mine = active & (choice >= low) & ((choice < low + share) | (index == len(self.shares) - 1))
             low += share
             found = source.sample(place, point, mine)
@@ -177,11 +179,11 @@ class SceneLight:
             far = active & dr.isinf(surface)
             radiance, chance = self.map.seen(place, direction, far)
             radiance = dr.select(dim, radiance * self.dimmed(radiance), radiance)
-            weight = _weight(density, looks * chance * float(self.shares[0]))
+            weight = _weight(density, looks * chance * self._sampled[0])
             total += dr.select(far, radiance * weight, 0)
         for index, sphere in enumerate(self.spheres):
             distance = sphere.distance(place, direction)
-            share = float(self.shares[index + (self.map is not None)])
+            share = self._sampled[index + (self.map is not None)]
             weight = _weight(density, looks * share / sphere.solid_angle(place))
             met = active & (distance < surface) & (distance > beyond) & ~mi.Bool(dim)
             total += dr.select(met, sphere.radiance * weight, 0)
@@ -199,9 +201,9 @@ class SceneLight:
         ray, flux, valid = dr.zeros(mi.Ray3f), mi.Color3f(0), mi.Bool(False)
         low = 0.0
         for index, source in enumerate(self.sources):
-            share = float(self.emitting[index])
-            if share == 0:
+            if not self.emitting[index]:
                 continue
+            share = self._sent[index]
             mine = active & (choice >= low) & ((choice < low + share) | (index == len(self.emitting) - 1))
             low += share
             point, aim = mi.Point2f(first, second), mi.Point2f(third, fourth)

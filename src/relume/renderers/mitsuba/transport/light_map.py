@@ -15,6 +15,7 @@ import numpy as np
 
 from relume.light.reflection.convolution import as_latlong
 from relume.renderers.mitsuba.arrays import triangles
+from relume.renderers.mitsuba.transport import opaque
 from relume.renderers.mitsuba.transport.sampling import Sample, Spheres, aimed, parallel
 from relume.scene.materials.materials import Diffuse
 from relume.scene.scene import Box, Dome, Enclosure, Infinite, Scene
@@ -40,7 +41,11 @@ class LightMap:
         )
         self.flux, self.chances, self.density = _by_flux(self.tall)
         self.distant = scene.distant
-        self.probe = mi.Point3f(*map(float, scene.probe))
+        self.probe = opaque.point(scene.probe)
+        if isinstance(scene.distant, Box):
+            self.low, self.high = opaque.point(scene.distant.low), opaque.point(scene.distant.high)
+        if isinstance(scene.distant, Dome):
+            self.centre, self.radius = opaque.sphere(scene.distant.centre, scene.distant.radius)
         self.enclosure = None
         if isinstance(scene.distant, Enclosure):
             mesh = Mesh(scene.distant.vertices, scene.distant.faces, Diffuse((0.0, 0.0, 0.0)), name="distant")
@@ -52,7 +57,7 @@ class LightMap:
         if not scale.any():
             return 0.0
         flux, self.emissions, self.emission = _by_flux(self.tall * scale[..., None])
-        self.bright = bright
+        self.bright = opaque.number(bright)
         return flux / max(self.flux, 1e-300)
 
     def emit(self, spheres: Spheres, which: Any, point: Any, aim: Any, active: Any) -> tuple[Any, Any, Any]:
@@ -141,8 +146,7 @@ class LightMap:
     def reach(self, place: Any, direction: Any, active: Any) -> tuple[Any, Any]:
         """How far the distant scene is along a ray, and its normal there."""
         if isinstance(self.distant, Box):
-            low, high = mi.Point3f(*map(float, self.distant.low)), mi.Point3f(*map(float, self.distant.high))
-            wall = dr.select(direction > 0, high, low)
+            wall = dr.select(direction > 0, self.high, self.low)
             ways = dr.select(dr.abs(direction) > 1e-9, (wall - place) / direction, FAR)
             distance = dr.min(ways)
             normal = mi.Vector3f(dr.select(ways.x == distance, 1, 0), 0, 0)
@@ -150,11 +154,11 @@ class LightMap:
             normal.z = dr.select(normal.x + normal.y == 0, 1, 0)
             return dr.maximum(distance, 1e-6), normal
         if isinstance(self.distant, Dome):
-            away = place - mi.Point3f(*map(float, self.distant.centre))
+            away = place - self.centre
             along = dr.dot(away, direction)
-            distance = -along + dr.safe_sqrt(along**2 - dr.squared_norm(away) + self.distant.radius**2)
+            distance = -along + dr.safe_sqrt(along**2 - dr.squared_norm(away) + self.radius**2)
             distance = dr.maximum(distance, 1e-6)
-            return distance, (away + distance * direction) / self.distant.radius
+            return distance, (away + distance * direction) / self.radius
         assert self.enclosure is not None
         ray = mi.Ray3f(place, direction)
         met = self.enclosure.ray_intersect_preliminary(ray, active=active)

@@ -11,6 +11,8 @@ import drjit as dr
 import mitsuba as mi
 import numpy as np
 
+from relume.renderers.mitsuba.arrays import aligned
+from relume.renderers.mitsuba.transport import opaque
 from relume.scene.shapes.shapes import Solid, bounding_sphere
 
 PLANE = (0.7548776662466927, 0.5698402909980532)
@@ -21,7 +23,7 @@ MOST_CONES = 8
 WIDEST = 0.999999
 """Of the sine of a cone's half angle: from within a bounding sphere every direction of a hemisphere leads to it."""
 
-Spheres = list[tuple[Any, float]]
+Spheres = list[tuple[Any, Any]]
 """Centres and radii of what bounds objects."""
 
 
@@ -37,7 +39,7 @@ class Numbers:
     def __init__(self, pixels: np.ndarray, samples: int, seed: int) -> None:
         count = pixels.size * samples
         index = dr.arange(mi.UInt32, count)
-        self.pixel: Any = dr.gather(mi.UInt32, mi.UInt32(pixels), index // samples)
+        self.pixel: Any = dr.gather(mi.UInt32, mi.UInt32(aligned(pixels, np.uint32)), index // samples)
         self.sample = index % samples
         self.seed: Any = dr.opaque(mi.UInt32, seed & 0xFFFFFFFF)
         # A ray's stream goes by its pixel and not by its place in the list, which PCG32 adds to both.
@@ -120,7 +122,7 @@ def aimed(spheres: Spheres, which: Any, point: Any, place: Any) -> tuple[Any, An
 def parallel(spheres: Spheres, which: Any, point: Any, towards: Any, radiance: Any) -> tuple[Any, Any, Any]:
     """A ray of parallel light through the disc of one of several spheres, and its flux."""
     frame = mi.Frame3f(towards)
-    centre, radius = spheres[0][0], mi.Float(spheres[0][1])
+    centre, radius = spheres[0]
     for index, (c, r) in enumerate(spheres):
         mine = which >= index / len(spheres)
         centre, radius = dr.select(mine, c, centre), dr.select(mine, r, radius)
@@ -142,7 +144,7 @@ class Guide:
     """Cones about the spheres that bound the objects."""
 
     def __init__(self, objects: Sequence[Solid]) -> None:
-        self.spheres = [(mi.Point3f(*map(float, c)), float(r)) for c, r in _grouped(objects)]
+        self.spheres = [opaque.sphere(*each) for each in _grouped(objects)]
 
     def cones(self, place: Any, normal: Any) -> list[tuple[Any, Any, Any]]:
         """Of each sphere seen from a place: axis, 1 − cos of the half angle, and its share of the samples."""
