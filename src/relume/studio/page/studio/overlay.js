@@ -98,7 +98,8 @@ export class Overlay {
       return found;
     };
     for (const line of lines) {
-      const d = line.d.filter((part) => part.length > 1).map((part) => `M${part.filter(([x, y]) => Number.isFinite(x + y))
+      // What lies behind the camera has no place in the picture.
+      const d = line.d.map((part) => part.filter(([x, y]) => Number.isFinite(x + y))).filter((part) => part.length > 1).map((part) => `M${part
         .map(([x, y]) => screen(x, y).map((each) => each.toFixed(2)).join(",")).join("L")}${line.closed ? "Z" : ""}`).join("");
       for (const [key, name] of [[`under ${line.key}`, "under"], [`line ${line.key}`, line.className ?? ""]]) {
         const path = element(key, "path");

@@ -105,8 +105,12 @@ export class Studio {
   async show(path, where = "folder", fit = false) {
     const turn = ++this.turn;
     return this.attempt(async () => {
-      const { number } = await post("/opened", { path, where });
-      const facts = await this.factsOf(number);
+      // A preview may be gone by now: the job that wrote it has ended.
+      const found = await post("/opened", { path, where }).catch((error) => {
+        if (!(where === "results" && error instanceof Refused && error.status === 404)) throw error;
+      });
+      if (!found) return;
+      const { number } = found, facts = await this.factsOf(number);
       if (turn !== this.turn) return;
       const before = this.facts.get(this.number);
       this.number = number;
