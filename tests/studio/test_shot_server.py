@@ -24,7 +24,8 @@ for needed in ("starlette", "uvicorn", "tomlkit"):
     pytest.importorskip(needed, reason="the extra studio is not installed")
 
 ROOM = Path(__file__).resolve().parents[2] / "examples" / "room"
-POSTS = ["/shot/edit", "/shot/undo", "/opened", "/ball", "/board", "/light/mirrored", "/jobs/start", "/jobs/stop",
+POSTS = ["/shot/edit", "/shot/undo", "/opened", "/ball", "/board", "/light/mirrored", "/light/edited", "/light/slice",
+         "/light/painted", "/jobs/start", "/jobs/stop",
          "/uploads?name=a.glb", "/occluder"]  # fmt: skip
 GETS = ["/", "/shot", "/brackets", "/thumbnail?path=plate.exr", "/objects", "/objects/0", "/occluder?path=plate.exr",
         "/results/report.html"]  # fmt: skip

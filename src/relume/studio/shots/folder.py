@@ -37,8 +37,8 @@ LARGEST_UPLOAD = 1024**3
 ROOM_LEFT = 256 * 1024**2
 """Bytes that an upload leaves free on the disk, for the shot file and the kept stages."""
 DEEPEST, MOST_FILES = 4, 20_000
-MATTES = "mattes"
-"""The folder of what is painted in the page; it holds no photographs."""
+MATTES, PAINT = "mattes", "paint"
+"""The folders of what is painted in the page, and of what is cut out for paint programs; they hold no photographs."""
 
 
 @dataclass(frozen=True)
@@ -85,7 +85,7 @@ class Folder:
                     return
                 if path.name.startswith(".") or path.is_symlink():
                     continue
-                if path.is_dir() and path not in (beside, self.root / MATTES) and depth < DEEPEST:
+                if path.is_dir() and path not in (beside, self.root / MATTES, self.root / PAINT) and depth < DEEPEST:
                     waiting.append((path, depth + 1))
                 elif path.suffix.lower() in PICTURES and path.is_file():
                     yield path

@@ -27,6 +27,7 @@ from relume.studio.shots.cameras import camera_of
 from relume.studio.shots.document import Conflict, Document
 from relume.studio.shots.folder import LARGEST_UPLOAD, Folder
 from relume.studio.shots.jobs import Jobs
+from relume.studio.shots.light_edits import cut_slice, edited_map, painted_map, pointed_at
 from relume.studio.shots.objects import mesh_bytes, object_facts
 from relume.studio.shots.photographs import Thumbnails, brackets
 
@@ -145,6 +146,42 @@ class Studio:
             raise ValueError("there is no object at this point; click one where it shall mirror the light")
         return _json({"direction": found.direction, "point": found.point, "normal": found.normal})
 
+    def edited_light(self, _request: Request, body: dict[str, Any]) -> Response:
+        """The light turned, brightened or converted, as the shot's finished map."""
+        return self._as_light(*edited_map(self._light(), self.folder, body), body)
+
+    def painted_light(self, _request: Request, body: dict[str, Any]) -> Response:
+        """The light with what was painted on its slice, as the shot's finished map."""
+        return self._as_light(*painted_map(self._light(), self.folder, body), body)
+
+    def slice(self, _request: Request, body: dict[str, Any]) -> Response:
+        """A slice of the light to paint on."""
+        return _json(cut_slice(self._light(), self.folder, body))
+
+    def _light(self) -> Path:
+        """The shot's finished map, or the map that was measured last."""
+        light = self.document.table.get("light", {})
+        if isinstance(light, dict) and isinstance(light.get("map"), str):
+            return self.folder.path(light["map"])
+        if not (self.scratch / "light.exr").is_file():
+            raise ValueError("the light is not measured yet; measure it first")
+        return self.scratch / "light.exr"
+
+    def _as_light(self, path: Path, facts: dict[str, Any], body: dict[str, Any]) -> Response:
+        """The shot with another map for its light; the map goes where the edit is refused."""
+        table, revision = self.document.table, body.get("revision")
+        views = self._named((table.get("light", {}).get("balls") or [{}])[0])
+        try:
+            if not isinstance(revision, int):
+                raise ValueError("give the revision that this is made to")
+            photograph = views[len(views) // 2] if views else None
+            changes = pointed_at(table, self.folder.name(path), photograph)
+            self.document.edit(changes, revision=revision, unfinished=self.document.fault is not None)
+        except (rl.RelumeError, ValueError):
+            path.unlink(missing_ok=True)
+            raise
+        return _json({"state": self.state(), "facts": facts})
+
     def start(self, _request: Request, body: dict[str, Any]) -> Response:
         """Start a job, in place of the one that runs."""
         self.document.look()
@@ -241,6 +278,9 @@ def studio_application(studio: Studio) -> Starlette:
             posted("/ball", studio.ball),
             posted("/board", studio.board),
             posted("/light/mirrored", studio.mirrored),
+            posted("/light/edited", studio.edited_light),
+            posted("/light/slice", studio.slice),
+            posted("/light/painted", studio.painted_light),
             posted("/jobs/start", studio.start),
             posted("/jobs/stop", studio.stop),
             Route("/objects", answered(studio.objects)),

@@ -1,0 +1,131 @@
+"""The light edited as a whole, as in HDR Shop: turned, scaled, converted, and a slice of it painted on elsewhere.
+
+Every edit writes a map of its own into `lights/` and has the shot name it: what was measured stays beside.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import relume as rl
+from relume.studio.shots.folder import PAINT, Folder
+
+LIGHTS = "lights"
+"""The folder of edited maps."""
+VIEW = (1024, 1024)
+"""Pixels of a view that is cut out to be painted on."""
+
+
+def edited_map(source: Path, folder: Folder, asked: Mapping[str, Any]) -> tuple[Path, dict[str, Any]]:
+    """Write a map turned, brightened, in another mapping or size; its path, and its energy before and after.
+
+    asked : turn, (yaw, pitch, roll) in degrees; stops; mapping, by its name; size, rows
+    Raises ValueError, RelumeError.
+    """
+    turn = tuple(math.radians(_number(each, "turn")) for each in asked.get("turn") or (0, 0, 0))
+    if len(turn) != 3:
+        raise ValueError("turn is yaw, pitch and roll in degrees")
+    name, size = asked.get("mapping"), asked.get("size")
+    conversion = rl.light.MapConversion(
+        mapping=None if not name else rl.mappings.mapping_named(str(name)),
+        size=None if size is None else int(_number(size, "size")),
+        turn=(turn[0], turn[1], turn[2]) if any(turn) else None,
+    )
+    picture = rl.as_radiance_map(rl.read_environment(source))
+    stops = _number(asked.get("stops", 0), "stops")
+    if stops:
+        picture = rl.light.edit(picture, [rl.light.Gain.of_stops(stops)]).picture
+    target = _free(folder, LIGHTS, "light", ".exr")
+    return target, rl.light.convert_map(rl.as_environment(picture), target, conversion).facts
+
+
+def cut_slice(source: Path, folder: Folder, asked: Mapping[str, Any]) -> dict[str, Any]:
+    """Write one exposure of the map, or of a view cut out of it, as a PNG to paint on; what was written.
+
+    asked : stops, chosen to fit unless given; view, (yaw, pitch, field) in degrees, the whole map unless given
+    """
+    picture = rl.read_radiance(source)
+    target = _free(folder, PAINT, "slice", ".png")
+    if asked.get("view") is not None:
+        yaw, pitch, field = (math.radians(_number(each, "view")) for each in asked["view"])
+        view = rl.light.CameraView((yaw, pitch, 0.0), field)
+        picture = rl.light.crop_view(rl.read_environment(source), view, VIEW)
+        rl.write(_view_of(target), picture)
+        picture = rl.read_radiance(_view_of(target))  # as the way back will have it
+    stops = asked.get("stops")
+    made = rl.light.write_slice(picture, target, None if stops is None else _number(stops, "stops"))
+    return {"path": folder.name(target), "stops": made["stops"], "white": made["white"], "unit": made["unit"]}
+
+
+def painted_map(source: Path, folder: Folder, asked: Mapping[str, Any]) -> tuple[Path, dict[str, Any]]:
+    """Write the map with what was painted on its slice; its path, and how much changed.
+
+    asked : slice, as `cut_slice` named it; scale, whether lights beyond the slice's white stay lights
+    Raises LookupError for a slice there is none of, ValueError, RelumeError.
+    """
+    path = folder.path(str(asked.get("slice", "")))
+    if path.parent != folder.root / PAINT:
+        raise LookupError
+    painted = rl.light.PaintedSlice(path, scale=asked.get("scale") is True)
+    target, view = _free(folder, LIGHTS, "light", ".exr"), _view_of(path)
+    if view.is_file():
+        before = rl.read_radiance(view)
+        result = rl.light.paint_over(before, painted, view.name)
+        changed = view.with_name(f"{path.stem}_painted.exr")
+        rl.write(changed, replace(result.picture, attributes={**before.attributes, **result.picture.attributes}))
+        rl.write(target, rl.as_radiance_map(rl.light.put_view(rl.read_environment(source), changed)))
+    else:
+        result = rl.light.paint_over(rl.read_radiance(source), painted, source.name)
+        rl.write(target, result.picture)
+    return target, {**result.facts, "doubts": list(result.doubts)}
+
+
+def pointed_at(table: Mapping[str, Any], name: str, photograph: str | None) -> list[dict[str, Any]]:
+    """The edits of a shot that make this map its light.
+
+    photograph : of the ball, by the plate's camera; it goes on to say where that stood, where the ball did
+    """
+    light, camera = table.get("light", {}), table.get("camera", {})
+    changes: list[dict[str, Any]] = [{"set": ["light", "map"], "value": name}]
+    ball = light.get("ball")
+    if not light.get("balls") or not isinstance(ball, dict):
+        return changes
+    # It was measured on the plate's scale and in the scene's frame.
+    changes += [{"set": ["light", "scale"], "value": 1.0}] if "scale" not in light else []
+    centre = ball.get("centre") or [0.0, ball["radius"], 0.0]
+    changes += [{"set": ["light", "probe"], "value": centre}, {"remove": ["light", "ball"]}]
+    changes += [{"remove": ["light", "balls"]}]
+    if not any(key in camera for key in ("grid", "pose", "lines", "file")):
+        given = camera.get("ball", {})
+        seen = {} if "rim" in given or "photograph" in given or photograph is None else {"photograph": photograph}
+        changes += [{"set": ["camera", "ball"], "value": {**given, **seen, "radius": ball["radius"]}}]
+    return changes
+
+
+def _free(folder: Folder, place: str, stem: str, ending: str) -> Path:
+    """A name that nothing has yet, in a folder of the shot's."""
+    within = folder.root / place
+    if within.is_symlink():
+        raise ValueError(f"{place} is a link elsewhere; nothing is written there")
+    try:
+        within.mkdir(exist_ok=True)
+    except OSError as error:
+        raise rl.errors.OutputNotWritten(f"{within}: cannot be made ({error.strerror})") from None
+    number = 1
+    while (within / f"{stem}-{number}{ending}").exists():
+        number += 1
+    return within / f"{stem}-{number}{ending}"
+
+
+def _view_of(path: Path) -> Path:
+    return path.with_name(f"{path.stem}_view.exr")
+
+
+def _number(value: object, name: str) -> float:
+    if not isinstance(value, int | float) or isinstance(value, bool):
+        raise ValueError(f"{name} is a number, or some of them")
+    return float(value)
