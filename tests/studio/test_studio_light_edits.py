@@ -1,4 +1,4 @@
-"""The light edited as a whole in the page: turned, brightened, converted; a slice painted on elsewhere and brought back."""
+"""The light edited as a whole in the page: turned, brightened, converted; a slice painted on and brought back."""
 
 from __future__ import annotations
 
