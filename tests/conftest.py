@@ -19,10 +19,14 @@ os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
 if signal.getsignal(signal.SIGINT) is signal.SIG_IGN and threading.current_thread() is threading.main_thread():
     signal.signal(signal.SIGINT, signal.default_int_handler)
 
-# Begun last, these would keep one process busy alone: they come first, whatever the order of the others.
+# Fifteen seconds of processor time and more: begun last, each would keep one process busy alone. They come first, the
+# longest first, whatever the order of the others.
 LONGEST = [
-    *("test_outline.py", "test_room_truth.py", "test_reflection.py", "test_probe.py", "test_merge.py"),
-    *("test_insert.py", "test_stage_import.py", "test_ball.py", "test_filters.py", "test_mapped.py"),
+    *("test_room_truth.py", "test_outline.py", "test_stage_page.py", "test_merge.py", "test_studio_page.py"),
+    *("test_mapped.py", "test_probe.py", "test_single_plate.py", "test_stage_import.py", "test_corpus.py"),
+    *("test_mapped_against_path_tracing.py", "test_filters.py", "test_ball.py", "test_render_tiles.py"),
+    *("test_insert.py", "test_reflection.py", "test_control_variate.py", "test_mitsuba_insert.py"),
+    *("test_capture_report.py", "test_gloss.py", "test_page.py", "test_shot_server.py", "test_assembled.py"),
 ]
 # What `make quick` leaves out: what renders with Mitsuba, runs whole commands and shots, or takes more than 5 s.
 LONG = (

@@ -153,7 +153,7 @@ def test_the_formula_of_the_standard_by_hand(tmp_path: Path) -> None:
     image = read_of(tmp_path / "a.jpg", foreign(FLAT, FLAT, metadata))
     base, m = float(decode_srgb(np.array(128 / 255))), 128 / 255
     wanted = [(base + 0.1) * 2 ** (-1 + 3 * m) - 0.05, base * 2 ** (-1 + 4 * m**2), base * 2 ** (4 * math.sqrt(m))]
-    assert image.radiance == pytest.approx(np.broadcast_to(np.array(wanted), image.radiance.shape), rel=1e-5)
+    np.testing.assert_allclose(image.radiance, np.broadcast_to(np.array(wanted), image.radiance.shape), rtol=1e-5)
 
 
 def test_a_small_grey_map_is_spread_by_pixel_centres(tmp_path: Path) -> None:
@@ -200,7 +200,8 @@ def test_iso_comes_before_xmp(tmp_path: Path) -> None:
     assert "ISO 21496-1" in gain_map.subtype(tmp_path / "a.jpg")
     wanted = read_of(tmp_path / "a.jpg", data).radiance
     other = data.replace(b"urn:iso:std:iso:ts:21496:-1", b"urn:iso:std:iso:ts:21496:-X")
-    assert read_of(tmp_path / "b.jpg", other).radiance == pytest.approx(wanted, rel=1e-5, abs=1e-6)
+    found = read_of(tmp_path / "b.jpg", other).radiance
+    assert np.all(np.abs(found - wanted) <= np.maximum(1e-5 * np.abs(wanted), 1e-6))
     assert "XMP" in gain_map.subtype(tmp_path / "b.jpg")
 
 
