@@ -96,4 +96,4 @@ def test_uniform_light_stays_uniform_at_any_size(shape: tuple[int, int]) -> None
         found = levels(np.full((*shape, 3), 0.7, np.float32), degrees)
         assert len(found) == 6
         for level in found:
-            assert level.rows(0, len(level.pixels)) == pytest.approx(0.7, rel=3e-5)
+            np.testing.assert_allclose(level.rows(0, len(level.pixels)), 0.7, rtol=3e-5)
