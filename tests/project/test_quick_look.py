@@ -119,6 +119,31 @@ def test_a_quick_look_shows_what_the_whole_job_does_and_reads_no_photograph_agai
     assert np.abs(moved - small).max() > 0.05
 
 
+def test_a_second_look_begins_with_a_rough_picture(shot, monkeypatch):
+    monkeypatch.setattr(quick_look, "PIXELS", 3000)
+    out = shot.parent / "out"
+    sizes: dict[str, tuple[int, int]] = {}
+
+    def look() -> tuple[int, int]:
+        def progress(step: str, share: float) -> None:
+            if step == "first picture":
+                sizes[step] = read_radiance(out / "preview.exr").size
+
+        return inserting.insert(read_shot(shot), out, preview=True, progress=progress).plate.size
+
+    assert look() == (64, 48) and sizes == {}
+    shot.write_text(SHOT.replace("[render]", "translate = [-0.2, 0, 0]\n[render]"))
+    rough: list[np.ndarray] = []
+    written = inserting.write_picture
+    monkeypatch.setattr(inserting, "write_picture", lambda r, *rest: (rough.append(r.composite), written(r, *rest)))
+    assert look() == (64, 48) and sizes == {"first picture": (32, 24)}
+    # Both show the same.
+    first, last = rough
+    means = last.reshape(24, 2, 32, 2, 3).mean((1, 3))
+    assert np.abs(first - means).mean() < 0.05 * means.mean()
+    assert read_radiance(out / "preview.exr").size == (64, 48)
+
+
 def test_a_quick_look_is_of_one_picture(shot, capsys):
     assert main(["insert", str(shot), "-o", str(shot.parent / "out"), "--preview", "--to", "usd"]) == 2
     assert "--preview shows one picture, and --to asks for more" in capsys.readouterr().err

@@ -7,6 +7,7 @@ photographs → calibrated → place → change → composite.
 from __future__ import annotations
 
 from collections.abc import Callable
+from dataclasses import replace
 from pathlib import Path
 
 from relume.errors import GatheredDoubts, ranked, warn
@@ -18,7 +19,7 @@ from relume.project.insertion.outcome import Inserted, require_folder, write_out
 from relume.project.insertion.photographs import calibrate, plate_size, read_photographs
 from relume.project.insertion.place import find_camera, find_place
 from relume.project.insertion.prepared import PreparedShot
-from relume.project.insertion.quick_look import quick, quick_renderer, small_shot
+from relume.project.insertion.quick_look import FEW_RAYS, RAYS, SmallShot, quick, quick_renderer, rough_shot, small_shot
 from relume.project.insertion.render_change import Motion, Rendering, render_change
 from relume.project.shot_file.objects import doubts_about, placed_meshes
 from relume.project.shot_file.shot import Shot
@@ -53,7 +54,8 @@ def insert(
     force : for programs that own their process: ends it at once, with `os._exit`, where native code keeps Python from
         doing so. Called in a thread of its own, 4 s after a first Ctrl-C, with the signal's number and what to say
     preview : a quick look instead: over a small copy of the plate with few rays, written to preview.exr and .png. What
-        it finds in the photographs is kept for the job itself, and a second look takes a few seconds
+        it finds in the photographs is kept for the job itself, and a second look takes a few seconds; it writes a rough
+        picture first, and then says so as the step "first picture"
 
     `report.write_report` makes a page of the result. Raises RelumeError; nothing is written to `out` but kept stages
     and previews before everything is computed.
@@ -93,24 +95,39 @@ def insert(
 
 
 def _quick_look(shot: Shot, out: Path, steps: Steps, renderer: Renderer | None, threads: int | None) -> Inserted:
-    """The same chain over a small copy of the plate, whose own stages are kept apart."""
+    """The same chain over a small copy of the plate, whose own stages are kept apart; over a smaller one before."""
+    folder = steps.stages.folder / "preview"
+    own = Steps(Stages(folder), steps.progress, steps.seconds, steps.kept)
+    first = Steps(Stages(folder / "rough"), steps.progress)
+    known = first.stages.folder.is_dir()
     with GatheredDoubts() as gathered:
         meshes = placed_meshes(shot)
         small = small_shot(shot, steps)
-        shot, calibrated = quick(shot), small.calibrated
-        own = Steps(Stages(steps.stages.folder / "preview"), steps.progress, steps.seconds, steps.kept)
-        place = find_place(shot, calibrated, small.fit, meshes, renderer, own)
-        development = development_of(shot, calibrated)
-        rendering = Rendering(renderer or quick_renderer(shot, threads))
-        change = render_change(shot, calibrated, place, meshes, development.film, own, rendering)
-        composite = composited(shot, calibrated, place, change, development, own)
-        doubts = doubts_about(meshes, place.camera, place.bare.local)
-    result = Inserted(
-        calibrated, place, composite, steps.seconds, tuple(steps.kept), ranked([*gathered.doubts, *doubts])
-    )
+        shot, rough = quick(shot), rough_shot(small)
+
+        def looked(small: SmallShot, rays: int, steps: Steps) -> Inserted:
+            place = find_place(shot, small.calibrated, small.fit, meshes, renderer, steps)
+            development = development_of(shot, small.calibrated)
+            rendering = Rendering(renderer or quick_renderer(shot, rays, threads))
+            change = render_change(shot, small.calibrated, place, meshes, development.film, steps, rendering)
+            composite = composited(shot, small.calibrated, place, change, development, steps)
+            return Inserted(small.calibrated, place, composite, steps.seconds, tuple(steps.kept), ())
+
+        # A rough picture at once, where an earlier look has found its place.
+        if known:
+            with GatheredDoubts():
+                write_picture(looked(rough, FEW_RAYS, first), out, "preview")
+            steps.progress("first picture", 1.0)
+        result = looked(small, RAYS, own)
+        doubts = doubts_about(meshes, result.camera, result.place.bare.local)
     with steps.timed("write"):
         write_picture(result, out, "preview")
-    return result
+    # For the next look to begin with.
+    if not known:
+        with GatheredDoubts():
+            find_place(shot, rough.calibrated, rough.fit, meshes, renderer, first)
+            first.stages.folder.mkdir(exist_ok=True)
+    return replace(result, doubts=ranked([*gathered.doubts, *doubts]))
 
 
 def prepare_shot(shot: Shot, out: str | Path, *, progress: Progress = lambda step, share: None) -> PreparedShot:

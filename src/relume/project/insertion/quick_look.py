@@ -1,7 +1,7 @@
 """A quick look at an insertion: the same chain over a plate that is a few hundred pixels wide, with few rays.
 
 What the photographs give is taken from the job's own stages, and made for them where it is missing. Of the plate a
-small copy is kept, so that a second look, after an object was moved, reads no photograph.
+small copy is kept, so that a second look, after an object was moved, reads no photograph. It begins with a rougher one.
 """
 
 from __future__ import annotations
@@ -27,6 +27,10 @@ PIXELS = 140_000
 """Of the small plate, about 460 × 305: large enough to see where a thing stands and how it is lit."""
 RAYS = 6
 """A pixel; with Open Image Denoise after them soft shadows show and caustics are guessed at."""
+ROUGHER = 2
+"""Of its pixels along each side become one of the rough picture."""
+FEW_RAYS = 2
+"""A pixel of the rough picture."""
 BOUNCES = 8
 SMALL_FILE = 100_000
 """Bytes of a file beside the photographs that may list their exposures."""
@@ -68,9 +72,14 @@ def quick(shot: Shot) -> Shot:
     return shot.model_copy(update={"render": render, "match": match, "plate": plate})
 
 
-def quick_renderer(shot: Shot, threads: int | None) -> Differential:
+def quick_renderer(shot: Shot, rays: int, threads: int | None) -> Differential:
     """The renderer of a quick look."""
-    return Differential(min(RAYS, shot.render.samples), depth=min(BOUNCES, shot.render.depth), threads=threads)
+    return Differential(min(rays, shot.render.samples), depth=min(BOUNCES, shot.render.depth), threads=threads)
+
+
+def rough_shot(small: SmallShot) -> SmallShot:
+    """The same still smaller: what it shows comes in a second, and is worth as much."""
+    return _smaller(small.calibrated, small.fit, ROUGHER)
 
 
 def _made_from(shot: Shot) -> list[object]:

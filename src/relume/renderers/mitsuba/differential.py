@@ -31,6 +31,8 @@ FEW_RAYS = 500_000
 """Samples of a pass below which starting it takes longer than tracing it."""
 FEWEST_PASSES = 8
 """Of a small picture: their scatter estimates a pixel's variance to half of itself."""
+GUIDES = 4
+"""Samples of depth, normals and albedo for each of the change, where those are few: they cost a fifth of it."""
 NEEDIEST = 0.25
 """Of the pixels, those that a later pass traces: mirror, glass and sharp shadows take less of most pictures."""
 
@@ -123,7 +125,8 @@ class Differential(PathTracing):
                     f"{target.error(sums):.2g}; give more samples"
                 )
             # Depth, normals and albedo, which need few samples.
-            guides = still.guides(min(MATTE_SAMPLES, max(1, PASS_RAYS // (camera.width * camera.height))), seed)
+            most = min(MATTE_SAMPLES, GUIDES * self.samples)
+            guides = still.guides(min(most, max(1, PASS_RAYS // (camera.width * camera.height))), seed)
         # The means and their variances as one result.
         seen = np.maximum(guides["seen"], 1e-12)
         planes = {name: sums.mean(name) for name in ("objects", "difference", "taken", "matte")}

@@ -13,7 +13,7 @@ export function objectsPane(studio) {
   const live = /** @type {HTMLCanvasElement} */ (document.getElementById("live"));
   /** @type {Drawing | null} */ let drawing = null;
   /** @type {{low: number[], high: number[], foot: number[], mesh: import("../drawing.js").Mesh | null}[]} */ let objects = [];
-  let fetched = -1, coming = Promise.resolve(), chosen = 0, looks = true, shining = 1, presets = /** @type {string[]} */ ([]), fault = "", lastJob = -1;
+  let fetched = -1, coming = Promise.resolve(), chosen = 0, looks = true, shining = 1, presets = /** @type {string[]} */ ([]), fault = "", lastJob = -1, begun = 0;
   /** @type {{number: number, from: number[], moved: number[], turn: number, scale: number} | null} */ let act = null;
 
   const added = addedLights(studio), tables = () => studio.state.table.objects ?? [];
@@ -199,6 +199,10 @@ export function objectsPane(studio) {
       const { job } = studio.state;
       if (lens() && objects.some((each) => !each.mesh)) fetched = -1; // the camera has come since
       fetchObjects();
+      if (job.status === "running" && job.steps.includes("first picture") && begun !== job.number && !act) {
+        begun = job.number;
+        show(true);
+      }
       if (job.status === "done" && job.number !== lastJob && job.kind !== "check") {
         if (lastJob >= 0 || studio.shownPath === "preview.exr") show(true);
       }
