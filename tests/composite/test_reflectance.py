@@ -8,7 +8,8 @@ import pytest
 from relume.image.radiance import SATURATED, RadianceMap
 from relume.renderers.mitsuba.path_tracer import Mitsuba
 from relume.renderers.raytrace.raycast import RayCaster
-from relume.scene.cameras.camera import Camera
+from relume.scene.cameras.camera import Camera, reprojected, undistorted
+from relume.scene.cameras.distortion import Distortion
 from relume.scene.materials.materials import Diffuse
 from relume.scene.scene import Box, Scene
 from relume.scene.shapes.shapes import Mesh, Plane
@@ -48,10 +49,10 @@ def photograph(scene: Scene, samples: int = 128) -> RadianceMap:
     return RadianceMap(Mitsuba(samples=samples, depth=6).render(scene, CAMERA, seed=77).radiance)
 
 
-def expected_stripes() -> tuple[np.ndarray, np.ndarray]:
+def expected_stripes(camera: Camera = CAMERA) -> tuple[np.ndarray, np.ndarray]:
     """The albedo at pixel centres and where it is even for two pixels round about."""
-    rays = CAMERA.rays()
-    points = CAMERA.position + (-CAMERA.position[1] / rays[..., 1])[..., None] * rays
+    rays = camera.rays()
+    points = camera.position + (-camera.position[1] / rays[..., 1])[..., None] * rays
     column = (points[..., 0] / 1.7 + 0.5) * 128 / 16
     on = (np.abs(points[..., 0]) < 0.75) & (np.abs(points[..., 2]) < 0.3) & (rays[..., 1] < 0)
     truth = np.where((np.floor(column) % 2 == 0)[..., None], [0.6, 0.4, 0.2], [0.3, 0.25, 0.15])
@@ -91,6 +92,22 @@ def test_the_model_without_objects_is_the_photograph(stripes, room):
     ratio = again[sure] / plate.radiance[sure]
     assert np.abs(ratio.mean(0) - 1).max() < 0.01
     assert np.percentile(np.abs(ratio - 1), 95) < 0.12
+
+
+def test_a_lens_that_bends_gives_the_same_pattern_back(room):
+    near = Camera.looking_at(np.array([0.05, 0.45, 0.5]), np.zeros(3), width=96, height=64, focal_length=60.0)
+    bent = replace(near, distortion=Distortion(-0.2, 0.02))
+    straight = undistorted(bent)
+    seen = Mitsuba(samples=128, depth=6).render(room.with_local([striped()]), straight, seed=77).radiance
+    plate = RadianceMap(np.nan_to_num(reprojected(seen, straight, bent)))
+    found = recover_reflectance(plate, bent, room, [Recovery()], renderer=QUICK)
+    truth, sure = expected_stripes(bent)
+    assert sure.sum() > 500
+    # A pinhole in its place would have stripes beside their pixels.
+    assert np.abs((found.albedo[sure] / truth[sure]).mean(0) - 1).max() < 0.02
+    assert np.median(np.abs(found.albedo - truth)[sure] / truth[sure]) < 0.03
+    flat, _ = expected_stripes(near)
+    assert np.mean(np.abs(flat - truth)[sure].max(-1) > 0.05) > 0.02
 
 
 @pytest.mark.parametrize("pixels", [reflectance.FINE, 3000])

@@ -84,10 +84,12 @@ def test_the_demos_composite_is_made_by_the_pointer_and_is_the_commands_to_the_b
         step(page, "Place")
         page.click('button:text-is("Describe it")')
         lens = camera_of(server)
-        for key, start, end in (("side 0", (-0.6, 0, 0), (-0.75, 0, 0)), ("side 1", (0.6, 0, 0), (0.70, 0, 0))):
-            a, b = (lens.project(np.array(each, np.float64)) for each in (start, end))
-            if page.tab.locator(f'circle[data-handle="{key}"]').count() and inside(lens, b):
-                page.drag((float(a[0]), float(a[1])), (float(b[0]), float(b[1])))
+        held = page.tab.evaluate("() => { const h = relume.studio.overlay.handles.get('side 2'); return [h.x, h.y]; }")
+        ray = lens.rays_through(np.array([held]))[0]
+        x = float((lens.position - ray * (lens.position[1] / ray[1]))[0])
+        ends = lens.project(np.array([x, 0.0, -0.5]))  # where the photograph shows its far edge
+        page.drag((held[0], held[1]), (float(ends[0]), float(ends[1])))
+        assert table(folder)["local"][0]["size"] == pytest.approx([1.2, 1.1], abs=1e-3)
         page.tab.locator("select").last.select_option(label="a room")
         page.until(lambda: table(folder)["light"].get("distant", {}).get("shape") == "box", "the room", 60)
         record("5 place")
@@ -175,7 +177,3 @@ def camera_of(server: Server) -> rl.Camera:
         height=found["size"][1], focal_length=found["focal_length"], centre=tuple(found["centre"]),
         distortion=None if lens is None else rl.scene.Distortion(*lens),
     )  # fmt: skip
-
-
-def inside(lens: rl.Camera, point: np.ndarray) -> bool:
-    return bool(0 < point[0] < lens.width and 0 < point[1] < lens.height)

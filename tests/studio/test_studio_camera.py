@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 import tomllib
 from collections.abc import Iterator
 from pathlib import Path
@@ -106,6 +107,33 @@ def test_the_ball_drawn_on_the_plate_gives_the_camera_that_would_see_it_so(page:
     # In the ball's own frame +Z is level and towards the camera.
     found = server.json("/shot")["measured"]["camera"]["position"]
     assert found == pytest.approx([0, 0.5, np.hypot(0.1, 1.0)], abs=0.02)
+
+
+def test_the_curved_grid_is_where_the_lens_puts_straight_lines(page: Tab, small: Path, server: Server):
+    page.press("Alt+4")
+    page.settle()
+    revision = server.json("/shot")["revision"]
+    change = {"set": ["camera", "distortion"], "value": {"k1": -0.15, "k2": 0.02}}
+    assert server.post("/shot/edit", {"revision": revision, "changes": [change]})[0] == 200
+    page.click('button:text-is("Find the camera")')
+    done(page, server, "look")
+    page.until(lambda: page.tab.locator("#camera-grid").is_enabled(), "the lens")
+    page.tab.locator("#camera-grid").check()
+    page.until(lambda: page.tab.locator("#overlay path.faint").count() == 1, "the grid")
+    lens = camera()
+    bent = dataclasses.replace(lens, distortion=rl.scene.Distortion(-0.15, 0.02))
+    drawn = page.tab.evaluate("() => document.querySelector('#overlay path.thin').getAttribute('d')")
+    lines = [[[float(v) for v in point.split(",")] for point in each.split("L")] for each in drawn.split("M")[1:]]
+    box = page.tab.locator("#picture").bounding_box()
+    # The first line is the left border of a picture without distortion, from top to bottom in 48 parts.
+    assert len(lines[0]) == 49
+    for part in (0, 12, 48):
+        ray = lens.rays_through(np.array([[0.0, 128 * part / 48]]))[0]
+        seen = bent.project(bent.position + ray)
+        expected = np.subtract(page.point_at(float(seen[0]), float(seen[1])), [box["x"], box["y"]])
+        assert lines[0][part] == pytest.approx(expected.tolist(), abs=0.05)
+    corner = bent.project(bent.position + lens.rays_through(np.zeros((1, 2)))[0])
+    assert f"by up to {np.hypot(*corner):.1f} pixels" in page.tab.locator("#overlay text").first.text_content()
 
 
 def test_the_wipe_shows_the_composite_on_one_side_and_the_plate_on_the_other(page: Tab, small: Path, server: Server):

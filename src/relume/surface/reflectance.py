@@ -23,7 +23,7 @@ from relume.renderers.mitsuba.path_tracer import Mitsuba, give_back
 from relume.renderers.raytrace.raycast import RayCaster
 from relume.renderers.renderer import Renderer
 from relume.renderers.results import Render
-from relume.scene.cameras.camera import Camera
+from relume.scene.cameras.camera import Camera, reprojected, undistorted
 from relume.scene.materials.checks import triple
 from relume.scene.materials.materials import Colour, Diffuse
 from relume.scene.scene import Scene
@@ -78,9 +78,15 @@ class _Work:
         self.parts = _parts(scene, self.camera) if self.smaller else whole
 
     def render(self, local: Sequence[Shape]) -> Render:
-        rendered = self.renderer.render(self.scene.with_local(local), self.camera, seed=self.seed)
+        # Renderers have pinholes: what such a one sees is bent afterwards as the lens bends it.
+        straight = undistorted(self.camera)
+        rendered = self.renderer.render(self.scene.with_local(local), straight, seed=self.seed)
         give_back()  # the plate as the surfaces' texture
-        return rendered
+        if straight is self.camera:
+            return rendered
+        planes = ("radiance", "variance", "matte", "depth", "normal", "albedo")
+        bent = {name: np.nan_to_num(reprojected(getattr(rendered, name), straight, self.camera)) for name in planes}
+        return replace(rendered, rays=None, **bent)
 
     def enlarged(self, picture: np.ndarray, inside: np.ndarray) -> np.ndarray:
         """A smooth picture (h, w, 3) at the plate's size; what is not `inside` (h, w) does not bleed in."""

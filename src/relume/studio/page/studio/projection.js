@@ -42,7 +42,31 @@ export function onPlane(lens, x, y, height = 0) {
 }
 
 /** A straight line of the world as points of the picture, bent as the lens bends it. @param {Lens} lens @param {number[]} from
- *  @param {number[]} to @returns {[number, number][]} */
-export function line(lens, from, to) {
-  return Array.from({ length: 17 }, (_, i) => project(lens, from.map((each, axis) => each + ((to[axis] - each) * i) / 16)));
+ *  @param {number[]} to @param {number} [parts] @returns {[number, number][]} */
+export function line(lens, from, to, parts = 16) {
+  return Array.from({ length: parts + 1 }, (_, i) => project(lens, from.map((each, axis) => each + ((to[axis] - each) * i) / parts)));
+}
+
+/** A grid of straight lines before the lens, twelve fields across: as the photograph has it, and as it were without distortion.
+ *  @param {Lens} lens */
+export function grid(lens) {
+  const [width, height] = lens.size, step = width / 12, along = 48;
+  /** @type {[number, number][][]} */ const bent = [];
+  /** @type {[number, number][][]} */ const straight = [];
+  let furthest = 0, at = [0, 0];
+  /** @param {(t: number) => [number, number]} point */
+  const add = (point) => {
+    const points = Array.from({ length: along + 1 }, (_, i) => point(i / along));
+    straight.push(points);
+    bent.push(points.map(([x, y]) => {
+      const [a, b] = distorted((x - lens.centre[0]) / lens.focal_length, (y - lens.centre[1]) / lens.focal_length, lens.distortion);
+      const seen = /** @type {[number, number]} */ ([lens.centre[0] + lens.focal_length * a, lens.centre[1] + lens.focal_length * b]);
+      const by = Math.hypot(seen[0] - x, seen[1] - y);
+      if (by > furthest) [furthest, at] = [by, seen];
+      return seen;
+    }));
+  };
+  for (let x = 0; x <= width + 1e-6; x += step) add((t) => [x, t * height]);
+  for (let y = (height / 2) % step; y <= height + 1e-6; y += step) add((t) => [t * width, y]);
+  return { bent, straight, furthest, at };
 }

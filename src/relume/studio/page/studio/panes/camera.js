@@ -1,7 +1,7 @@
 // Camera: from a board that is found and drawn, from lines along the axes, or from the ball where the plate shows it.
 
 import { at, choiceField, make, numberField, rounded, typed, vectorField } from "../fields.js";
-import { line, project } from "../projection.js";
+import { grid, line, project } from "../projection.js";
 import { post } from "../../requests.js";
 
 const AXES = /** @type {const} */ (["x", "y", "z"]);
@@ -9,7 +9,7 @@ const AXES = /** @type {const} */ (["x", "y", "z"]);
 /** @param {import("../studio.js").Studio} studio @returns {import("../studio.js").Pane} */
 export function cameraPane(studio) {
   /** The board as it was found just now. @type {any} */ let board = null;
-  let boardWords = "", asked = "", inFile = "";
+  let boardWords = "", asked = "", inFile = "", gridShown = false;
   /** Rim of the ball as the plate would show it. @type {number[] | null} */ let rim = null;
 
   const camera = () => studio.state.table.camera ?? {};
@@ -104,6 +104,14 @@ export function cameraPane(studio) {
     return { lines: drawn, handles, words };
   }
 
+  /** Straight lines of the world as the lens bends them, and where a lens without distortion would have them.
+   *  @param {import("../projection.js").Lens} lens */
+  function drawnLens(lens) {
+    const bent = grid(lens), furthest = bent.furthest.toFixed(bent.furthest < 10 ? 1 : 0);
+    return { lines: [{ key: "straight", d: bent.straight, className: "faint" }, { key: "bent", d: bent.bent, className: "thin" }],
+      words: [{ key: "lens", x: bent.at[0], y: bent.at[1], text: `the lens bends by up to ${furthest} pixels` }] };
+  }
+
   /** The board's squares as a camera sees them. @param {import("../projection.js").Lens} lens @param {number} height */
   function drawnBoard(lens, height) {
     const { squares, square } = camera().grid, x = (squares[0] * square) / 2, z = (squares[1] * square) / 2, d = [];
@@ -123,6 +131,7 @@ export function cameraPane(studio) {
       vectorField(studio, "Squares", ["camera", "grid", "squares"], ["long", "short"], ""),
       numberField(studio, "Side of one", ["camera", "grid", "square"], { unit: "m", step: 0.001, min: 0 }),
       numberField(studio, "Thickness", ["camera", "grid", "thickness"], { otherwise: 0, unit: "m", step: 0.001, min: 0 }),
+      choiceField(studio, "Bend of the lens", ["camera", "grid", "estimate_k1"], [["none", false], ["found from the board", true]], false),
       make("p", { ariaLive: "polite" }, boardWords),
     ];
   }
@@ -167,6 +176,8 @@ export function cameraPane(studio) {
         vectorField(studio, "Ball's middle", ["light", "ball", "centre"], ["x", "y", "z"]),
         ...light.balls.map((/** @type {any} */ _, /** @type {number} */ i) => vectorField(studio, `Camera of view ${i + 1}`, ["light", "balls", i, "camera"], ["x", "y", "z"])),
       ];
+      const lens = studio.measured?.camera ?? board?.camera, shows = make("input", { type: "checkbox", id: "camera-grid", checked: gridShown, disabled: !lens?.distortion,
+        onchange: () => ((gridShown = shows.checked), studio.drawn()) });
       return [
         make("div", { className: "row" }, make("label", { for: id }, "Found from"), make("select", {
           id, onchange: (/** @type {Event} */ event) => choose(/** @type {HTMLSelectElement} */ (event.target).value),
@@ -174,6 +185,9 @@ export function cameraPane(studio) {
         ...(now === "grid" ? ofBoard() : now === "lines" ? ofLines() : now === "ball" ? ofBall() : [make("p", {}, `As [camera] ${now} in the shot file says.`)]),
         numberField(studio, "Focal length", ["camera", "focal_length"], { unit: "pixels", min: 1 }),
         ...tape,
+        make("h2", {}, "Lens"),
+        make("div", { className: "row" }, shows, make("label", { for: "camera-grid" }, lens?.distortion ? "Show how it bends straight lines"
+          : lens ? "It bends nothing, as far as is known" : "Shown once the camera is found")),
         make("h2", {}, "Measured"),
         make("div", { className: "row" }, make("button", { type: "button", className: "primary", onclick: () => studio.start("look") }, "Find the camera")),
         make("p", {}, studio.measured ? `${studio.measured.agreement}; at ${studio.measured.camera.position.map((/** @type {number} */ v) => v.toFixed(3)).join(", ")} m`
@@ -192,6 +206,7 @@ export function cameraPane(studio) {
     drawing() {
       if (studio.shownPath !== picture()) return {};
       const now = source(), measured = studio.measured?.camera;
+      if (gridShown && (measured ?? board?.camera)?.distortion) return drawnLens(measured ?? board.camera);
       if (now === "lines") return drawnLines();
       if (now === "grid") {
         const lens = board?.camera ?? measured, height = board ? 0 : camera().grid.thickness ?? 0;

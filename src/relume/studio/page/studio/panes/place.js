@@ -2,7 +2,7 @@
 
 import { at, choiceField, make, numberField, rounded, typed, vectorField } from "../fields.js";
 import { occluder } from "./occluder.js";
-import { line, onPlane, project } from "../projection.js";
+import { line, onPlane } from "../projection.js";
 
 /** @param {import("../studio.js").Studio} studio @returns {import("../studio.js").Pane} */
 export function placePane(studio) {
@@ -109,13 +109,15 @@ export function placePane(studio) {
       if (painted.handles || !view || !s || studio.shownPath !== studio.platePath) return painted;
       const y = height(), corners = [[s[0], y, s[2]], [s[1], y, s[2]], [s[1], y, s[3]], [s[0], y, s[3]]];
       const edge = corners.flatMap((corner, i) => line(view, corner, corners[(i + 1) % 4])).filter(([a]) => Number.isFinite(a));
-      const middle = [[s[0], y, (s[2] + s[3]) / 2], [s[1], y, (s[2] + s[3]) / 2], [(s[0] + s[1]) / 2, y, s[2]], [(s[0] + s[1]) / 2, y, s[3]]];
+      // A side is held in the middle of what the picture shows of it.
+      const [w, h] = view.size, held = [[3, 0], [1, 2], [0, 1], [3, 2]].map(([a, b]) => {
+        const seen = line(view, corners[a], corners[b], 64).filter(([u, v]) => u > 0 && v > 0 && u < w && v < h);
+        return seen[seen.length >> 1];
+      });
       return {
         lines: [...room(), { key: "table", d: [edge], closed: true, className: "filled" }],
-        handles: middle.map((point, side) => {
-          const [x, b] = project(view, point);
-          return { key: `side ${side}`, x, y: b, label: `The table's ${["left", "right", "back", "front"][side]} side`, moved: moved(side) };
-        }).filter((each) => Number.isFinite(each.x)),
+        handles: held.flatMap((point, side) => (point ? [{ key: `side ${side}`, x: point[0], y: point[1],
+          label: `The table's ${["left", "right", "back", "front"][side]} side`, moved: moved(side) }] : [])),
       };
     },
   };
