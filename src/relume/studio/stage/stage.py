@@ -48,6 +48,7 @@ class OpenStage:
         self._pictures: OrderedDict[str, np.ndarray] = OrderedDict()
         self._count, self._exact_wish = 0, 0
         self._changing, self._mapping, self._exact, self._surface = (threading.Lock() for _ in range(4))
+        self._preparing = threading.Lock()
 
     def start(self) -> None:
         """Read and compress it in a thread of its own, which ends with the process."""
@@ -168,13 +169,10 @@ class OpenStage:
     def _turning_map(self, number: int) -> rl.lightstage.TurningMap:
         light, live = self.map(number), self.live
         assert live is not None
-        with self._changing:
-            found = self._turning.get(number)
-        if found is None:
-            found = rl.lightstage.turning_map(live.lights, light)
-            with self._changing:
-                self._turning[number] = found
-        return found
+        with self._preparing:  # once, though two pictures are asked for at once
+            if number not in self._turning:
+                self._turning[number] = rl.lightstage.turning_map(live.lights, light)
+            return self._turning[number]
 
     def surface_if_there(self) -> dict[str, np.ndarray]:
         """The maps of the surface to look at, where they were measured."""

@@ -54,6 +54,7 @@ const live = new LivePicture(canvas.gl);
 let loading = 0, asking = 0, wanted = false, resting = 0, /** @type {AbortController | null} */ stop = null;
 let asked = 0, latest = 0; // pictures asked for, and the number of the one that is shown: an older one comes too late
 let slow = false; // until nothing moves
+let took = 0; // milliseconds of the last picture
 
 function light() {
   return {
@@ -77,7 +78,8 @@ async function relight() {
       const turn = ++asked, begun = performance.now(), body = JSON.stringify({ ...light(), small: slow });
       const got = await pixels(await answer("/stage/picture", { method: "POST", body }));
       if (state.layer) break;
-      slow ||= performance.now() - begun > SLOW;
+      took = performance.now() - begun;
+      slow ||= took > SLOW;
       if (turn < latest) continue;
       latest = turn;
       show(got);
@@ -89,7 +91,7 @@ async function relight() {
   asking--;
   if (asking) return;
   about();
-  resting = window.setTimeout(finish, REST);
+  resting = window.setTimeout(finish, Math.max(REST, 2 * took)); // a busy machine pauses without being at rest
 }
 
 /** `relume`'s own picture of the same light, which takes longer. */
