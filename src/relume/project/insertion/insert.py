@@ -19,7 +19,7 @@ from relume.project.insertion.outcome import Inserted, require_folder, write_out
 from relume.project.insertion.photographs import calibrate, plate_size, read_photographs
 from relume.project.insertion.place import find_camera, find_place
 from relume.project.insertion.prepared import PreparedShot
-from relume.project.insertion.quick_look import FEW_RAYS, RAYS, SmallShot, quick, quick_renderer, rough_shot, small_shot
+from relume.project.insertion.quick_look import SmallShot, quick, quick_renderer, rough_shot, small_shot
 from relume.project.insertion.render_change import Motion, Rendering, render_change
 from relume.project.shot_file.objects import doubts_about, placed_meshes
 from relume.project.shot_file.shot import Shot
@@ -105,10 +105,10 @@ def _quick_look(shot: Shot, out: Path, steps: Steps, renderer: Renderer | None, 
         small = small_shot(shot, steps)
         shot, rough = quick(shot), rough_shot(small)
 
-        def looked(small: SmallShot, rays: int, steps: Steps) -> Inserted:
+        def looked(small: SmallShot, steps: Steps) -> Inserted:
             place = find_place(shot, small.calibrated, small.fit, meshes, renderer, steps)
             development = development_of(shot, small.calibrated)
-            rendering = Rendering(renderer or quick_renderer(shot, rays, threads))
+            rendering = Rendering(renderer or quick_renderer(shot, threads))
             change = render_change(shot, small.calibrated, place, meshes, development.film, steps, rendering)
             composite = composited(shot, small.calibrated, place, change, development, steps)
             return Inserted(small.calibrated, place, composite, steps.seconds, tuple(steps.kept), ())
@@ -116,9 +116,9 @@ def _quick_look(shot: Shot, out: Path, steps: Steps, renderer: Renderer | None, 
         # A rough picture at once, where an earlier look has found its place.
         if known:
             with GatheredDoubts():
-                write_picture(looked(rough, FEW_RAYS, first), out, "preview")
+                write_picture(looked(rough, first), out, "preview")
             steps.progress("first picture", 1.0)
-        result = looked(small, RAYS, own)
+        result = looked(small, own)
         doubts = doubts_about(meshes, result.camera, result.place.bare.local)
     with steps.timed("write"):
         write_picture(result, out, "preview")

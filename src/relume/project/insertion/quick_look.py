@@ -29,8 +29,6 @@ RAYS = 6
 """A pixel; with Open Image Denoise after them soft shadows show and caustics are guessed at."""
 ROUGHER = 2
 """Of its pixels along each side become one of the rough picture."""
-FEW_RAYS = 2
-"""A pixel of the rough picture."""
 BOUNCES = 8
 SMALL_FILE = 100_000
 """Bytes of a file beside the photographs that may list their exposures."""
@@ -72,9 +70,9 @@ def quick(shot: Shot) -> Shot:
     return shot.model_copy(update={"render": render, "match": match, "plate": plate})
 
 
-def quick_renderer(shot: Shot, rays: int, threads: int | None) -> Differential:
+def quick_renderer(shot: Shot, threads: int | None) -> Differential:
     """The renderer of a quick look."""
-    return Differential(min(rays, shot.render.samples), depth=min(BOUNCES, shot.render.depth), threads=threads)
+    return Differential(min(RAYS, shot.render.samples), depth=min(BOUNCES, shot.render.depth), threads=threads)
 
 
 def rough_shot(small: SmallShot) -> SmallShot:
