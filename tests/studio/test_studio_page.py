@@ -175,7 +175,8 @@ def test_the_tables_side_is_dragged_to_where_it_ends(page: Tab, small: Path, sma
     ray = lens.rays_through(np.array([held]))[0]
     x, _, z = lens.position - ray * (lens.position[1] / ray[1])
     assert x == pytest.approx(0.5, abs=1e-6) and 0 < held[0] < 192 and 0 < held[1] < 128
-    page.drag(tuple(held), tuple(float(each) for each in lens.project(np.array([0.4, 0.0, z]))))
+    end = lens.project(np.array([0.4, 0.0, z]))
+    page.drag((held[0], held[1]), (float(end[0]), float(end[1])))
     assert table(small)["local"][0]["size"] == pytest.approx([0.9, 0.8], abs=1e-4)
     assert table(small)["local"][0]["translate"] == pytest.approx([-0.05, 0, 0], abs=1e-4)
 
