@@ -26,7 +26,7 @@ LONGEST = [
     *("test_mapped.py", "test_probe.py", "test_single_plate.py", "test_stage_import.py", "test_corpus.py"),
     *("test_mapped_against_path_tracing.py", "test_filters.py", "test_ball.py", "test_render_tiles.py"),
     *("test_insert.py", "test_reflection.py", "test_control_variate.py", "test_mitsuba_insert.py"),
-    *("test_capture_report.py", "test_gloss.py", "test_page.py", "test_shot_server.py", "test_assembled.py"),
+    *("test_capture_report.py", "test_gloss.py", "test_page.py", "test_mitsuba_repeats.py", "test_glossy.py"),
 ]
 # What `make quick` leaves out: what renders with Mitsuba, runs whole commands and shots, or takes more than 5 s.
 LONG = (
