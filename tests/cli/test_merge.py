@@ -617,7 +617,7 @@ def test_what_raws_showed_is_kept_in_a_profile_and_used_again(tmp_path, capsys):
     first, second = read_radiance(out), read_radiance(again)
     assert second.unit == "cd/m²"
     np.testing.assert_allclose(second.radiance, first.radiance, rtol=1e-5)
-    assert first.variance is not None
+    assert first.variance is not None and second.variance is not None
     np.testing.assert_allclose(second.variance, first.variance, rtol=1e-4)
     assert "the camera's profile" in second.attributes["scale"]
     # A reading of the day counts more than the profile.
