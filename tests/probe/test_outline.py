@@ -14,6 +14,7 @@ from relume.capture.response.calibration import recover_response
 from relume.errors import BallNotFound
 from relume.image.colour import decode_srgb
 from relume.image.files import read_photograph
+from relume.probe.ball import edge_tracking
 from relume.probe.ball.candidates import Candidate, cone_at
 from relume.probe.ball.edge_tracking import follow
 from relume.probe.ball.mirror_edge import Rim
@@ -452,3 +453,9 @@ def test_little_evidence_of_a_rim_counts_where_tape_and_lens_say_its_size(monkey
     assert placed_rim(picture, rough, (None,), 64.0).radius == 58.5
     assert placed_rim(picture, rough, (None,)).radius == 58.5
     assert wanted == [2.0, 2.0, 12.0]
+
+
+def test_an_outline_far_larger_than_the_picture_is_not_followed(monkeypatch):
+    """A lens of 4 pixels makes of a circle a nearly flat cone, whose silhouette is 50,000 pixels wide."""
+    monkeypatch.setattr(edge_tracking, "profiles", lambda *_, **__: pytest.fail("it was followed"))
+    assert follow(np.ones((90, 140)), cone_at((100.0, 40.0, 30.0), (5.0, 194.0), 4.0), 4.0) is None

@@ -17,6 +17,7 @@ import numpy as np
 import pytest
 
 import relume as rl
+from relume.studio.shots.ball import unwrapped
 from serving import Server, serving
 from small_shot import TEXT, write_small_shot
 
@@ -241,6 +242,20 @@ def test_two_windows_see_each_others_edits_and_the_later_of_two_is_refused(serve
             assert json.loads(window.recv(timeout=10))["state"]["table"]["render"]["samples"] == 10
         assert server.post("/shot/undo", {"by": 1000})[0] == 200
     assert (folder / "shot.toml").read_text(encoding="utf-8") == TEXT
+
+
+def test_a_ball_is_sought_with_its_lens_in_pixels(monkeypatch, tmp_path: Path):
+    photograph, known = ROOM / "ball_0" / "IMG_0005.jpg", []
+
+    def sought(*_: Any, focal_length: float, **__: Any) -> None:
+        known.append(focal_length)
+        raise rl.errors.BallNotFound("enough")
+
+    monkeypatch.setattr(rl, "unwrap_ball", sought)
+    with pytest.raises(rl.errors.BallNotFound):
+        unwrapped(photograph, None, tmp_path / "light.exr")
+    # 335 mm, by EXIF.
+    assert known == [pytest.approx(5960.26, abs=0.01)]
 
 
 def test_an_objects_triangles_are_where_the_job_has_them(server: Server, folder: Path):

@@ -122,6 +122,7 @@ class OpenPicture:
     codes : (H, W, 3), what the file itself holds; None for a radiance map
     variance : (H, W, 3) of the radiance, squared unit; None where unknown
     notes : what reading it warned of
+    focal_length : of a photograph, pixels; None where unknown
     """
 
     name: str
@@ -132,6 +133,7 @@ class OpenPicture:
     codes: np.ndarray | None = None
     variance: np.ndarray | None = None
     notes: tuple[str, ...] = ()
+    focal_length: float | None = None
 
     @property
     def size(self) -> tuple[int, int]:
@@ -200,7 +202,9 @@ def open_picture(path: Path) -> OpenPicture:
         white = np.float32(np.iinfo(image.pixels.dtype).max)
         linear = _from_srgb(image.pixels.astype(np.float32) / white)
         layers = (Layer("picture", linear),)
-        return OpenPicture(path.name, "photograph", "of white", None, layers, image.pixels, notes=notes)
+        return OpenPicture(
+            path.name, "photograph", "of white", None, layers, image.pixels, None, notes, image.focal_length
+        )
     name, others = _named(parts, image.radiance)
     layers = [Layer(name or "radiance", image.radiance, image.clipped)]
     if image.variance is not None:

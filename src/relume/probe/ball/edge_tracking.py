@@ -38,6 +38,8 @@ LEAST_WITHIN = 0.6
 """Share of the rim inside the picture of which the seen part is counted at least: less of it is met by chance."""
 STEP, INSIDE, OUTSIDE, MOVE = 0.5, 6.0, 4.0, 2.0
 """Pixels: between the samples of a profile, its lengths inside and outside the rim, and the most it is moved."""
+MOST_FOLLOWED = 4
+"""Lengths of the picture's longer side: an outline of more is no rim that the picture shows."""
 BLURS = (0.3, 0.4, 0.5, 0.65, 0.85, 1.1, 1.5)
 """Standard deviations, in pixels, of the blur of lens and pixel that are tried; the picture decides for one."""
 
@@ -68,6 +70,8 @@ def follow(
     for reach in reaches:
         rim, normals = cone.silhouette(size, focal_length)
         radius = float(np.sqrt(np.prod(np.ptp(rim, axis=0)))) / 2
+        if radius > MOST_FOLLOWED * max(picture.shape):
+            return None  # a cone that is nearly flat, as a lens of a few pixels makes it
         half = max(reach * radius, 2.0)
         places = _edges(picture, rim, normals, half, max(0.8, radius / 300))
         points = (rim + normals * places[:, None])[np.isfinite(places)]

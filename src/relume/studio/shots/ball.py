@@ -15,6 +15,9 @@ from relume.studio.pictures import open_picture
 ROWS = 128
 """Of the map that is shown beside the ball: drawn in a quarter of a second."""
 
+USUAL_LENS = 1.2
+"""Focal length where none is known, in lengths of the longer side: a camera's usual lens."""
+
 
 def unwrapped(path: Path, rim: Sequence[float] | None, target: Path) -> dict[str, Any]:
     """Find the ball in a photograph, or take a rim as it is drawn, and write the light that it shows.
@@ -28,12 +31,11 @@ def unwrapped(path: Path, rim: Sequence[float] | None, target: Path) -> dict[str
     pixels = picture.layers[0].pixels
     light = rl.RadianceMap(np.maximum(np.nan_to_num(pixels), 0))
     outline = None if rim is None else _drawn(rim)
-    focal_length = rl.files.read_facts(path).settings.focal_length if picture.codes is not None else None
     with warnings.catch_warnings(record=True) as caught:
         warnings.simplefilter("always")
         view = rl.unwrap_ball(
             light, camera=np.array([0.0, 0.0, 1.0]), centre=np.zeros(3), outline=outline, name=path.name,
-            focal_length=focal_length or 1.2 * max(light.size),
+            focal_length=picture.focal_length or USUAL_LENS * max(light.size),
         )  # fmt: skip
         probe = rl.blend_views([view], size=ROWS)
     rl.write(target, rl.as_radiance_map(probe.light))

@@ -118,10 +118,14 @@ export class Studio {
       this.shownWhere = where;
       this.canvas.open(facts.layers[0], this.tilesOf(number, 0));
       if (fit || !before || before.size.join() !== facts.size.join()) this.canvas.fit();
-      const bright = await this.greyStops(number);
-      if (turn === this.turn && facts.kind === "radiance map" && bright !== null && this.exposedFor !== facts.kind) this.canvas.set({ stops: bright });
-      if (turn === this.turn && facts.kind !== "radiance map" && this.exposedFor !== facts.kind) this.canvas.set({ stops: 0 });
-      this.exposedFor = facts.kind;
+      // Kept as it is set while pictures of one kind are looked at.
+      const ofPlate = where === "results" && /^(composite|preview)\./.test(path), kind = ofPlate ? "over the plate" : facts.kind;
+      if (this.exposedFor !== kind) {
+        const stops = facts.kind !== "radiance map" ? 0 : (ofPlate ? await this.plateStops(number) : null) ?? (await this.greyStops(number));
+        if (turn === this.turn && stops !== null) this.canvas.set({ stops });
+      }
+      if (turn !== this.turn) return;
+      this.exposedFor = kind;
       element("caption").textContent = path;
       this.drawn();
     });
@@ -133,9 +137,9 @@ export class Studio {
     await this.show(name, "results");
     return this.attempt(async () => {
       const { number } = await post("/opened", { path: this.platePath }), facts = await this.factsOf(number);
-      const [own, other] = await Promise.all([this.number, number].map((each) => json(`/pictures/${each}/statistics?layer=0`)));
+      const ratio = await this.ratio(this.number, number);
       this.canvas.open(facts.layers[0], this.tilesOf(number, 0), true);
-      this.canvas.set({ mode: "wipe", wipe: 0.5, gain: own.median?.[3] > 0 && other.median?.[3] > 0 ? own.median[3] / other.median[3] : 1 });
+      this.canvas.set({ mode: "wipe", wipe: 0.5, gain: ratio ?? 1 });
       this.say("left: the composite; right: the plate. Drag, or use the arrow keys; W ends it");
     });
   }
@@ -144,6 +148,20 @@ export class Studio {
     this.canvas.closeReference();
     this.canvas.set({ mode: "picture" });
     this.say("");
+  }
+
+  /** How many times one picture is as bright as another, by their medians. @param {number} one @param {number} other @returns {Promise<number | null>} */
+  async ratio(one, other) {
+    const [a, b] = (await Promise.all([one, other].map((each) => json(`/pictures/${each}/statistics?layer=0`)))).map((each) => each.median?.[3]);
+    return a > 0 && b > 0 ? a / b : null;
+  }
+
+  /** Stops at which a result is as bright as the plate's photograph; null where the plate is none. @param {number} number */
+  async plateStops(number) {
+    if (!this.platePath) return null;
+    const plate = (await post("/opened", { path: this.platePath })).number;
+    const ratio = (await this.factsOf(plate)).kind === "radiance map" ? null : await this.ratio(plate, number);
+    return ratio === null ? null : Math.log2(ratio);
   }
 
   /** Stops at which a picture's median is middle grey. @param {number} number @returns {Promise<number | null>} */

@@ -62,8 +62,7 @@ export function objectsPane(studio) {
     if (!studio.state.results.includes("preview.exr") || studio.shownPath !== studio.platePath) return;
     await studio.attempt(async () => {
       const { number } = await post("/opened", { path: "preview.exr", where: "results" });
-      const [own, other] = await Promise.all([studio.number, number].map((each) => json(`/pictures/${each}/statistics?layer=0`)));
-      if (own.median?.[3] > 0 && other.median?.[3] > 0) shining = own.median[3] / other.median[3];
+      shining = (await studio.ratio(studio.number, number)) ?? shining;
     });
   }
 

@@ -9,7 +9,7 @@ const shutter = (s) => (s >= 0.4 ? `${Number(s.toPrecision(2))} s` : `1/${Math.r
 /** @param {import("../studio.js").Studio} studio @returns {import("../studio.js").Pane} */
 export function photographsPane(studio) {
   let shown = "";
-  /** @type {[string, string | null]} */ let dragged = ["", null];
+  let dragged = "";
 
   /** What a bracket is in the shot: "plate", "ball 1", …, "board", "map" or "". @param {any} bracket */
   function role(bracket) {
@@ -19,6 +19,22 @@ export function photographsPane(studio) {
     if (view >= 0) return `ball ${view}`;
     if (paths.includes(table.camera?.grid?.photograph)) return "board";
     return paths.includes(table.light?.map) ? "map" : "";
+  }
+
+  /** A bracket whose frames have several roles, as so many. @param {any} bracket @returns {any[]} */
+  function parted(bracket) {
+    const groups = new Map();
+    for (const frame of bracket.frames) {
+      const of = role({ frames: [frame] });
+      groups.set(of, [...(groups.get(of) ?? []), frame]);
+    }
+    const rest = groups.get("") ?? [];
+    groups.delete("");
+    if (groups.size < 2) return [bracket];
+    return [...groups.values()].map((frames, n) => {
+      const all = n ? frames : [...frames, ...rest], patterns = all.map((/** @type {any} */ each) => each.path);
+      return { ...bracket, frames: all, patterns, name: all.length > 1 ? bracket.name : patterns[0], doubts: n ? [] : bracket.doubts };
+    });
   }
 
   /** The edits that take a bracket out of the shot. @param {string} had */
@@ -62,10 +78,10 @@ export function photographsPane(studio) {
   /** @param {string} of */
   const placeOf = (of) => (of === "plate" ? ["plate", "photographs"] : ["light", "balls", Number(of.slice(5)), "photographs"]);
 
-  /** Leave a frame out of its bracket, or take it in again. @param {any} bracket @param {string} path */
+  /** Leave a frame out of its bracket, or take it in again; of a bracket without a role it parts. @param {any} bracket @param {string} path */
   function toggle(bracket, path) {
     const of = role(bracket);
-    if (of !== "plate" && !of.startsWith("ball")) return undefined;
+    if (of !== "plate" && !of.startsWith("ball")) return regroup(path, null);
     const files = filesOf(of);
     const wanted = files.includes(path) ? files.filter((/** @type {string} */ each) => each !== path)
       : bracket.frames.map((/** @type {any} */ each) => each.path).filter((/** @type {string} */ each) => each === path || files.includes(each));
@@ -74,25 +90,45 @@ export function photographsPane(studio) {
     return studio.edit([{ set: placeOf(of), value: all ? bracket.patterns : wanted }], true);
   }
 
-  /** A frame dropped on another bracket belongs to that one. @param {any} bracket */
-  function regroup(bracket) {
-    const [path] = dragged, of = role(bracket), { brackets } = studio;
+  /** A frame dropped on another bracket belongs to that one; elsewhere it has one of its own. @param {string} path @param {any} bracket */
+  function regroup(path, bracket) {
+    const { brackets } = studio, of = bracket ? role(bracket) : "";
     const from = brackets.find((/** @type {any} */ each) => each.frames.some((/** @type {any} */ frame) => frame.path === path));
-    if (!from || from === bracket) return;
+    if (!from || from === bracket || (!bracket && from.frames.length === 1)) return;
     const frame = from.frames.find((/** @type {any} */ each) => each.path === path), had = role(from);
     const changes = [];
-    if (had === "plate" || had.startsWith("ball")) {
+    if ((had === "plate" || had.startsWith("ball")) && filesOf(had).includes(path)) {
       const left = filesOf(had).filter((/** @type {string} */ each) => each !== path);
-      changes.push(...(left.length ? [{ set: placeOf(had), value: left }] : []));
       if (!left.length) return studio.say("a bracket keeps one photograph at least");
+      changes.push({ set: placeOf(had), value: left });
     }
     if (of === "plate" || of.startsWith("ball")) changes.push({ set: placeOf(of), value: [...filesOf(of), path] });
+    const to = bracket ?? { ...from, name: path, frames: [], doubts: [] };
     from.frames = from.frames.filter((/** @type {any} */ each) => each !== frame);
-    bracket.frames.push(frame);
-    for (const each of [from, bracket]) each.patterns = each.frames.map((/** @type {any} */ one) => one.path);
+    to.frames.push(frame);
+    for (const each of [from, to]) each.patterns = each.frames.map((/** @type {any} */ one) => one.path);
+    if (!bracket) brackets.splice(brackets.indexOf(from) + 1, 0, to);
     studio.brackets = brackets.filter((/** @type {any} */ each) => each.frames.length);
     if (changes.length) studio.edit(changes, true);
     else studio.rebuild();
+  }
+
+  /** What takes a dragged frame. @param {HTMLElement} area @param {any} bracket the one it then belongs to; null for one of its own */
+  function takes(area, bracket) {
+    area.addEventListener("dragover", (event) => {
+      if (!dragged) return;
+      event.preventDefault();
+      area.classList.add("dropping");
+    });
+    area.addEventListener("dragleave", () => area.classList.remove("dropping"));
+    area.addEventListener("drop", (event) => {
+      if (!dragged) return;
+      event.stopPropagation();
+      area.classList.remove("dropping");
+      regroup(dragged, bracket);
+      dragged = "";
+    });
+    return area;
   }
 
   /** @param {any} bracket */
@@ -116,17 +152,7 @@ export function photographsPane(studio) {
       make("div", { className: "facts" }, facts),
       ...bracket.doubts.map((/** @type {string} */ each) => make("p", { className: "doubt" }, each)),
       make("div", { className: "strip" }, ...(bracket.kind === "broken" ? [] : frames.map((/** @type {any} */ frame) => thumbnail(bracket, frame, inRole)))));
-    entry.addEventListener("dragover", (event) => {
-      if (!dragged[0]) return;
-      event.preventDefault();
-      entry.classList.add("dropping");
-    });
-    entry.addEventListener("dragleave", () => entry.classList.remove("dropping"));
-    entry.addEventListener("drop", () => {
-      if (dragged[0]) regroup(bracket);
-      dragged = ["", null];
-    });
-    return entry;
+    return takes(entry, bracket);
   }
 
   /** @param {any} bracket @param {any} frame @param {string[] | null} inRole */
@@ -136,7 +162,7 @@ export function photographsPane(studio) {
     const label = frame.seconds ? shutter(frame.seconds) : frame.path.split("/").pop();
     const out = inRole !== null && !inRole.includes(frame.path);
     const button = make("button", {
-      type: "button", className: "thumb", title: `${frame.path}: click to see it, right-click or Delete to leave it out of its bracket`,
+      type: "button", className: "thumb", title: `${frame.path}: click to see it, right-click or Delete to take it out of its bracket`,
       draggable: true, data: { path: frame.path, out: String(out) },
       onclick: () => {
         shown = frame.path;
@@ -145,7 +171,7 @@ export function photographsPane(studio) {
       },
       oncontextmenu: (/** @type {Event} */ event) => (event.preventDefault(), toggle(bracket, frame.path)),
       onkeydown: (/** @type {KeyboardEvent} */ event) => event.key === "Delete" && toggle(bracket, frame.path),
-      ondragstart: () => (dragged = [frame.path, null]),
+      ondragstart: () => (dragged = frame.path),
     }, image, make("span", {}, label), doubt);
     button.setAttribute("aria-pressed", String(frame.path === shown));
     button.setAttribute("aria-label", `${frame.path}, ${label}${out ? ", left out" : ""}`);
@@ -175,9 +201,12 @@ export function photographsPane(studio) {
     build() {
       const plate = studio.state.table.plate?.photographs ?? [];
       const names = (Array.isArray(plate) ? plate : [plate]).map(quoted).join(" ") || "plate/*.jpg";
+      studio.brackets = studio.brackets.flatMap(parted);
       return [
         make("p", {}, "Choose which photographs are the plate, and which show the mirrored ball from each side. A frame dropped on another bracket "
           + "joins it; a right-click leaves it out."),
+        ...(studio.brackets.some((/** @type {any} */ each) => each.frames.length > 1)
+          ? [takes(make("div", { className: "drop" }, "Drop a frame here for a bracket of its own: a plate among photographs of the ball."), null)] : []),
         ...(studio.brackets.length ? studio.brackets.map(bracketEntry)
           : [make("p", {}, "No photographs are in this folder yet: drop some here.")]),
         typed(`relume merge ${names} -o plate.exr`, `import relume as rl\n\nmerged = rl.merge_brackets([rl.read_bracket(["${names}"])])`),
