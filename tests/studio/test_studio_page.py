@@ -114,6 +114,24 @@ def test_a_frame_dragged_to_another_bracket_belongs_to_it_in_the_shot(room_page:
 # Light
 
 
+def test_a_frame_among_others_gets_a_bracket_of_its_own_and_keeps_it(browser: Any, tmp_path: Path):
+    for number in (1, 2, 3, 4):
+        shutil.copy(ROOM / "plate" / f"IMG_{number:04d}.jpg", tmp_path)
+    with serving([tmp_path], "studio") as server:
+        with opened(browser, server.address) as page:
+            assert page.tab.locator(".bracket").count() == 1
+            page.tab.drag_and_drop('.thumb[data-path="IMG_0001.jpg"]', ".drop")
+            page.until(lambda: page.tab.locator(".bracket").count() == 2, "the two brackets")
+            page.click(bracket("IMG_0001.jpg", "Plate"))
+            page.click('.bracket:not([data-name="IMG_0001.jpg"]) button:text-is("Ball")')
+            page.settle()
+        chosen = table(tmp_path)
+        assert chosen["plate"] == {"photographs": ["IMG_0001.jpg"]}
+        assert chosen["light"]["balls"] == [{"photographs": ["IMG_0002.jpg", "IMG_0003.jpg", "IMG_0004.jpg"]}]
+        with opened(browser, server.address) as page:  # a page loaded anew asks the folder again
+            assert [page.tab.locator(".bracket").nth(n).locator(".thumb").count() for n in range(2)] == [1, 3]
+
+
 def test_the_rim_is_found_and_follows_its_handles_pixel_by_pixel(room_page: Tab, room: Path):
     room_page.click(bracket("plate", "Plate"))
     room_page.click(bracket("ball_0", "Ball"))
