@@ -29,6 +29,7 @@ from relume.errors import BallNotFound
 from relume.image.colour import decode_srgb, encode_srgb
 from relume.image.files import read_photograph, read_radiance
 from relume.image.radiance import RadianceMap
+from relume.probe.ball.probing import rim_doubts
 from relume.probe.ball.reflectance import CHROME_STEEL, BallReflectance
 from relume.probe.ball.silhouette import Cone, outline_of
 from relume.probe.ball.unwrapping import unwrap_ball
@@ -547,12 +548,13 @@ def tried(case: Case) -> Outcome:
             )  # fmt: skip
         outline = view.outline
         words = "{:.1f},{:.1f},{:.1f}".format(*outline.centre, outline.radius)
+        doubted = any(each.wrong for each in rim_doubts(view, "it"))
         words += f" coverage {outline.coverage:.2f}" + (" rivals" if outline.rivals else "")
-        verdict = "doubt" if outline.rivals else "wrong"
+        verdict = "doubt" if doubted else "wrong"
         if case.truth is not None:
             x, y, r = case.truth
             off = max(float(np.hypot(outline.centre[0] - x, outline.centre[1] - y)), abs(outline.radius - r)) / r
-            verdict = "found" if off <= 0.01 else "off" if off <= 0.03 else "doubt" if outline.rivals else "wrong"
+            verdict = "found" if off <= 0.01 else "off" if off <= 0.03 else "doubt" if doubted else "wrong"
     except BallNotFound as error:
         words, verdict = str(error), "refused"
         if case.truth is not None:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+from dataclasses import replace
 from importlib import import_module
 from pathlib import Path
 from types import SimpleNamespace
@@ -19,7 +20,7 @@ from relume.image.files import read_layers, read_photograph, read_radiance, writ
 from relume.image.photograph import Exposure, Photograph
 from relume.image.radiance import OUTSIDE, SATURATED, RadianceMap
 from relume.probe.ball.blending import Probe
-from relume.probe.ball.probing import BallProbe, rim_doubt
+from relume.probe.ball.probing import BallProbe, rim_doubts
 from relume.probe.ball.silhouette import outline_of_circle
 from relume.probe.ball.unwrapping import BallView, unwrap_ball
 from relume.sphere.environment_map import EnvironmentMap
@@ -170,13 +171,24 @@ def test_a_rim_that_may_be_another_is_doubtful(folder, tmp_path, capsys):
 
 def test_rims_that_are_much_alike_are_a_small_doubt():
     def rival(x: float, y: float, radius: float) -> float:
-        view = SimpleNamespace(outline=SimpleNamespace(centre=(70.0, 70.0), radius=60.0, rivals=((x, y, radius),)))
-        return rim_doubt(cast(BallView, view), "ball.jpg").effect or 0.0
+        outline = replace(outline_of_circle(70, 70, 60), rivals=((x, y, radius),))
+        (doubt,) = rim_doubts(cast(BallView, SimpleNamespace(outline=outline)), "ball.jpg")
+        return doubt.effect or 0.0
 
     assert rival(71.2, 70.0, 60.0) == pytest.approx(2 * 0.02)
     assert rival(70.0, 70.0, 58.8) == pytest.approx(2 * 0.02, rel=0.02)
     assert rival(70.0, 72.0, 60.0) == WRONG
     assert rival(70.0, 70.0, 45.0) == pytest.approx(0.5)
+
+
+def test_a_small_rim_of_which_little_is_seen_is_a_doubt_unless_it_was_picked():
+    def doubts(radius: float, coverage: float, picked: bool = False):
+        outline = replace(outline_of_circle(20, 20, radius), coverage=coverage)
+        return rim_doubts(cast(BallView, SimpleNamespace(outline=outline)), "ball.jpg", picked=picked)
+
+    (doubt,) = doubts(19.1, 0.38)
+    assert doubt.effect == WRONG and "no more than 38 % of so small a rim is seen" in doubt.line
+    assert doubts(19.1, 0.53) == doubts(30, 0.38) == doubts(19.1, 0.38, picked=True) == []
 
 
 def test_every_ball_has_a_line_and_machines_a_list():

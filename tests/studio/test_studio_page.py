@@ -21,6 +21,7 @@ from studio_page import done, looked_at
 for needed in ("uvicorn", "tomlkit"):
     pytest.importorskip(needed, reason="the extra studio is not installed")
 
+BEGUN = 'render = { samples = 64, denoise = true }\n\n[plate]\nphotographs = ["plate/*.jpg"]\n'
 ROOM = Path(__file__).resolve().parents[2] / "examples" / "room"
 
 
@@ -83,7 +84,7 @@ def bracket(name: str, role: str) -> str:
 def test_choosing_photographs_writes_the_shot_and_undo_takes_it_back(room_page: Tab, room: Path):
     assert "4 photographs, 768 × 512, 1/4 s … 16 s, f/8, ISO 100" in room_page.text('.bracket[data-name="plate"]')
     room_page.click(bracket("plate", "Plate"))
-    assert (room / "shot.toml").read_text(encoding="utf-8") == '[plate]\nphotographs = ["plate/*.jpg"]\n'
+    assert (room / "shot.toml").read_text(encoding="utf-8") == BEGUN
     assert "light: missing" in room_page.text("#fault")
     room_page.click(bracket("ball_0", "Ball"))
     assert table(room)["light"] == {"balls": [{"photographs": ["ball_0/*.jpg"]}], "ball": {"radius": 0.05}}
@@ -97,7 +98,7 @@ def test_choosing_photographs_writes_the_shot_and_undo_takes_it_back(room_page: 
     room_page.press("Delete")
     assert table(room)["plate"]["photographs"] == ["plate/*.jpg"]
     room_page.press("Control+z", "Control+z", "Control+z")
-    assert (room / "shot.toml").read_text(encoding="utf-8") == '[plate]\nphotographs = ["plate/*.jpg"]\n'
+    assert (room / "shot.toml").read_text(encoding="utf-8") == BEGUN
     room_page.press("Control+Shift+Z")
     assert "balls" in table(room)["light"]
 

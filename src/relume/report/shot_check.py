@@ -108,6 +108,10 @@ def check_shot(shot: Shot, *, progress: Callable[[str, float], None] = lambda st
         progress("estimate", 0.0)
         expected = None if fit is None or not meshes else forecast(shot, fit.camera, meshes)
         progress("estimate", 1.0)
+    if shot.camera.of_ball is not None and "local" not in shot.model_fields_set:
+        across = shot.surfaces()[0].size
+        assert across is not None
+        facts["table"] = f"{across[0]:g} × {across[1]:g} m about the ball, a guess; [[local]] gives its size"
     facts["objects"] = {mesh.name: _extent(mesh.vertices) for mesh in meshes}
     facts["pixels"], facts["samples"] = f"{size[0]} × {size[1]}", shot.render.samples
     if expected is not None:

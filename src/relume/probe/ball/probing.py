@@ -29,6 +29,9 @@ CROPPED = 4.0
 """Ball radii below which a distance by the EXIF is that of a crop: nobody photographs a ball from 15 cm."""
 ALIKE = 0.03
 """Radii by which two rims may differ whose light is much the same; beyond, one of them is of something else."""
+SMALL, SEEN, OFF = 25.0, 0.5, 1.2
+"""Pixels of radius and share of the rim below which what is seen of a rim decides little, and by how many pixels it was
+off: of a real ball 40 pixels wide, of which 38 % was seen."""
 
 
 @dataclass(frozen=True)
@@ -145,7 +148,8 @@ def probe_ball(
             for picture, camera, each in zip(read.pictures, cameras, photographs, strict=True)
         ]
         names = tuple(each.name for each in photographs)
-        notes += [rim_doubt(view, name) for view, name in zip(views, names, strict=True) if view.outline.rivals]
+        for view, each in zip(views, photographs, strict=True):
+            notes += rim_doubts(view, each.name, picked=each.outline is not None)
 
         # One light of all views.
         unscaled = len(views) > 1 and not all(each.exposed for each in read.pictures)
@@ -231,21 +235,35 @@ def _view(
     return found(None, length / FAR if settings.radius is None else settings.radius)
 
 
-def rim_doubt(view: BallView, name: str, remedy: str = "look at it with --picture and choose it with --pick") -> Doubt:
-    """The doubt about a rim beside which others are seen as well."""
+def rim_doubts(
+    view: BallView,
+    name: str,
+    remedy: str = "look at it with --picture and choose it with --pick",
+    *,
+    picked: bool = False,
+) -> list[Doubt]:
+    """The doubt about a rim beside which others are seen as well, or that is small, little seen and not picked."""
     outline = view.outline
-    (x, y), (other_x, other_y, other) = outline.centre, outline.rivals[0]
-    line = (
-        f"{name}: the rim was taken at x,y,radius {x:.1f},{y:.1f},{outline.radius:.1f}, and {other_x:.1f},"
-        f"{other_y:.1f},{other:.1f} is seen about as well; {remedy}"
-    )
-    # What the middle mirrors turns by twice the shift in radii, and a diffuse surface's light by no more than that;
-    # near the rim what lies outside is taken as light, or light is left out.
-    shift, growth = (
-        each / outline.radius for each in (float(np.hypot(other_x - x, other_y - y)), abs(other - outline.radius))
-    )
-    effect = max(2 * (shift + growth), abs((other / outline.radius) ** 2 - 1))
-    return Doubt(line, effect if max(shift, growth) <= ALIKE else max(WRONG, effect))
+    (x, y), radius = outline.centre, outline.radius
+    taken = f"{name}: the rim was taken at x,y,radius {x:.1f},{y:.1f},{radius:.1f}, and"
+    if outline.rivals:
+        other_x, other_y, other = outline.rivals[0]
+        line = f"{taken} {other_x:.1f},{other_y:.1f},{other:.1f} is seen about as well; {remedy}"
+        return [_off_by(line, outline.radius, float(np.hypot(other_x - x, other_y - y)), other - radius)]
+    if picked or radius >= SMALL or outline.coverage >= SEEN:
+        return []
+    line = f"{taken} no more than {100 * outline.coverage:.0f} % of so small a rim is seen, which may be a pixel off; "
+    return [_off_by(f"{line}{remedy}, or photograph the ball larger", radius, OFF, 0.0)]
+
+
+def _off_by(line: str, radius: float, shift: float, growth: float) -> Doubt:
+    """A rim that may be off by so many pixels, with its effect.
+
+    What the middle mirrors turns by twice the shift in radii, and a diffuse surface's light by no more than that; near
+    the rim what lies outside is taken as light, or light is left out.
+    """
+    effect = max(2 * (shift + abs(growth)) / radius, abs((1 + growth / radius) ** 2 - 1))
+    return Doubt(line, effect if max(shift, abs(growth)) <= ALIKE * radius else max(WRONG, effect))
 
 
 def _explained(doubt: Doubt, probe: Probe, known: bool) -> Doubt:

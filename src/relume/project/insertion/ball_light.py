@@ -11,7 +11,7 @@ from relume.capture.brackets.result import MergedBracket
 from relume.errors import InvalidShot, NotABracket, warn
 from relume.image.radiance import RadianceMap
 from relume.probe.ball.blending import Probe, blend_views
-from relume.probe.ball.probing import rim_doubt
+from relume.probe.ball.probing import rim_doubts
 from relume.probe.ball.reflectance import CHROME_STEEL, BallReflectance
 from relume.probe.ball.registration import KnownPlaces, UnknownPlaces
 from relume.probe.ball.rim_selection import picked_rim
@@ -72,8 +72,8 @@ def blended(shot: Shot, merged: Sequence[MergedBracket], stood: BallCamera | Non
             reflectance=_reflectance(ball.reflectance),
             measured=table.camera is not None and ball.centre is not None,
         )  # fmt: skip
-        if view.outline.rivals:
-            doubt = rim_doubt(view, bracket.name, "`relume probe --picture` draws it; choose it with light.balls.pick")
+        remedy = "`relume probe --picture` draws it; choose it with light.balls.pick"
+        for doubt in rim_doubts(view, bracket.name, remedy, picked=outline is not None):
             warn(doubt.line, doubt.effect)
         if stood is not None and stood.outline is not None and outline is stood.outline:
             view = stood.turned(view)

@@ -70,6 +70,8 @@ export function photographsPane(studio) {
       const { ball } = table.light ?? {};
       if (ball?.radius && !ball.centre) changes.push({ set: ["light", "ball", "centre"], value: [0, ball.radius, 0] });
     }
+    // A shot begun here renders as one that the command begins.
+    if (!Object.keys(table).length) changes.push({ set: ["render"], value: { samples: 64, denoise: true } });
     return studio.edit(changes, true);
   }
 
