@@ -4,9 +4,11 @@ import os
 import subprocess
 import sys
 from pathlib import Path
+from types import SimpleNamespace
 
 import pytest
 
+from relume.renderers.mitsuba import path_tracer
 from relume.renderers.mitsuba import variant as mitsuba_variant
 from relume.renderers.mitsuba.variant import _choice, _libraries, choose_variant, llvm_version
 
@@ -136,3 +138,14 @@ def test_with_only_an_unusable_llvm_a_render_completes_by_the_scalar_variant(tmp
     )  # fmt: skip
     assert finished.returncode == 0, finished.stderr
     assert finished.stdout.strip() == "scalar_rgb"
+
+
+@pytest.mark.parametrize(("before", "after"), [(None, "llvm_ad_rgb"), ("cuda_ad_rgb", "cuda_ad_rgb")])
+def test_a_render_leaves_the_variant_that_was_set_or_the_usual_one(monkeypatch, before, after):
+    now = [before]
+    mi = SimpleNamespace(variant=lambda: now[-1], set_variant=now.append)
+    dr = SimpleNamespace(thread_count=lambda: 2, set_thread_count=lambda count: None)
+    monkeypatch.setattr(path_tracer, "_imported", lambda variant: (mi, dr, variant or "llvm_ad_rgb"))
+    with path_tracer._mitsuba("scalar_rgb", 1):
+        assert now[-1] == "scalar_rgb"
+    assert now[-1] == after

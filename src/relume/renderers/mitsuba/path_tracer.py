@@ -191,8 +191,10 @@ def _mitsuba(variant: str | None, threads: int | None) -> Iterator[Any]:
     finally:
         dr.set_thread_count(threads_before)
         give_back()
-        if variant_before is not None and variant_before != chosen:
-            mi.set_variant(variant_before)
+        # Where none was set the usual one stays: each render after an unusual one would else set its variant twice.
+        after = variant_before or _imported(None)[2]
+        if after != chosen:
+            mi.set_variant(after)
 
 
 @lru_cache
