@@ -37,7 +37,10 @@ export function drawNumbers(overlay, canvas, address, digest, failed) {
       asking = key;
       fetch(`${address}&box=${box}`).then(async (got) => {
         if (!got.ok) throw new Error(`the values did not come: ${got.status}`);
-        kept = { key, box, values: new Float32Array(await got.arrayBuffer()) };
+        const values = new Float32Array(await got.arrayBuffer());
+        // An answer to an earlier question may come after the last one's.
+        if (asking !== key) return;
+        kept = { key, box, values };
         canvas.draw();
       }).catch(failed);
     }
