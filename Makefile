@@ -5,16 +5,20 @@ READY := $(VENV)/.relume-setup
 # Where this is set, each process of the suite compiles tests and package anew, which takes ten seconds.
 unexport PYTHONDONTWRITEBYTECODE
 
+# Two processes for two cores; a file stays in one, the long ones first. NumPy's seeds are what each test sets. Nothing
+# of ours logs, and to stand by for it takes a millisecond a test.
+SUITE := $(VENV)/bin/pytest -q -n 2 --dist loadfile --no-loadscope-reorder --randomly-dont-reset-seed -p no:logging
+
 .PHONY: demo test quick check bench
 
 demo: $(READY)            ## insert the objects of examples/room and say where the pictures are
 	$(VENV)/bin/relume demo -o out/demo
 
 test: $(READY)            ## the whole suite, in an order of its own each time (-p no:randomly keeps the files' order)
-	$(VENV)/bin/pytest -q -n 2 --dist loadfile --no-loadscope-reorder --randomly-dont-reset-seed
+	$(SUITE)
 
 quick: $(READY)           ## for the inner loop: no render by Mitsuba, no whole command
-	$(VENV)/bin/pytest -q -n 2 --dist loadfile --no-loadscope-reorder -m "not slow and not long"
+	$(SUITE) -m "not slow and not long"
 
 check: $(READY)           ## style and types
 	$(VENV)/bin/ruff check .

@@ -16,7 +16,7 @@ import argparse
 import sys
 import time
 import warnings
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cache
 from itertools import islice
@@ -33,6 +33,7 @@ from relume.probe.ball.probing import rim_doubts
 from relume.probe.ball.reflectance import CHROME_STEEL, BallReflectance
 from relume.probe.ball.silhouette import Cone, outline_of
 from relume.probe.ball.unwrapping import unwrap_ball
+from relume.sphere.environment_files import read_environment
 from relume.sphere.mappings.mapping import LatLong
 
 SHARED = Path(__file__).resolve().parents[2] / "shared"
@@ -474,11 +475,15 @@ def chromed_balls() -> Iterator[Case]:
     return traced_balls("chrome", CHROME_STEEL)
 
 
-def traced_balls(kind: str = "traced", reflectance: BallReflectance = BallReflectance()) -> Iterator[Case]:
+def traced_balls(
+    kind: str = "traced", reflectance: BallReflectance = BallReflectance(), maps: Sequence[str] = MAPS, seed: int = 7,
+) -> Iterator[Case]:  # fmt: skip
     """Balls of several sizes and places under photographed light, with and without their focal length."""
-    generator = np.random.default_rng(7)
-    for path in MAPS:
-        chart = np.ascontiguousarray(read_radiance(SHARED / path).radiance.astype(np.float32))
+    generator = np.random.default_rng(seed)
+    for path in maps:
+        cube = path.endswith(".dds")
+        found = read_environment(SHARED / path).remapped(LatLong()) if cube else read_radiance(SHARED / path)
+        chart = np.ascontiguousarray(found.radiance.astype(np.float32))
         for number in range(7):
             size = ((480, 360), (640, 480), (800, 600))[number % 3]
             focal = size[0] * float((3.0, 1.4, 0.9)[number % 3])
@@ -565,9 +570,10 @@ def tried(case: Case) -> Outcome:
     return Outcome(case, verdict, off, time.process_time() - began, words)
 
 
-if __name__ == "__main__":
+def main(kinds: Mapping[str, Callable[[], Iterator[Case]]]) -> None:
+    """Try the kinds that the command line names, and print what was found."""
     parser = argparse.ArgumentParser()
-    parser.add_argument("--kinds", default=",".join(KINDS))
+    parser.add_argument("--kinds", default=",".join(kinds))
     parser.add_argument("--every", type=int, default=1)
     parser.add_argument("--verbose", action="store_true")
     options = parser.parse_args()
@@ -576,7 +582,7 @@ if __name__ == "__main__":
     everything: list[Outcome] = []
     for kind in options.kinds.split(","):
         outcomes = []
-        for case in islice(KINDS[kind](), 0, None, options.every):
+        for case in islice(kinds[kind](), 0, None, options.every):
             outcome = tried(case)
             outcomes.append(replace(outcome, case=replace(case, picture=np.zeros((1, 1, 3), np.float32))))
             if options.verbose or outcome.verdict != ("found" if case.truth is not None else "refused"):
@@ -593,3 +599,7 @@ if __name__ == "__main__":
     wrong = sum(o.verdict == "wrong" for o in everything)
     share = 100 * right / max(len(balls), 1)
     print(f"{len(everything)} pictures; of {len(balls)} balls {right} found within 1 % ({share:.1f} %), wrong {wrong}")
+
+
+if __name__ == "__main__":
+    main(KINDS)

@@ -27,6 +27,8 @@ LONGEST = [
     *("test_mapped_against_path_tracing.py", "test_filters.py", "test_ball.py", "test_render_tiles.py"),
     *("test_insert.py", "test_reflection.py", "test_control_variate.py", "test_mitsuba_insert.py"),
     *("test_capture_report.py", "test_gloss.py", "test_page.py", "test_mitsuba_repeats.py", "test_glossy.py"),
+    *("test_studio_camera.py", "test_studio_radiance.py", "test_studio_faults.py", "test_patches.py"),
+    *("test_resampling.py", "test_studio_light_edits.py"),
 ]
 # What `make quick` leaves out: what renders with Mitsuba, runs whole commands and shots, or takes more than 5 s.
 LONG = (
@@ -35,7 +37,7 @@ LONG = (
     *("renderers/*mitsuba*", "renderers/test_renderer.py", "renderers/test_environment.py", "renderers/test_sheet.py"),
     *("renderers/test_accumulation.py", "renderers/test_allocation.py", "renderers/test_filters.py"),
     *("renderers/test_mapped.py", "renderers/test_whitted_paper.py", "renderers/test_whitted_materials.py"),
-    "renderers/test_miller_hoffman.py",
+    *("renderers/test_miller_hoffman.py", "renderers/test_material_balls.py"),
     *("composite/test_reflectance.py", "composite/test_gloss.py", "scene/test_moving.py", "scene/test_grid.py"),
     *("probe/test_outline.py", "probe/test_registration.py", "probe/test_ball.py", "probe/test_assembled.py"),
     *("probe/test_silhouette.py", "probe/test_panorama.py", "light/test_reflection.py", "light/test_glossy.py"),
@@ -70,6 +72,11 @@ def shared() -> Path:
 def pytest_configure(config: pytest.Config) -> None:
     if "not long" in config.option.markexpr:
         sys.modules["mitsuba"] = None  # pyright: ignore[reportArgumentType]  # to import it is an error then
+    elif int(os.environ.get("PYTEST_XDIST_WORKER_COUNT", "1")) >= (os.cpu_count() or 1):
+        # Dr.Jit's threads wait for work in a loop too. Tests of the number of threads set it themselves.
+        import drjit
+
+        drjit.set_thread_count(1)
 
 
 def pytest_ignore_collect(collection_path: Path, config: pytest.Config) -> bool | None:

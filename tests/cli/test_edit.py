@@ -235,6 +235,29 @@ def test_a_slice_that_nobody_paints_on_is_the_same_file(light, suffix, words, tm
     assert out.read_bytes() == source.read_bytes()
 
 
+def test_a_part_of_a_map_is_painted_on_and_comes_back_to_its_place(flat, tmp_path, capsys):
+    cut, out = tmp_path / "slice.png", tmp_path / "out.exr"
+    report = reported(["edit", str(flat), "--slice", "0", "--crop", "3,4,10,6", "-o", str(cut)], capsys)
+    assert report["crop"] == [3, 4, 10, 6]
+    pixels = read_photograph(cut).pixels.copy()
+    assert pixels.shape == (6, 10, 3)
+    pixels[1, 2] = (188, 0, 0)
+    write(cut, Photograph(pixels, "painted"))
+    report = reported(["edit", str(flat), "--paint", str(cut), "-o", str(out)], capsys)
+    before, after = read_radiance(flat), read_radiance(out)
+    assert report["pixels changed"] == 1 and after.size == before.size
+    assert after.radiance[5, 5] == pytest.approx([0.5029, 0, 0], abs=1e-4)
+    same = np.ones(before.radiance.shape[:2], bool)
+    same[5, 5] = False
+    np.testing.assert_array_equal(after.radiance[same], before.radiance[same])
+    assert after.variance is not None and np.isinf(after.variance[5, 5]).all()
+    outside = refused(["edit", str(flat), "--slice", "0", "--crop", "0,0,31,5", "-o", str(cut)], capsys)
+    assert "is not in a picture of 30×20" in outside
+    assert "--slice and" in refused(
+        ["edit", str(flat), "--slice", "0", "--crop", "0,0,3,5", "--resize", "50%", "-o", str(cut)], capsys
+    )
+
+
 def test_only_what_was_painted_comes_back(flat, tmp_path, capsys):
     cut, out = tmp_path / "slice.png", tmp_path / "out.exr"
     assert main(["edit", str(flat), "--slice", "0", "-o", str(cut), "-q"]) == 0

@@ -189,6 +189,27 @@ def test_a_small_rim_of_which_little_is_seen_is_a_doubt_unless_it_was_picked():
     (doubt,) = doubts(19.1, 0.38)
     assert doubt.effect == WRONG and "no more than 38 % of so small a rim is seen" in doubt.line
     assert doubts(19.1, 0.53) == doubts(30, 0.38) == doubts(19.1, 0.38, picked=True) == []
+    # A rival beside it, which makes little of a doubt, does not hide this one.
+    near = replace(outline_of_circle(20, 20, 19.1), coverage=0.38, rivals=((20.2, 20.0, 19.1),))
+    effects = [each.effect for each in rim_doubts(cast(BallView, SimpleNamespace(outline=near)), "ball.jpg")]
+    assert effects == [pytest.approx(2 * 0.2 / 19.1), WRONG]
+
+
+def test_of_a_rim_of_which_little_is_seen_the_farthest_rival_counts():
+    rivals = ((71.2, 70.0, 60.0), (70.0, 70.0, 45.0))
+    outline = replace(outline_of_circle(70, 70, 60), coverage=0.38, rivals=rivals)
+    (doubt,) = rim_doubts(cast(BallView, SimpleNamespace(outline=outline)), "ball.jpg")
+    assert doubt.effect == pytest.approx(0.5) and "70.0,70.0,45.0 is seen about as well" in doubt.line
+    seen = cast(BallView, SimpleNamespace(outline=replace(outline, coverage=0.6)))
+    assert rim_doubts(seen, "ball.jpg")[0].effect == pytest.approx(2 * 0.02)
+
+
+def test_a_ball_that_only_a_very_small_picture_shows_is_a_doubt_unless_it_was_picked():
+    outline = replace(outline_of_circle(70, 70, 60), roughly=True)
+    view = cast(BallView, SimpleNamespace(outline=outline))
+    (doubt,) = rim_doubts(view, "ball.jpg")
+    assert doubt.effect == WRONG and "it may be another thing; look at it with --picture" in doubt.line
+    assert rim_doubts(view, "ball.jpg", picked=True) == []
 
 
 def test_every_ball_has_a_line_and_machines_a_list():

@@ -184,7 +184,7 @@ def test_what_is_darker_than_the_gloss_is_noted_where_it_is_little_and_warned_of
     found = recover_reflectance(RadianceMap(radiance), CAMERA, room, wanted, renderer=QUICK)
     (note,) = found.notes
     assert "local surface 1 ('plane') comes out below 0, in 120 pixels (4." in note
-    assert "within x 40–51, y 30–39" in note and "another thing or its reflection" in note
+    assert "within x 40–51, y 30–39" in note and "something stands there, or is reflected there" in note
     assert np.all(found.albedo[32:38, 42:50] == 0)
     radiance[30:50, 30:66] = 0
     with pytest.warns(UserWarning, match="comes out below 0, in 720 pixels"):

@@ -1,11 +1,17 @@
 """A name holds the old file or the new one, whole, and no temporary file stays behind."""
 
 import os
+import shutil
+import tempfile
+from collections.abc import Iterator
+from pathlib import Path
 
 import pytest
 
 from relume.errors import OutputNotWritten
 from relume.image.files import replacing, write_text
+
+NOBODY = 65534
 
 
 def test_text_is_written_under_its_name_and_nothing_else_is_left(tmp_path):
@@ -71,11 +77,26 @@ def test_what_stands_in_the_way_is_named(tmp_path, obstacle, name, said):
     assert os.listdir(tmp_path) == (["out"] if obstacle else [])
 
 
-@pytest.mark.skipif(os.name == "nt" or os.geteuid() == 0, reason="the super-user may write anywhere")
-def test_a_folder_that_forbids_writing_is_reported_in_one_line(tmp_path):
-    tmp_path.chmod(0o500)
+@pytest.fixture
+def forbidding() -> Iterator[Path]:
+    """A folder in which whoever runs the test may not write; the super-user, who may anywhere, is another meanwhile."""
+    folder, user = Path(tempfile.mkdtemp()), os.geteuid()
+    write_text(folder / "b.txt", "what is imported for this is imported as oneself")
+    if user == 0:
+        os.chown(folder, NOBODY, -1)
+    folder.chmod(0o500)
+    os.seteuid(user or NOBODY)
+    yield folder
+    os.seteuid(user)
+    folder.chmod(0o700)
+    shutil.rmtree(folder)
+
+
+@pytest.mark.skipif(os.name == "nt", reason="the mode of a folder forbids nothing on Windows")
+def test_a_folder_that_forbids_writing_is_reported_in_one_line(forbidding: Path):
     with pytest.raises(OutputNotWritten, match="Permission denied"):
-        write_text(tmp_path / "a.txt", "x")
+        write_text(forbidding / "a.txt", "x")
+    assert os.listdir(forbidding) == ["b.txt"]
 
 
 def test_a_write_protected_file_stays(tmp_path):

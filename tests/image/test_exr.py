@@ -2,6 +2,8 @@
 
 import os
 import re
+import subprocess
+import sys
 import threading
 import time
 import warnings
@@ -467,3 +469,26 @@ def test_many_threads_may_read_at_once(tmp_path, numbered):
     for thread in threads:
         thread.join()
     assert results == [True] * 16
+
+
+THREADS = """
+import sys, os, numpy as np, OpenEXR
+from relume.image.files import read_radiance, write
+from relume.image.radiance import RadianceMap
+if sys.argv[2] != "ours":
+    OpenEXR.set_global_thread_count(int(sys.argv[2]))
+pixels = np.random.default_rng(1).random((300, 200, 3), np.float32)
+write(sys.argv[1], RadianceMap(pixels))
+assert np.array_equal(read_radiance(sys.argv[1]).radiance, pixels)
+print(OpenEXR.global_thread_count())
+"""
+
+
+def test_the_library_works_on_all_cores_unless_the_program_chose_and_writes_the_same_bytes(tmp_path):
+    def threads(name, chosen):
+        made = subprocess.run([sys.executable, "-c", THREADS, tmp_path / name, chosen], capture_output=True, text=True)
+        return int(made.stdout), (tmp_path / name).read_bytes()
+
+    ours, on_all = threads("all.exr", "ours")
+    assert ours == min(os.cpu_count() or 1, 16)
+    assert threads("one.exr", "1") == (1, on_all)

@@ -50,7 +50,7 @@ def test_a_codestream_without_its_end_is_refused_and_nothing_printed(picture, ca
     assert capfd.readouterr() == ("", "")
 
 
-@pytest.mark.skipif(sys.platform == "win32", reason="not tried on Windows")
+@pytest.mark.skipif(sys.platform == "win32", reason="ctypes.CDLL(None), which prints by the C library, needs POSIX")
 def test_what_c_holds_back_goes_where_it_belongs(picture):
     """In a program of its own, whose C writes to a pipe and therefore late."""
     environment = {name: value for name, value in os.environ.items() if name != "PYTHONUNBUFFERED"}

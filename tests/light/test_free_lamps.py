@@ -26,7 +26,7 @@ def seen_from_probe(found):
     return found.lamp.intensity[0] / distance**2
 
 
-@pytest.mark.parametrize("place", [(1.1, 1.5, -0.6), (-0.8, 0.4, 2.0)])
+@pytest.mark.parametrize("place", [(1.1, 1.5, -0.6), (-0.8, 0.4, 2.0), (0.2, 2.0, -0.25), (0.1, -0.9, -0.3)])
 def test_what_is_taken_and_what_is_left_are_all_the_light(place):
     light = map_with_lamp(np.subtract(place, PROBE))
     found = free_lamp(light, place, PROBE)

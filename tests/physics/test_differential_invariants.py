@@ -68,6 +68,20 @@ def test_where_no_real_surface_is_seen_the_difference_is_exactly_nothing(change)
     assert np.any(change.difference[~sky] != 0)
 
 
+def test_a_quick_change_is_the_same_change_in_one_pass():
+    quick = Differential(samples=128, quick=True).change(SCENE, CAMERA, seed=1)
+    usual = Differential(samples=512).change(SCENE, CAMERA, seed=2)
+    assert (quick.passes, quick.samples) == (1, 128)
+    assert not quick.difference_variance.any()  # unknown
+    # The other has a quarter of its variance; of some hundred pixels a few are beyond three deviations.
+    for plane in ("objects", "difference"):
+        variance = 5 * getattr(usual, f"{plane}_variance")
+        off = np.abs(getattr(quick, plane) - getattr(usual, plane)) / (np.sqrt(variance) + 1e-3)
+        assert np.mean(off > 3) < 0.02, plane
+        sums = float(getattr(quick, plane).sum()), float(getattr(usual, plane).sum())
+        assert sums[0] == pytest.approx(sums[1], abs=4 * float(np.sqrt(variance.sum()))), plane
+
+
 def test_four_times_the_light_changes_four_times_as_much_to_the_bit(change):
     # Powers of two scale single-precision numbers exactly, and no decision of a path depends on the light's unit.
     more = RENDERER.change(replace(SCENE, light=light(4.0)), CAMERA, seed=1)

@@ -3,6 +3,7 @@
 import pickle
 import warnings
 from dataclasses import replace
+from functools import lru_cache
 
 import cv2
 import numpy as np
@@ -33,7 +34,9 @@ def texture(x: np.ndarray, y: np.ndarray, period: float, seed: int) -> np.ndarra
     for _ in range(8):
         angle, phase = generator.uniform(0, 2 * np.pi, 2)
         frequency = 2 * np.pi / (period * generator.uniform(0.7, 2.0))
-        total += np.sin(frequency * (x * np.cos(angle) + y * np.sin(angle)) + phase)
+        across, down = frequency * np.cos(angle) * x + phase, frequency * np.sin(angle) * y
+        # sin(a + b) by the sines of a row and of a column, where the points are a grid.
+        total += np.sin(across) * np.cos(down) + np.cos(across) * np.sin(down)
     return np.clip(0.5 + total / 8, 0, 1)
 
 
@@ -41,18 +44,28 @@ def drawing(
     width: int, height: int, centre: tuple[float, float], radius: float, *, faint: bool = False, noise: float = 0.01
 ) -> np.ndarray:
     """A disc like a mirrored ball, blotches and a lamp squeezed into it, on a blotchy ground; antialiased."""
+    return _drawn(width, height, centre, radius, faint, noise).copy()
+
+
+@lru_cache(maxsize=16)
+def _drawn(
+    width: int, height: int, centre: tuple[float, float], radius: float, faint: bool, noise: float
+) -> np.ndarray:
     subdivision = 4
     x = (np.arange(width * subdivision) + 0.5) / subdivision
     y = ((np.arange(height * subdivision) + 0.5) / subdivision)[:, None]
     dx, dy = (x - centre[0]) / radius, (y - centre[1]) / radius
-    r = np.hypot(dx, dy)
-    angle = 2 * np.arcsin(np.minimum(r, 1)) / np.maximum(r, 1e-9)
-    mirrored, blotches = texture(dx * angle, dy * angle, 1.5, 1), texture(x, y, 60.0, 2)
+    disc = dx**2 + dy**2 < 1
+    r = np.hypot(dx, dy)[disc]
+    u, v = (np.broadcast_to(each, disc.shape)[disc] for each in (dx, dy))
+    angle = 2 * np.arcsin(r) / np.maximum(r, 1e-9)
+    mirrored, blotches = texture(u * angle, v * angle, 1.5, 1), texture(x, y, 60.0, 2)
     if faint:
-        picture = np.where(r < 1, 0.52 + 0.04 * mirrored, 0.46 + 0.04 * blotches)
+        picture = 0.46 + 0.04 * blotches
+        picture[disc] = 0.52 + 0.04 * mirrored
     else:
-        lamp = 8.0 * (np.hypot(dx + 0.3, dy + 0.4) < 0.06)
-        picture = np.where(r < 1, 0.25 + 0.5 * mirrored + lamp, 0.09 + 0.17 * blotches)
+        picture = 0.09 + 0.17 * blotches
+        picture[disc] = 0.25 + 0.5 * mirrored + 8.0 * (np.hypot(u + 0.3, v + 0.4) < 0.06)
     picture = picture.reshape(height, subdivision, width, subdivision).mean((1, 3))
     picture = picture * np.exp(np.random.default_rng(3).normal(0, noise, picture.shape))
     return np.repeat(picture[..., None], 3, axis=2).astype(np.float32)
@@ -308,6 +321,24 @@ def test_a_dull_ball_is_named_in_the_refusal():
     picture = peach(drawing(320, 240, (900.0, 900.0), 10.0), (170.0, 120.0), 70.0)
     with pytest.raises(BallNotFound, match=r"what is round at 170,120,70 shows nothing of the place, as matte and scr"):
         find_outline(picture)
+
+
+def test_a_ball_of_which_most_is_white_is_found_and_a_matte_one_is_not():
+    bright = np.minimum(2.4 * drawing(320, 240, (170.0, 118.0), 75.0), 1.0).astype(np.float32)
+    y, x = np.mgrid[:240, :320] + 0.5
+    assert (bright[np.hypot(x - 170, y - 118) < 70] > 0.96).mean() > 0.75
+    outline = find_outline(bright)
+    assert (*outline.centre, outline.radius) == pytest.approx((170, 118, 75), abs=0.75)
+    fruit = peach(drawing(320, 240, (900.0, 900.0), 10.0), (170.0, 120.0), 70.0)
+    with pytest.raises(BallNotFound, match="shows nothing of the place"):
+        find_outline(np.minimum(3 * fruit, 1.0).astype(np.float32))
+
+
+def test_a_ball_that_only_a_very_small_picture_shows_is_found_with_a_doubt():
+    picture = cv2.GaussianBlur(drawing(320, 240, (170.0, 118.0), 75.0), (0, 0), 6.0)
+    outline = find_outline(picture)
+    assert outline.roughly and not find_outline(drawing(320, 240, (170.0, 118.0), 75.0)).roughly
+    assert (*outline.centre, outline.radius) == pytest.approx((170, 118, 75), abs=0.03 * 75)
 
 
 def test_a_coloured_ball_is_noticed_and_a_neutral_one_is_not():

@@ -7,7 +7,10 @@ from typing import Any
 
 import pytest
 
+from kept_lobes import lobes_are_kept
 from relume.renderers.mitsuba.path_tracer import _mitsuba
+
+__all__ = ["lobes_are_kept", "mi"]
 
 
 @pytest.fixture(scope="module")

@@ -103,10 +103,10 @@ def test_light_of_any_mapping_gives_the_same_balls(light: EnvironmentMap, monkey
     monkeypatch.setattr(sheet, "_MOST_ROWS", 32)
     (straight,), (turned,) = balls(light, 8), balls(light.remapped(Angular(), 96), 8)
     np.testing.assert_allclose(straight.radiance, turned.radiance, rtol=0.01)
-    coarse = sheet._coarse(light)
+    coarse = sheet.coarse(light, 32)
     assert coarse.size == 32
     np.testing.assert_allclose(coarse.total(), light.total(), rtol=1e-6)
-    assert sheet._coarse(lights.constant(33)).size == 32
+    assert sheet.coarse(lights.constant(33), 32).size == 32
     shares: list[float] = []
     balls(light, 4, progress=shares.append)
     assert shares == [1.0]

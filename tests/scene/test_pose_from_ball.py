@@ -56,6 +56,8 @@ def test_an_exact_outline_gives_the_exact_camera(lens: dict[str, object]) -> Non
     assert np.allclose(fit.camera.position, true.position, atol=1e-7)
     assert np.allclose(fit.camera.rotation, true.rotation, atol=1e-7)
     assert fit.residual is not None and fit.residual < 1e-4 and len(fit.points) == 60
+    # The points are drawn along a fitted outline: that they lie on it says nothing of how well it fits.
+    assert fit.agreement == f"the ball's rim, {np.ptp(rim[:, 0]):.0f} pixels across"
     # The frame: the camera lies towards +Z, at no side of it.
     assert abs(fit.camera.position[0]) < 1e-9 and fit.camera.position[2] > 0.5
 

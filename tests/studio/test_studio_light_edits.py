@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import shutil
 import tomllib
 from collections.abc import Iterator
 from pathlib import Path
@@ -21,16 +22,30 @@ for needed in ("uvicorn", "tomlkit"):
     pytest.importorskip(needed, reason="the extra studio is not installed")
 
 
-# Each test has a folder of its own: the names of what is written count up from what is there.
-@pytest.fixture
-def small(tmp_path: Path) -> Path:
-    return write_small_shot(tmp_path).parent
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    return write_small_shot(tmp_path_factory.mktemp("light")).parent
+
+
+@pytest.fixture(scope="module")
+def running(folder: Path) -> Iterator[Server]:
+    with serving([folder / "shot.toml"], "studio") as server:
+        yield server
 
 
 @pytest.fixture
-def server(small: Path) -> Iterator[Server]:
-    with serving([small / "shot.toml"], "studio") as running:
-        yield running
+def small(folder: Path, running: Server) -> Path:
+    """The shot as it was: the names of what is written count up from what is there."""
+    running.post("/shot/undo", {"by": 10_000})
+    assert (folder / "shot.toml").read_text(encoding="utf-8") == TEXT
+    for made in ("lights", "paint"):
+        shutil.rmtree(folder / made, ignore_errors=True)
+    return folder
+
+
+@pytest.fixture
+def server(small: Path, running: Server) -> Server:
+    return running
 
 
 @pytest.fixture
@@ -114,6 +129,79 @@ def test_a_view_is_cut_out_where_the_map_was_clicked_and_put_back(page: Tab, sma
     where = rl.mappings.pixel_directions(before.mapping, 32)[16, 48]
     assert np.all(found.lookup(where) < 0.02) and np.all(before.lookup(where) > 0.25)
     assert found.lookup(-where) == pytest.approx(before.lookup(-where), rel=1e-5)
+
+
+def rectangle(page: Tab) -> list[int]:
+    return [
+        int(each)
+        for each in page.tab.evaluate("() => [...document.querySelectorAll('[data-crop]')].map((e) => e.value)")
+    ]
+
+
+@pytest.fixture
+def map_page(page: Tab) -> Tab:
+    page.click('button:text-is("See the map itself")')
+    page.until(lambda: page.text("#caption") == "light.exr", "the map")
+    page.settle()
+    page.click('button:text-is("Draw a rectangle")')
+    return page
+
+
+def test_a_rectangle_is_dragged_and_cut_out_as_a_picture_that_is_no_map(map_page: Tab, small: Path):
+    page = map_page
+    assert rectangle(page) == [16, 8, 32, 16]  # the middle, until another is drawn
+    page.drag((18.4, 2.3), (29.6, 9.7))
+    assert rectangle(page) == [18, 2, 12, 8]
+    # A corner by keys, and a number typed.
+    page.tab.locator('[aria-label="The rectangle\'s lower right corner"]').focus()
+    page.press("ArrowRight", "ArrowDown")
+    page.tab.locator('[data-crop="left"]').fill("19")
+    page.tab.locator('[data-crop="left"]').press("Enter")
+    page.until(lambda: rectangle(page) == [19, 2, 13, 9], "the numbers")
+    page.click('button:text-is("Cut it out")')
+    page.until(lambda: "written" in page.text("[data-cropped]"), "the crop")
+    said = page.text("[data-cropped]")
+    assert "no map" in said and "relume convert light.exr -o paint/crop-1.exr --roi 19,2,13,9" in said
+    part, whole = rl.read_radiance(small / "paint" / "crop-1.exr"), rl.read_radiance(small / "light.exr")
+    np.testing.assert_array_equal(part.radiance, whole.radiance[2:11, 19:32])
+    assert "mapping" in whole.attributes and "mapping" not in part.attributes
+    assert (small / "shot.toml").read_text(encoding="utf-8") == TEXT
+
+
+def test_a_part_of_the_map_is_painted_on_and_put_back_where_it_was(map_page: Tab, small: Path):
+    page = map_page
+    page.drag((18.5, 2.5), (29.5, 11.5))
+    page.click('button:text-is("Slice it to paint on")')
+    page.until(lambda: list((small / "paint").glob("slice-*.png.json")), "the slice")
+    page.settle()
+    (path,) = (small / "paint").glob("slice-*.png")
+    picture = cv2.imread(str(path))
+    assert picture is not None and picture.shape == (10, 12, 3)
+    picture[2:6, 2:6] //= 2  # the lamp, of which the map's columns 20 to 23 and rows 4 to 7 are
+    cv2.imwrite(str(path), picture)
+    page.tab.locator("#edit-lamps").check()
+    page.click('button:text-is("Bring it back")')
+    found, before = made(page, small, "light.exr"), rl.read_environment(small / "light.exr")
+    changed = (found.radiance != before.radiance).any(-1)
+    assert changed[4:8, 20:24].all() and changed.sum() == 16 and found.mapping.name == "latlong"
+    assert (found.radiance[changed] < 0.5 * before.radiance[changed]).all()
+
+
+def test_a_photograph_is_cut_to_a_photograph_and_a_rectangle_outside_is_one_line(server: Server, small: Path):
+    picture = np.random.default_rng(0).integers(0, 255, (40, 60, 3), np.uint8)
+    cv2.imwrite(str(small / "place.png"), picture)
+    status, found = server.post("/crop", {"path": "place.png", "box": [5, 6, 20, 10]})
+    assert status == 200 and found == {"path": "paint/crop-1.png", "size": [20, 10]}
+    np.testing.assert_array_equal(cv2.imread(str(small / found["path"])), picture[6:16, 5:25])
+    for body in (
+        {"path": "place.png", "box": [50, 6, 20, 10]},
+        {"path": "place.png", "box": [0, 0, 0, 5]},
+        {"path": "place.png", "box": [1, 2, 3]},
+        {"path": "../place.png", "box": [0, 0, 4, 4]},
+    ):
+        status, answer = server.post("/crop", body)
+        assert status in (404, 422) and len(answer["error"].splitlines()) == 1, body
+    assert len(list((small / "paint").iterdir())) == 1
 
 
 def test_what_is_no_edit_of_a_map_is_one_line_and_leaves_nothing(server: Server, small: Path):

@@ -103,6 +103,22 @@ def test_choosing_photographs_writes_the_shot_and_undo_takes_it_back(room_page: 
     assert "balls" in table(room)["light"]
 
 
+def test_a_pattern_whose_photographs_are_gone_is_said_and_taken_out(room_page: Tab, room: Path):
+    room_page.click(bracket("plate", "Plate"))
+    room_page.click(bracket("ball_0", "Ball"))
+    (room / "ball_0").rename(room / "elsewhere")
+    try:
+        room_page.tab.reload()
+        lost = '.bracket[data-name="ball_0/*.jpg"]'
+        room_page.until(lambda: room_page.tab.locator(lost).count() == 1, "what is gone")
+        assert "no photograph is here under this name, which is view 1 of the ball" in room_page.text(lost)
+        room_page.click(f'{lost} button:text-is("Remove")')
+        assert "balls" not in table(room)["light"] and room_page.tab.locator(lost).count() == 0
+        assert table(room)["plate"]["photographs"] == ["plate/*.jpg"]
+    finally:
+        (room / "elsewhere").rename(room / "ball_0")
+
+
 def test_a_frame_dragged_to_another_bracket_belongs_to_it_in_the_shot(room_page: Tab, room: Path):
     room_page.click(bracket("plate", "Plate"))
     room_page.tab.locator('.thumb[data-path="plate_grid.jpg"]').drag_to(
@@ -112,15 +128,13 @@ def test_a_frame_dragged_to_another_bracket_belongs_to_it_in_the_shot(room_page:
     assert table(room)["plate"]["photographs"] == [*(f"plate/IMG_000{n}.jpg" for n in (1, 2, 3, 4)), "plate_grid.jpg"]
 
 
-# Light
-
-
 def test_a_frame_among_others_gets_a_bracket_of_its_own_and_keeps_it(browser: Any, tmp_path: Path):
     for number in (1, 2, 3, 4):
         shutil.copy(ROOM / "plate" / f"IMG_{number:04d}.jpg", tmp_path)
     with serving([tmp_path], "studio") as server:
         with opened(browser, server.address) as page:
             assert page.tab.locator(".bracket").count() == 1
+            assert page.text(".bracket h3") == tmp_path.name
             page.tab.drag_and_drop('.thumb[data-path="IMG_0001.jpg"]', ".drop")
             page.until(lambda: page.tab.locator(".bracket").count() == 2, "the two brackets")
             page.click(bracket("IMG_0001.jpg", "Plate"))
@@ -131,6 +145,9 @@ def test_a_frame_among_others_gets_a_bracket_of_its_own_and_keeps_it(browser: An
         assert chosen["light"]["balls"] == [{"photographs": ["IMG_0002.jpg", "IMG_0003.jpg", "IMG_0004.jpg"]}]
         with opened(browser, server.address) as page:  # a page loaded anew asks the folder again
             assert [page.tab.locator(".bracket").nth(n).locator(".thumb").count() for n in range(2)] == [1, 3]
+
+
+# Light
 
 
 def test_the_rim_is_found_and_follows_its_handles_pixel_by_pixel(room_page: Tab, room: Path):
@@ -268,13 +285,51 @@ def test_an_object_is_dragged_on_the_table_by_what_the_pointer_moved_there(
     assert foot[:, 1].min() == pytest.approx(0, abs=1e-6)
 
 
-def test_a_mesh_is_handed_over_and_stands_on_the_table(page: Tab, small: Path):
+def test_a_look_of_a_larger_plate_is_dragged_on_and_stays_where_it_was_enlarged(browser: Any, tmp_path: Path):
+    shot = write_small_shot(tmp_path)
+    plate = np.repeat(np.repeat(rl.read_radiance(tmp_path / "plate.exr").radiance, 4, 0), 4, 1)
+    rl.write(tmp_path / "plate.exr", rl.RadianceMap(plate))
+    shot.write_text(TEXT.replace("focal_length = 200", "focal_length = 800"), encoding="utf-8")
+    # A look may be written anew while its tiles come: they are refused, and those of the new one come.
+    with serving([shot], "studio") as server, opened(browser, server.address, refusals=True) as tab:
+        looked_at(tab, server)
+        tab.press("Alt+6", "l")
+        done(tab, server, "look")
+        tab.until(lambda: tab.text("#caption") == "preview.exr", "the look")
+        tab.settle()
+        # The second look begins with a rougher picture; the last is seen as large as that was.
+        size, zoom = tab.tab.evaluate("[relume.studio.facts.get(relume.studio.number).size, relume.canvas.view.zoom]")
+        assert size == [384, 256]
+        width, height = tab.tab.evaluate("[relume.canvas.width, relume.canvas.height]")
+        assert zoom == pytest.approx(min(width / 384, height / 256))
+        tab.press("+")
+        start = 4 * camera().project(np.array([0.0, 0.05, 0.0]))
+        end = start + np.array([60.0, 20.0])
+        tab.tab.locator("#objects-look").uncheck()
+        tab.drag(tuple(start / 2), tuple(end / 2))
+        tab.until(lambda: "translate" in table(tmp_path)["objects"][0], "the edit")
+        lens = camera().resized(768, 512)
+        rays = lens.rays_through(np.array([start, end]))
+        hits = lens.position - rays * (lens.position[1] / rays[:, 1])[:, None]
+        assert table(tmp_path)["objects"][0]["translate"] == pytest.approx((hits[1] - hits[0]).tolist(), abs=2e-4)
+        # The plate is there now, at the same place and as large.
+        tab.until(lambda: tab.text("#caption") == "plate.exr", "the plate")
+        assert tab.tab.evaluate("relume.canvas.view.zoom") == pytest.approx(zoom)
+
+
+def test_a_mesh_is_handed_over_stands_on_the_table_and_is_looked_at(page: Tab, small: Path, small_server: Server):
+    looked_at(page, small_server)
+    number = small_server.json("/shot")["job"]["number"]
     page.press("Alt+6")
+    page.until(lambda: page.tab.locator("#overlay path").count() > 0, "the object")
     page.tab.locator('input[type="file"]').set_input_files(str(small / "objects" / "ball.glb"))
     page.until(lambda: len(table(small)["objects"]) == 2, "the object")
     assert table(small)["objects"][1] == {"mesh": "objects/ball-2.glb", "stand": [0, 0]}
     assert (small / "objects" / "ball-2.glb").read_bytes() == (small / "objects" / "ball.glb").read_bytes()
     page.settle()
+    page.until(lambda: small_server.json("/shot")["job"]["number"] == number + 1, "a look by itself")
+    done(page, small_server, "look")
+    page.until(lambda: page.text("#caption") == "preview.exr", "the look")
     page.tab.locator("select").last.select_option(label="gold")
     page.until(lambda: table(small)["objects"][1].get("material") == {"preset": "gold"}, "the material")
 

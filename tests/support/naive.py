@@ -124,8 +124,14 @@ def patch_triangles(control: bytes, count: int) -> np.ndarray:
 
 def latlong_pixels(radiance: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """Where each pixel of a lat-long map points, (H·W, 3), and its radiance × solid angle, (H·W, 3)."""
-    height, width = radiance.shape[:2]
-    directions, flux = [], []
+    directions, areas = _latlong(*radiance.shape[:2])
+    return directions.copy(), radiance.reshape(-1, radiance.shape[2]).astype(np.float64) * areas[:, None]
+
+
+@functools.lru_cache(maxsize=32)
+def _latlong(height: int, width: int) -> tuple[np.ndarray, np.ndarray]:
+    """The directions (H·W, 3) and solid angles (H·W,) of the pixels."""
+    directions, areas = [], []
     for j in range(height):
         top, bottom = math.pi * j / height, math.pi * (j + 1) / height
         area = math.tau / width * (math.cos(top) - math.cos(bottom))
@@ -134,8 +140,8 @@ def latlong_pixels(radiance: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
             longitude = math.tau * (i + 0.5) / width - math.pi
             ring = math.sin(polar)
             directions.append((ring * math.sin(longitude), math.cos(polar), -ring * math.cos(longitude)))
-            flux.append(radiance[j, i].astype(np.float64) * area)
-    return np.array(directions), np.array(flux)
+            areas.append(area)
+    return np.array(directions), np.array(areas)
 
 
 def reflection_sums(

@@ -32,7 +32,9 @@ def _operands(help: str) -> Parameter:
 class FrameOptions:
     """Which pixels there are."""
 
-    crop: Annotated[Box | None, Parameter(group=FRAME, help="Keep this rectangle, in pixels.")] = None
+    crop: Annotated[
+        Box | None, Parameter(group=FRAME, help="Keep this rectangle, in pixels; with --slice, paint on it alone.")
+    ] = None
     resize: Annotated[
         str | None,
         Parameter(
@@ -268,7 +270,9 @@ def edit(
         require_files([light])
         edits = [*frame.edits(), *arithmetic.edits(), *colour.edits(), *blur.edits()]
         alone = "--paint" if painter.paint is not None else "--slice" if painter.cut is not None else ""
-        _check(painter, alone, edits)
+        # A crop beside a slice says which part of the map is painted on; the way back knows it.
+        part = alone == "--slice" and frame == FrameOptions(crop=frame.crop)
+        _check(painter, alone, edits[1:] if part and frame.crop is not None else edits)
         if from_ is not None and alone:
             raise ValueError(f"--from is for edits of environment maps; {alone} needs none")
         require_suffix(out, *([".png"] if alone == "--slice" else MAPS))
@@ -276,7 +280,8 @@ def edit(
             paths = [str(out), str(rl.light.slice_sidecar(out))]
             print_facts(output, {"would write": paths, "stops": painter.cut})
         elif alone == "--slice":
-            print_facts(output, rl.light.write_slice(rl.read_radiance(light), out, painter.stops, painter.bits))
+            picture = rl.read_radiance(light)
+            print_facts(output, rl.light.write_slice(picture, out, painter.stops, painter.bits, frame.crop))
         elif alone == "--paint":
             _paint_over(light, out, painter, dry_run, output)
         else:

@@ -32,11 +32,13 @@ class Slice:
     stops : exposure; radiance 2^−stops is white
     bits : 8 or 16 a channel
     of : the fingerprint of the map it was cut from, "" where unknown
+    box : the rectangle of that map which it shows: left, top, width and height in pixels; None for all of it
     """
 
     stops: float
     bits: int = 8
     of: str = ""
+    box: tuple[int, int, int, int] | None = None
 
     def __post_init__(self) -> None:
         if not abs(self.stops) <= 100:
@@ -67,7 +69,11 @@ class Slice:
             table = json.loads(text)
             if table["kind"] != "relume slice" or table["curve"] != "sRGB":
                 raise ValueError("another kind or curve")
-            return Slice(float(table["stops"]), int(table["bits"]), str(table["of"]))
+            box = table.get("box")
+            if box is not None:
+                left, top, width, height = (int(each) for each in box)
+                box = left, top, width, height
+            return Slice(float(table["stops"]), int(table["bits"]), str(table["of"]), box)
         except (KeyError, TypeError, ValueError) as error:
             raise ValueError(f"not the description of a slice: {error}") from None
 

@@ -40,23 +40,22 @@ def rise(cosine: np.ndarray, ior: float) -> np.ndarray:
 
 @lru_cache(maxsize=64)
 def ggx_shares(ior: float) -> np.ndarray:
-    """(ROUGHNESSES, COSINES, 4) float32: (A, B, ⟨A⟩, ⟨B⟩) so that a GGX lobe of F₀ and F₉₀ returns F₀·A + F₉₀·B.
+    """(ROUGHNESSES, COSINES, 2) float32: (A, B) so that a GGX lobe of F₀ and F₉₀ returns F₀·A + F₉₀·B.
 
-    The split is by `rise`: F = F₀ + (F₉₀ − F₀)·rise. ⟨·⟩ is the mean over the cosine-weighted hemisphere.
+    The split is by `rise`: F = F₀ + (F₉₀ − F₀)·rise.
     """
     cosines, roughnesses = nodes()
     steps = (np.arange(32) + 0.5) / 32
     # Denser towards u = 1: there lies GGX's long tail, much of which leaves below the surface.
     u, v = (grid.ravel() for grid in np.meshgrid(1 - steps**2, steps))
     share = 2 * np.sqrt(1 - u) / u.size
-    table = np.empty((ROUGHNESSES, COSINES, 4), np.float32)
+    table = np.empty((ROUGHNESSES, COSINES, 2), np.float32)
     for row, roughness in enumerate(roughnesses):
         alpha = max(roughness**2, NARROWEST)
         weight, facing = _visible_normals(np.maximum(cosines, 1e-4)[:, None], alpha, u, v)
         risen = rise(facing, ior)
         table[row, :, 0] = (weight * (1 - risen)) @ share
         table[row, :, 1] = (weight * risen) @ share
-        table[row, :, 2:] = _hemisphere_mean(table[row, :, :2])
     table.setflags(write=False)
     return table
 
@@ -137,14 +136,3 @@ def sheen(half: np.ndarray, cosine_in: float, cosine_out: np.ndarray, roughness:
     inverse = 1 / max(roughness, NARROWEST_SHEEN) ** 2
     distribution = (2 + inverse) * (1 - half**2) ** (inverse / 2) / (2 * np.pi)
     return distribution / (4 * (cosine_in + cosine_out - cosine_in * cosine_out))
-
-
-def _hemisphere_mean(values: np.ndarray) -> np.ndarray:
-    """2 ∫ E(μ) μ dμ of a table along its nodes, exact for what bilinear look-ups see."""
-    t = (np.arange(4096) + 0.5) / 4096
-    place = t * (COSINES - 1)
-    low = np.minimum(place.astype(int), COSINES - 2)
-    part = (place - low)[:, None]
-    seen = values[low] * (1 - part) + values[low + 1] * part
-    # μ = t², dμ = 2t dt.
-    return np.mean(seen * (4 * t**3)[:, None], axis=0)

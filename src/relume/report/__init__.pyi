@@ -5,8 +5,6 @@ from .develop_report import write_develop_report as write_develop_report
 from .file_facts import describe as describe
 from .file_facts import describe_system as describe_system
 from .file_facts import draw_environment as draw_environment
-from .light_placing import MirroredLight as MirroredLight
-from .light_placing import mirrored_light as mirrored_light
 from .light_plot import draw_lights as draw_lights
 from .merge_facts import merge_facts as merge_facts
 from .merge_facts import merge_summary as merge_summary
@@ -20,3 +18,7 @@ from .shot_check import check_shot as check_shot
 from .shot_check import placed_meshes as placed_meshes
 from .shot_radiance import ShotRadiance as ShotRadiance
 from .shot_radiance import merge_shot as merge_shot
+from .shots.light_placing import MirroredLight as MirroredLight
+from .shots.light_placing import mirrored_light as mirrored_light
+from .shots.material_balls import MaterialBall as MaterialBall
+from .shots.material_balls import material_balls as material_balls

@@ -94,11 +94,9 @@ def check_shot(shot: Shot, *, progress: Callable[[str, float], None] = lambda st
         size, focal_length, picture = _plate(plate)
         fit = _camera(shot, size, focal_length, picture, seen, outlines)
         if fit is not None:
-            # The board is looked at as the job does; of the ball one photograph is.
-            alone = found_in[0] if shot.camera.of_ball is not None and found_in else None
             facts["camera"] = {
                 "at": [round(float(v), 3) for v in fit.camera.position],
-                "from": fit.agreement if alone is None else f"{fit.agreement}, seen in {alone.where}",
+                "from": fit.agreement,
                 "focal length, pixels": round(fit.camera.focal_length, 1),
             }  # fmt: skip
             found += doubts_about(meshes, fit.camera, ())

@@ -203,8 +203,9 @@ def open_picture(path: Path) -> OpenPicture:
         linear = _from_srgb(image.pixels.astype(np.float32) / white)
         layers = (Layer("picture", linear),)
         return OpenPicture(
-            path.name, "photograph", "of white", None, layers, image.pixels, None, notes, image.focal_length
-        )
+            path.name, "photograph", "of white", None, layers, image.pixels, notes=notes,
+            focal_length=image.focal_length,
+        )  # fmt: skip
     name, others = _named(parts, image.radiance)
     layers = [Layer(name or "radiance", image.radiance, image.clipped)]
     if image.variance is not None:

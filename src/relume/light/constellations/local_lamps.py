@@ -15,7 +15,7 @@ from relume.image.colour import luminance
 from relume.light.constellations.placement import PlacedLights, point
 from relume.light.reflection.convolution import as_latlong
 from relume.sphere.environment_map import EnvironmentMap
-from relume.sphere.mappings.mapping import pixel_directions
+from relume.sphere.mappings.mapping import pixel_points
 
 REACH = np.radians(6.0)
 """How far from where it was measured a lamp is looked for: a hand's breadth at a metre, and errors of registration."""
@@ -53,12 +53,17 @@ def free_lamp(light: EnvironmentMap, position: ArrayLike, probe: ArrayLike = (0.
     if not distance > 0:
         raise ValueError("the lamp is where the light was measured; give the place of its middle, metres")
     rows = light.size
-    directions, areas = pixel_directions(light.mapping, rows), light.mapping.solid_angles(rows)
+    # All that is looked at lies in these rows: the ring, and a lamp as wide as may be with its rim.
+    polar, reach = np.arccos(np.clip(way[1] / distance, -1, 1)), 3 * REACH + 2 * np.pi / rows
+    low, high = np.floor((polar - reach) / np.pi * rows), np.ceil((polar + reach) / np.pi * rows)
+    band = slice(max(int(low), 0), min(int(high), rows))
+    directions = light.mapping.directions(pixel_points(light.mapping, rows)[band])
+    areas, seen = light.mapping.solid_angles(rows)[band], light.radiance[band]
     near = directions @ (way / distance) > np.cos(REACH)
-    values = luminance(light.radiance)
+    values = luminance(seen)
     brightest = float(np.where(near, values, 0).max())
     ring = (directions @ (way / distance) > np.cos(3 * REACH)) & ~near
-    around = np.median(light.radiance[ring], axis=0)
+    around = np.median(seen[ring], axis=0)
     if not brightest > 4 * float(luminance(around)):
         raise ValueError(
             f"the light shows no lamp towards {np.asarray(position).tolist()}: within 6° nothing is four times as "
@@ -70,15 +75,18 @@ def free_lamp(light: EnvironmentMap, position: ArrayLike, probe: ArrayLike = (0.
     # The blurred rim: two pixels of the map more than what is bright.
     radius = float(np.arccos(np.clip((directions[bright] @ middle).min(), -1, 1))) + 2 * np.pi / rows
     taken = directions @ middle > np.cos(radius)
-    left = np.minimum(light.radiance, around)
-    flux = ((light.radiance - left) * areas[..., None])[taken].sum(axis=0)
+    left = np.minimum(seen, around)
+    flux = ((seen - left) * areas[..., None])[taken].sum(axis=0)
     # As wide as a disc of the lamp's own brightness that gives this light.
     solid_angle = float(luminance(flux)) / float(np.percentile(values[bright], 90))
     size = distance * np.sqrt(solid_angle / np.pi)
     lamp = PlacedLights(
         (np.asarray(probe, np.float64) + distance * middle)[None], (flux * distance**2)[None], np.array([size])
     )
-    radiance = np.where(taken[..., None], left, light.radiance).astype(np.float32)
-    clipped = None if light.clipped is None else np.where(taken, 0, light.clipped).astype(np.uint8)
+    radiance = light.radiance.astype(np.float32)
+    radiance[band] = np.where(taken[..., None], left, seen)
+    clipped = None if light.clipped is None else light.clipped.astype(np.uint8)
+    if clipped is not None:
+        clipped[band] = np.where(taken, 0, clipped[band])
     off = float(np.arccos(np.clip(middle @ way / distance, -1, 1)))
     return FreeLamp(replace(light, radiance=radiance, clipped=clipped), lamp, off)

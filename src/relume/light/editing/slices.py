@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
+
+import numpy as np
 
 from relume.errors import GatheredDoubts, UnreadableFile, warn
 from relume.image import files
@@ -22,6 +24,7 @@ from relume.image.ldr_slices import (
 )
 from relume.image.photograph import Photograph
 from relume.image.radiance import RadianceMap
+from relume.image.resizing import cropped
 from relume.light.editing.edits import energy
 
 
@@ -30,14 +33,23 @@ def slice_sidecar(picture: Path) -> Path:
     return picture.with_name(picture.name + ".json")
 
 
-def write_slice(picture: RadianceMap, out: Path, stops: float | None = None, bits: int = 8) -> dict[str, object]:
+def write_slice(
+    picture: RadianceMap,
+    out: Path,
+    stops: float | None = None,
+    bits: int = 8,
+    box: tuple[int, int, int, int] | None = None,
+) -> dict[str, object]:
     """Write one exposure of a map as a .png to paint on, and how it was made beside it; facts for a person.
 
-    stops : radiance 2^−stops is white; chosen to fit the map unless given
+    stops : radiance 2^−stops is white; chosen to fit what is written unless given
     bits : 8 or 16 a channel
+    box : the rectangle of the map that is written: left, top, width and height in pixels; all of it unless given
+    Raises ValueError for a rectangle that is not in the map.
     """
-    cut = Slice(fitting_stops(picture) if stops is None else stops, bits, fingerprint(picture))
-    photograph = cut.photograph(picture)
+    part = picture if box is None else cropped(picture, *box)
+    cut = Slice(fitting_stops(part) if stops is None else stops, bits, fingerprint(picture), box)
+    photograph = cut.photograph(part)
     files.write(out, photograph)
     files.write_text(slice_sidecar(out), cut.to_json() + "\n")
     white, black = (float((photograph.pixels == code).any(-1).mean()) for code in (2**bits - 1, 0))
@@ -48,6 +60,7 @@ def write_slice(picture: RadianceMap, out: Path, stops: float | None = None, bit
         "unit": picture.unit,
         "share at white": white,
         "share at black": black,
+        **({} if box is None else {"crop": list(box)}),
     }
 
 
@@ -115,8 +128,9 @@ def paint_over(picture: RadianceMap, slice_: PaintedSlice, name: str = "the map"
             f"{name}: not the map that {slice_.path} was cut from, or changed since; give that map, or the slice "
             "before painting as --original"
         )
+    part = picture if cut.box is None else cropped(picture, *cut.box)
     result = painted(
-        picture,
+        part,
         _opaque_srgb(slice_.path),
         cut,
         original=None if slice_.original is None else _opaque_srgb(slice_.original),
@@ -124,12 +138,13 @@ def paint_over(picture: RadianceMap, slice_: PaintedSlice, name: str = "the map"
         tolerance=slice_.tolerance,
     )
     _warn(result, picture, scaled=slice_.scale)
+    whole = result.picture if cut.box is None else _put_back(picture, result.picture, cut.box)
     facts: dict[str, object] = {
         "pixels changed": int(result.changed.sum()),
         "share changed": result.share,
         "places changed": result.places,
         **energy(picture, "before"),
-        **energy(result.picture, "after"),
+        **energy(whole, "after"),
     }
     doubts = ()
     if result.share > DOUBTFUL_SHARE:
@@ -137,7 +152,19 @@ def paint_over(picture: RadianceMap, slice_: PaintedSlice, name: str = "the map"
             f"{slice_.path}: {100 * result.share:.0f} % of the pixels changed; if a JPEG or a colour conversion did "
             "that, save a PNG in sRGB, or give --tolerance 8 or the --original saved by the same program",
         )
-    return PaintedOver(result.picture, facts, doubts)
+    return PaintedOver(whole, facts, doubts)
+
+
+def _put_back(picture: RadianceMap, part: RadianceMap, box: tuple[int, int, int, int]) -> RadianceMap:
+    """The map with a rectangle of it as `part` has it, all planes."""
+    left, top, width, height = box
+    planes: dict[str, np.ndarray] = {}
+    for name in ("radiance", "variance", "clipped"):
+        whole, new = getattr(picture, name), getattr(part, name)
+        if whole is not None and new is not None:
+            planes[name] = whole.copy()
+            planes[name][top : top + height, left : left + width] = new
+    return replace(picture, **planes)
 
 
 def _opaque_srgb(path: Path) -> Photograph:

@@ -101,11 +101,13 @@ def synthesised(coefficients: np.ndarray, kernels: np.ndarray, spin: int, rows: 
     degrees = enumerate(wigner(orders, -spin, angles, degree))
     while block := list(islice(degrees, _BLOCK)):
         first, last = block[0][0], block[-1][0] + 1
-        a = coefficients[first:last, np.abs(orders)]
-        a = np.where(negative[:, None], np.conj(a), a) * parity[:, None]
+        # Orders beyond the block's degrees hold nothing.
+        of = slice(max(0, degree + 1 - last) if spin else 0, min(len(orders), degree + last) if spin else last)
+        a = coefficients[first:last, np.abs(orders[of])]
+        a = np.where(negative[of, None], np.conj(a), a) * parity[of, None]
         # One product of real matrices an order: angles × degrees by degrees × (kernels, channels, parts).
-        terms = np.einsum("lmc,lk->mlkc", a, weights[first:last]).view(float).reshape(len(orders), last - first, -1)
-        rings += np.stack([values for _, values in block], axis=-1) @ terms
+        terms = np.einsum("lmc,lk->mlkc", a, weights[first:last]).view(float).reshape(a.shape[1], last - first, -1)
+        rings[of] += np.stack([values[of] for _, values in block], axis=-1) @ terms
     rings = rings.view(complex)
     rings *= np.exp(1j * np.pi * orders / columns)[:, None, None]
     if spin == 0:

@@ -10,7 +10,7 @@ from __future__ import annotations
 from abc import ABC, abstractmethod
 from collections.abc import Callable
 from dataclasses import dataclass
-from functools import cached_property
+from functools import cached_property, lru_cache
 from itertools import pairwise
 from typing import ClassVar
 
@@ -196,6 +196,39 @@ class WardLobe(_OfFacets):
 
 
 @dataclass(frozen=True)
+class Flattened:
+    """GGX's lobe in a table that is coarser than it: within `finest` of its peak it is flat; the rest is a mirror's.
+
+    The tail keeps the halo about a lamp; the core falls into one entry of the table, whatever its form.
+
+    finest : radians between the table's entries
+    """
+
+    lobe: GGXLobe
+    finest: float
+    name: ClassVar[str] = "flattened"
+
+    def __call__(self, cosine: np.ndarray) -> np.ndarray:
+        return self.lobe(np.minimum(cosine, np.cos(self.finest)))
+
+    @cached_property
+    def integral(self) -> float:
+        return _integral(self, self.finest)
+
+    @property
+    def k(self) -> float:
+        return self.integral
+
+    @property
+    def mirror(self) -> float:
+        return max(self.lobe.k - self.integral, 0.0)
+
+    @property
+    def width(self) -> float:
+        return self.finest
+
+
+@dataclass(frozen=True)
 class Cosine(_Lobe):
     """Any function of the cosine: called with an array from −1 to 1, it returns an array of the same shape.
 
@@ -229,7 +262,7 @@ class Cosine(_Lobe):
         return _integral(self, self.width)
 
 
-Lobe = Lambert | SelfLuminous | Mirror | Phong | GGXLobe | WardLobe | Cosine
+Lobe = Lambert | SelfLuminous | Mirror | Phong | GGXLobe | WardLobe | Flattened | Cosine
 """What a table is convolved with."""
 
 
@@ -246,12 +279,18 @@ def quadrature(width: float, degree: int) -> tuple[np.ndarray, np.ndarray]:
         # Rules of hundreds of nodes would take longer to make than all that they are used for.
         pieces = 1 + int(degree * (high - low) / 64)
         half = (high - low) / (2 * pieces)
-        nodes, shares = np.polynomial.legendre.leggauss(24 + int(degree * half))
+        nodes, shares = _rule(24 + int(degree * half))
         middles = low + half * (2 * np.arange(pieces) + 1)
         angles.append((middles[:, None] + half * nodes).ravel())
         weights.append(np.tile(half * shares, pieces))
     theta = np.concatenate(angles)
     return theta, np.concatenate(weights) * np.sin(theta)
+
+
+@lru_cache(maxsize=64)
+def _rule(count: int) -> tuple[np.ndarray, np.ndarray]:
+    """Gauss–Legendre's nodes and weights on [−1, 1]; 24 to 56 of them are asked for, again and again."""
+    return np.polynomial.legendre.leggauss(count)
 
 
 def _integral(function: Callable[[np.ndarray], np.ndarray], width: float) -> float:

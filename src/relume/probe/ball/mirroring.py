@@ -23,6 +23,10 @@ STEP = 1 / 64
 """Radii between the places that are looked at along a ray."""
 DEGREE = 4
 """Of the polynomial of two places that shading follows."""
+BRIGHTEST, WHITE, WHITES, LEAST_REST = 98, 0.96, 0.2, 0.15
+"""The percentile of light in the window (enlarging overshoots), and the share of it from which on a place is white; the
+share of the disc that must be white for the rest to be looked at by itself, since white hides what is mirrored; and the
+share that this rest must have: white lamps leave up to a tenth along their rim."""
 SMALL, MOST = 0.05, 0.5
 """Departures of ln luminance from the shading: beyond the first a place counts less in it; no place counts for more
 than the second."""
@@ -49,12 +53,15 @@ LEAST_RANGE, MOST_RAISED = 1.5, 8.0
 class Mirroring:
     """What speaks for a mirror.
 
-    detail : mean departure of ln luminance inside from a smooth shading, each at most `MOST`
+    detail : mean departure of ln luminance inside from a smooth shading, each at most `MOST`; where much is white, of
+        the rest
     along : the share of change near the rim that runs across it, so that edges run along it; 0.5 in a flat picture
+    white : whether much of the disc is
     """
 
     detail: float
     along: float
+    white: bool = False
 
     @property
     def likelihood(self) -> float:
@@ -70,16 +77,18 @@ class Mirroring:
 
 def mirroring(window: Window, outline: Outline) -> Mirroring:
     """What speaks for a mirror inside an outline, in pixels of the window, best about 64 in radius."""
-    polar, shown = _polar(window, outline)
+    polar, shown, white = _polar(window, outline)
     depth = _depth()
     change = np.gradient(polar, STEP, axis=1)
     round_it = _round(polar) / depth
     ring = shown & (depth > 0.72) & (depth < 0.93)
     across, along = (float(np.minimum(np.abs(g), 8.0)[ring].sum()) for g in (change, round_it))
-    return Mirroring(
-        _detail(polar, shown & (depth > 0.1) & (depth < 0.92)),
-        across / max(across + along, 1e-9),
-    )
+    disc = shown & (depth > 0.1) & (depth < 0.92)
+    detail = _detail(polar, disc)
+    rest = float((depth * (disc & ~white)).sum() / max((depth * disc).sum(), 1e-9))
+    if LEAST_REST < rest < 1 - WHITES:
+        detail = max(detail, _detail(polar, disc & ~white))
+    return Mirroring(detail, across / max(across + along, 1e-9), rest < 1 - WHITES)
 
 
 def missing_colour(radiance: np.ndarray, outline: Outline) -> tuple[int, float] | None:
@@ -112,8 +121,8 @@ def missing_colour(radiance: np.ndarray, outline: Outline) -> tuple[int, float] 
     return (channel, float(left[channel])) if left[channel] < COLOURED else None
 
 
-def _polar(window: Window, outline: Outline) -> tuple[np.ndarray, np.ndarray]:
-    """Ln luminance (TURNS, K) along rays from the middle out to 1.25 radii, and which of it lies in the window."""
+def _polar(window: Window, outline: Outline) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Ln luminance (TURNS, K) along rays from the middle out to 1.25 radii, what is pictured of it, what is white."""
     light = window.light
     floor = max(1e-3 * float(np.median(light)), float(np.percentile(light, 1)), 1e-12)
     logarithm = gaussian_filter(np.log(np.maximum(light, floor)), outline.radius * STEP)
@@ -126,12 +135,13 @@ def _polar(window: Window, outline: Outline) -> tuple[np.ndarray, np.ndarray]:
     centre = (rim.max(0) + rim.min(0)) / 2
     depth = _depth()
     at = (centre + depth[None, :, None] * (rim - centre)[:, None, :] - 0.5).astype(np.float32)
-    polar = cv2.remap(
-        logarithm.astype(np.float32), at[..., 0], at[..., 1], cv2.INTER_LINEAR, borderMode=cv2.BORDER_REPLICATE
+    polar, bright = (
+        cv2.remap(each.astype(np.float32), at[..., 0], at[..., 1], cv2.INTER_LINEAR, borderMode=cv2.BORDER_REPLICATE)
+        for each in (logarithm, light)
     )
     height, width = light.shape
     shown = (at[..., 0] > 0) & (at[..., 1] > 0) & (at[..., 0] < width - 1) & (at[..., 1] < height - 1)
-    return polar, shown
+    return polar, shown, bright > WHITE * float(np.percentile(light, BRIGHTEST))
 
 
 def _round(polar: np.ndarray) -> np.ndarray:

@@ -23,6 +23,10 @@ from relume.probe.ball.windows import Pyramid
 JUDGED_AT = (96.0, 40.0)
 """Radius, in pixels, of the pictures in which round things are judged: where nothing is seen in the first, lens or
 motion may have blurred it, and the second is sharp again."""
+ROUGHLY_AT, ROUGHLY = 24.0, 1.8
+"""The same of the last, in which places without a ball look like one too, and the evidence of whole profiles that is
+needed in it: 1.9 to 3.3 of a ball blurred by 3 and 4 % of its radius, of one 24 pixels wide and of one on a wide stand;
+1.6 at most of arches, rooms and streets."""
 BLURRED = 0.02
 """How precisely a rim is found in the second, in radii: 1 to 2.3 % where defocus is 1 to 3 % of the radius."""
 RIVAL = 0.75
@@ -72,6 +76,7 @@ def find_outline(
     is around it, and when two that lie apart are seen about equally well. The outline's `rivals` are curves round the
     same place that might be the rim instead.
     """
+    # What is round, judged in ever smaller pictures.
     focal = float(TELEPHOTO * radiance.shape[1]) if focal_length is None else focal_length
     pyramid = Pyramid.of(radiance, focal)
     circles, found = guesses(pyramid), list[Candidate]()
@@ -95,6 +100,10 @@ def find_outline(
                     effect=2 * BLURRED,
                 )
             return result
+    # What only a very small picture shows, and else why nothing is taken.
+    roughly = _roughly(pyramid, circles, focal_length is not None, expected) if mirrored else None
+    if roughly is not None:
+        return roughly
     what = "mirrored ball found; it must be" if mirrored else "ball found; it must be"
     words = f"{name}: no {what} round, whole in the picture and sharp"
     dull = [each for each in found if each.spread >= SPREAD and each.outline.coverage >= PLAIN]
@@ -104,6 +113,27 @@ def find_outline(
             "fruit and lamps do"
         )
     raise refusal(words, found, radiance, mirrored)
+
+
+def _roughly(
+    pyramid: Pyramid, circles: Sequence[tuple[Circle, float]], lens_known: bool, expected: float | None
+) -> Outline | None:
+    """The likeliest of what is seen in a very small picture; None where no rim there is likely."""
+    found = candidates(pyramid, circles, ROUGHLY_AT, lens_known=lens_known)
+    # A white lamp is round and has a rim as likely as any.
+    seen = [
+        each for each in found
+        if each.believable and not each.mirror.white and not any(_outdone(each, other) for other in found)
+    ]  # fmt: skip
+    seen.sort(key=lambda each: -_worth(each, expected))
+    rims = [
+        (sharpest_rim(replace(pyramid, focal_length=each.focal_length), each.outline), each) for each in seen[:TRIED]
+    ]
+    rim, best = max(rims, key=lambda pair: pair[0].evidence, default=(None, None))
+    if rim is None or best is None or rim.evidence < ROUGHLY:
+        return None
+    focal_length = None if best.focal_length == pyramid.focal_length else best.focal_length
+    return replace(rim.outline, focal_length=focal_length, roughly=True)
 
 
 def refusal(words: str, found: Sequence[Candidate], radiance: np.ndarray, offered: bool = True) -> BallNotFound:

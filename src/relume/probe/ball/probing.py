@@ -242,18 +242,29 @@ def rim_doubts(
     *,
     picked: bool = False,
 ) -> list[Doubt]:
-    """The doubt about a rim beside which others are seen as well, or that is small, little seen and not picked."""
+    """The doubts about a rim beside which others are seen as well, and one that is rough, or small and little seen."""
     outline = view.outline
     (x, y), radius = outline.centre, outline.radius
     taken = f"{name}: the rim was taken at x,y,radius {x:.1f},{y:.1f},{radius:.1f}, and"
-    if outline.rivals:
-        other_x, other_y, other = outline.rivals[0]
+    doubts: list[Doubt] = []
+    # The best seen of them; where less than half of the rim is seen, the one that would change most.
+    rivals = outline.rivals if outline.coverage < SEEN else outline.rivals[:1]
+    beside = []
+    for other_x, other_y, other in rivals:
         line = f"{taken} {other_x:.1f},{other_y:.1f},{other:.1f} is seen about as well; {remedy}"
-        return [_off_by(line, outline.radius, float(np.hypot(other_x - x, other_y - y)), other - radius)]
-    if picked or radius >= SMALL or outline.coverage >= SEEN:
-        return []
-    line = f"{taken} no more than {100 * outline.coverage:.0f} % of so small a rim is seen, which may be a pixel off; "
-    return [_off_by(f"{line}{remedy}, or photograph the ball larger", radius, OFF, 0.0)]
+        beside.append(_off_by(line, radius, float(np.hypot(other_x - x, other_y - y)), other - radius))
+    doubts += sorted(beside, key=lambda doubt: -(doubt.effect or 0.0))[:1]
+    if picked:
+        return doubts
+    if outline.roughly:
+        line = f"{taken} the ball is blurred, small or hidden so far that it may be another thing; {remedy}"
+        doubts.append(Doubt(line, WRONG))
+    elif radius < SMALL and outline.coverage < SEEN:
+        line = (
+            f"{taken} no more than {100 * outline.coverage:.0f} % of so small a rim is seen, which may be a pixel off; "
+        )
+        doubts.append(_off_by(f"{line}{remedy}, or photograph the ball larger", radius, OFF, 0.0))
+    return doubts
 
 
 def _off_by(line: str, radius: float, shift: float, growth: float) -> Doubt:

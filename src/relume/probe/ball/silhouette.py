@@ -32,6 +32,7 @@ class Outline:
     tilt : of the greater one against x, towards y, radians
     rivals : (x, y, radius) of other curves round the same place that are seen about as well; a doubt
     focal_length : pixels, where the shape of the ellipse gave it; None where it was known, or a circle does as well
+    roughly : whether the ball was recognised only in a picture so small that a place without one may look like it
     """
 
     points: np.ndarray
@@ -42,6 +43,7 @@ class Outline:
     tilt: float = 0.0
     rivals: tuple[tuple[float, float, float], ...] = ()
     focal_length: float | None = None
+    roughly: bool = False
 
     def cut(self, size: tuple[float, float]) -> float:
         """The share of the disc that lies outside a picture of `size` (width, height)."""

@@ -72,7 +72,8 @@ def quick(shot: Shot) -> Shot:
 
 def quick_renderer(shot: Shot, threads: int | None) -> Differential:
     """The renderer of a quick look."""
-    return Differential(min(RAYS, shot.render.samples), depth=min(BOUNCES, shot.render.depth), threads=threads)
+    rays, bounces = min(RAYS, shot.render.samples), min(BOUNCES, shot.render.depth)
+    return Differential(rays, depth=bounces, threads=threads, quick=True)
 
 
 def rough_shot(small: SmallShot) -> SmallShot:
@@ -112,7 +113,7 @@ def _smaller(calibrated: Calibrated, fit: CameraFit, step: int) -> SmallShot:
         photographs = tuple(_smaller_photograph(each, step) for each in bracket.photographs)
         bracket = replace(bracket, photographs=photographs)
     camera = fit.camera.window(0, 0, width * step, height * step).resized(width, height)
-    fit = CameraFit(camera, fit.points / step, fit.offsets / step)
+    fit = replace(fit, camera=camera, points=fit.points / step, offsets=fit.offsets / step)
     focal_length = calibrated.focal_length and calibrated.focal_length / step
     return SmallShot(
         replace(

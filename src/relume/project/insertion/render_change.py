@@ -118,7 +118,8 @@ def render_change(
             from relume.renderers.mitsuba.denoise import denoised
 
             real = place.recovered
-            return denoised(change, plate.radiance[part], None if real is None else real.textured[part])
+            quick = isinstance(renderer, Differential) and renderer.quick
+            return denoised(change, plate.radiance[part], None if real is None else real.textured[part], quick)
 
         def trace(watch: RenderSession) -> Change:
             if is_large(place.camera) and isinstance(renderer, Differential):

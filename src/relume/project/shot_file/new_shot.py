@@ -23,6 +23,8 @@ from relume.probe.ball.view_files import find_ball_photographs
 from relume.project.shot_file.ball_table import GUESSED_PLACE, GUESSED_SIZE
 from relume.scene.shapes.meshes import read_meshes
 
+NEW_RENDER = {"samples": 64, "denoise": True}
+"""[render] of a new shot, here and in the studio: minutes on two cores, and what noise is left is taken out."""
 GUESSED_RADIUS = 0.05
 """Metres, where no radius is given: between balls of bearings and garden globes."""
 PLACE_GUESSED = 0.2
@@ -91,7 +93,7 @@ class NewShot:
         lines = [
             "# Written by `relume insert`; every key is in docs/shot-file.md. The camera is found from the ball.",
             *(self._map(folder, known, measured) if self.light is not None else self._balls(folder, known, measured)),
-            "render = { samples = 64, denoise = true }",
+            f"render = {{ {', '.join(f'{key} = {json.dumps(value)}' for key, value in NEW_RENDER.items())} }}",
         ]
         if self.surface_reflectance is not None:
             lines.append(f"light.surface_reflectance = {self.surface_reflectance:g}  # of what the objects stand on")

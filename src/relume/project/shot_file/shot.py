@@ -11,7 +11,7 @@ import tomllib
 from collections.abc import Sequence
 from glob import escape, glob
 from pathlib import Path
-from typing import Annotated, Literal
+from typing import Annotated, Any, ClassVar, Literal
 
 import numpy as np
 from pydantic import Field, model_validator
@@ -25,7 +25,7 @@ from relume.project.shot_file.added_lights import AddedLight
 from relume.project.shot_file.camera_table import CameraTable
 from relume.project.shot_file.local_table import DistantTable, LocalTable
 from relume.project.shot_file.match_table import MatchTable
-from relume.project.shot_file.new_shot import NewShot, write_new_shot
+from relume.project.shot_file.new_shot import NEW_RENDER, NewShot, write_new_shot
 from relume.project.shot_file.sequence_table import LightKey, ObjectKey, SequenceTable, require_rising
 
 
@@ -229,8 +229,9 @@ class DevelopTable(Table):
 
 
 class Shot(Table):
-    """A whole shot file; `folder` is where its relative paths start."""
+    """A whole shot file; `folder` is where its relative paths start, `new_render` the [render] of one that is begun."""
 
+    new_render: ClassVar[dict[str, Any]] = NEW_RENDER
     plate: Plate
     camera: CameraTable = CameraTable()
     light: Light

@@ -33,6 +33,8 @@ FEWEST_PASSES = 8
 """Of a small picture: their scatter estimates a pixel's variance to half of itself."""
 GUIDES = 4
 """Samples of depth, normals and albedo for each of the change, where those are few: they cost a fifth of it."""
+QUICK_GUIDES = 1
+"""The same of a render that is to come soon."""
 NEEDIEST = 0.25
 """Of the pixels, those that a later pass traces: mirror, glass and sharp shadows take less of most pictures."""
 
@@ -49,7 +51,11 @@ class Differential(PathTracing):
     variant : Mitsuba's variant; chosen for this machine unless given. A scalar one renders two pictures with the same
         random numbers and subtracts them
     threads : all cores unless given; the pixels do not depend on it
+    quick : for a picture that is looked at while it changes: all samples in one pass where memory allows, for to start
+        a pass of few takes longer than to trace it, and few of depth, normals and albedo. The variance is then unknown
     """
+
+    quick: bool = False
 
     def _plain(self) -> Mitsuba:
         return Mitsuba(self.samples, self.noise, self.depth, self.variant, self.threads)
@@ -92,8 +98,8 @@ class Differential(PathTracing):
             from relume.renderers.mitsuba.transport.estimator import Estimator
 
             # How many passes, of how many samples, at which times of the shutter.
-            samples = _samples_a_pass(self.samples, camera)
-            full = max(self.samples // samples, 2)
+            samples = _samples_a_pass(self.samples, camera, 1 if self.quick else None)
+            full = max(self.samples // samples, 1 if self.quick else 2)
             even, passes, share = _spread_of(full, samples, camera) if moments is None else (full, full, 1.0)
             backdrop = np.zeros((camera.height, camera.width, 3)) if plate is None else plate
             still = Estimator(scene, camera, self.depth) if prepared is None else prepared.seeing(camera)
@@ -125,7 +131,7 @@ class Differential(PathTracing):
                     f"{target.error(sums):.2g}; give more samples"
                 )
             # Depth, normals and albedo, which need few samples.
-            most = min(MATTE_SAMPLES, GUIDES * self.samples)
+            most = min(MATTE_SAMPLES, (QUICK_GUIDES if self.quick else GUIDES) * self.samples)
             guides = still.guides(min(most, max(1, PASS_RAYS // (camera.width * camera.height))), seed)
         # The means and their variances as one result.
         seen = np.maximum(guides["seen"], 1e-12)
@@ -179,10 +185,10 @@ def _spread_of(full: int, samples: int, camera: Camera) -> tuple[int, int, float
     return even, even + int((full - even) / share), share
 
 
-def _samples_a_pass(samples: int, camera: Camera) -> int:
+def _samples_a_pass(samples: int, camera: Camera, passes: int | None = None) -> int:
     """Many enough that a pass is worth its start, few enough that there are PASSES where the rays are many."""
     pixels = camera.width * camera.height
-    passes = PASSES if samples * pixels > PASSES * FEW_RAYS else FEWEST_PASSES
+    passes = passes or (PASSES if samples * pixels > PASSES * FEW_RAYS else FEWEST_PASSES)
     return max(1, min(samples // passes, PASS_RAYS // pixels))
 
 

@@ -1,9 +1,10 @@
-"""glTF's opaque surface as one reciprocal BSDF for Mitsuba's Dr.Jit variants: sheen over coat over gloss over base.
+"""glTF's opaque surface as one BSDF for Mitsuba's Dr.Jit variants: sheen over coat over gloss over base.
 
 Mitsuba has no such sum: `principled` brightens white dielectrics and has other lobes for coat, sheen and anisotropy.
-Here each layer takes its share of the light by its directional albedo E (`directional_albedo`), and what is under it
-shares the rest: (1 − E(ωi))(1 − E(ωo)) of it, over 1 − ⟨E⟩ for the diffuse base (Kelemen and Szirmay-Kalos 2001), which
-therefore returns whatever the gloss does not. A white dielectric returns all light, at any roughness. Metals are
+Here a coat and a gloss take the share E(ωv) of the light, their directional albedo (`directional_albedo`) towards the
+viewer, and what is under them has 1 − E(ωv) of it: albedo scaling, as OpenPBR, MaterialX and Blender have it and glTF's
+coat does. A white dielectric looks white from everywhere, at any roughness. It is not reciprocal: light that is
+followed from the lamps is scattered by the same function with the directions' parts exchanged (decision 44). Metals are
 single-scattering GGX, as glTF has them. Frames are Mitsuba's: x along the texture's u, y up in the picture.
 Imported only where something is rendered: it imports Mitsuba.
 """
@@ -78,13 +79,13 @@ class Surface:
         return sampled, dr.select(there, value / dr.maximum(density, 1e-20), 0)
 
     def eval(self, ctx: Any, si: Any, wo: Any, active: Any = True) -> Any:
-        return self.evaluated(si, wo, active)[0]
+        return self.evaluated(ctx, si, wo, active)[0]
 
     def pdf(self, ctx: Any, si: Any, wo: Any, active: Any = True) -> Any:
-        return self.evaluated(si, wo, active)[1]
+        return self.evaluated(ctx, si, wo, active)[1]
 
     def eval_pdf(self, ctx: Any, si: Any, wo: Any, active: Any = True) -> tuple[Any, Any]:
-        return self.evaluated(si, wo, active)
+        return self.evaluated(ctx, si, wo, active)
 
     def to_string(self) -> str:
         return f"{type(self).__name__}[]"
@@ -190,7 +191,7 @@ class Layered(Surface):
     def sheen_roughness(self, si: Any, active: Any) -> Any:
         return dr.maximum(self.number("sheen_roughness", si, active), NARROWEST_SHEEN)
 
-    def evaluated(self, si: Any, wo: Any, active: Any, shares_of_samples: Any = None) -> tuple[Any, Any]:
+    def evaluated(self, ctx: Any, si: Any, wo: Any, active: Any, shares_of_samples: Any = None) -> tuple[Any, Any]:
         """f·cos θo and the density of the directions; `shares_of_samples` where they are known already."""
         # The geometry, and what the layers share.
         wi = si.wi
@@ -211,14 +212,11 @@ class Layered(Surface):
         glossy = dr.lerp(dielectric, metal, metallic) * shape
         density = p_gloss * lobe.pdf(wi_l, half_l) / (4 * dr.maximum(facing, 1e-8))
 
-        # The diffuse base shares what the dielectric's gloss leaves.
-        at_i, at_o = (_share(self.gloss_table, cosine, roughness) for cosine in (cos_i, cos_o))
-        first, last = _largest(low), high
-        e_i, e_o = first * at_i[0] + last * at_i[1], first * at_o[0] + last * at_o[1]
-        mean = first * at_i[2] + last * at_i[3]
-        rest = (1 - e_i) * (1 - e_o) / dr.maximum(1 - mean, 1e-6)
+        # The diffuse base has what the dielectric's gloss leaves, as the viewer sees it.
+        cos_v = cos_o if ctx.mode == mi.TransportMode.Importance else cos_i
+        at_v = _share(self.gloss_table, cos_v, roughness)
         cosine_lobe = cos_o * dr.inv_pi
-        diffuse = (1 - metallic) * base * rest * cosine_lobe
+        diffuse = (1 - metallic) * base * (1 - _largest(low) * at_v[0] - high * at_v[1]) * cosine_lobe
         density += p_base * cosine_lobe
 
         value = diffuse + glossy
@@ -226,13 +224,10 @@ class Layered(Surface):
         if self.coated:
             amount = self.number("clearcoat", si, active)
             film, film_roughness = self.coat(si, active)
-            at_i, at_o = (_share(self.coat_table, cosine, film_roughness) for cosine in (cos_i, cos_o))
-            e_i, e_o = (amount * (0.04 * at[0] + at[1]) for at in (at_i, at_o))
-            mean = amount * (0.04 * at_i[2] + at_i[3])
-            through = (1 - e_i) * (1 - e_o)
+            at_v = _share(self.coat_table, cos_v, film_roughness)
             reflected = 0.04 + 0.96 * self.risen(facing, mi.Float(COAT_IOR))
             film_shape = film.eval(half) * film.G(wi, wo, half) / (4 * cos_i)
-            value = glossy * through + diffuse * through / (1 - mean) + amount * reflected * film_shape
+            value = value * (1 - amount * (0.04 * at_v[0] + at_v[1])) + amount * reflected * film_shape
             density += p_coat * film.pdf(wi, half) / (4 * dr.maximum(facing, 1e-8))
         # The sheen's fibres, on top of the others.
         if self.fibrous:
@@ -266,7 +261,7 @@ class Layered(Surface):
             # Fibres shine at grazing, where even chances over the solid angle are nearer to them than the cosine's.
             on_fibres = (sample1 >= p_gloss + p_coat) & (sample1 < p_gloss + p_coat + p_fibres)
             wo[on_fibres] = mi.warp.square_to_uniform_hemisphere(sample2)
-        value, density = self.evaluated(si, wo, active, shares_of_samples)
+        value, density = self.evaluated(ctx, si, wo, active, shares_of_samples)
         return self.drawn(wo, value, density, sample1 < p_gloss + p_coat, active)
 
     def eval_diffuse_reflectance(self, si: Any, active: Any = True) -> Any:

@@ -32,7 +32,7 @@ class WardSurface(Surface):
         self.glossy_share = dr.opaque(mi.Float, share)
         self.set_kinds(mi.BSDFFlags.DiffuseReflection, mi.BSDFFlags.GlossyReflection | mi.BSDFFlags.Anisotropic)
 
-    def evaluated(self, si: Any, wo: Any, active: Any) -> tuple[Any, Any]:
+    def evaluated(self, ctx: Any, si: Any, wo: Any, active: Any) -> tuple[Any, Any]:
         active = active & (si.wi.z > 0) & (wo.z > 0)
         half = si.wi + wo
         squared, up = dr.squared_norm(half), dr.maximum(half.z, 1e-6)
@@ -54,7 +54,7 @@ class WardSurface(Surface):
         wo = mi.warp.square_to_cosine_hemisphere(sample2)
         on_gloss = sample1 < self.glossy_share
         wo[on_gloss] = mi.reflect(si.wi, mi.Normal3f(normal))
-        value, density = self.evaluated(si, wo, active)
+        value, density = self.evaluated(ctx, si, wo, active)
         return self.drawn(wo, value, density, on_gloss, active)
 
     def eval_diffuse_reflectance(self, si: Any, active: Any = True) -> Any:

@@ -83,33 +83,33 @@ def balls(
     """
     if size < 2:
         raise ValueError(f"balls are {size} pixels wide; expected 2 or more")
-    light = _coarse(as_latlong(light))
-    points, cover = _disc(size * _FINER)
-    matte, towards = _binned(cover), np.broadcast_to(np.array([0.0, 0.0, 1.0]), points.shape)
+    light = coarse(as_latlong(light), _MOST_ROWS)
+    points, cover = disc(size * _FINER)
+    matte, towards = binned(cover, _FINER), np.broadcast_to(np.array([0.0, 0.0, 1.0]), points.shape)
     made = []
     for index, (caption, section, surface) in enumerate(SURFACES):
         normals = _wrinkled(points, surface.bumps if isinstance(surface, Reflective) else None)
         pixels = GBuffer(normals, towards, np.where(cover > 0, 0, -1))
         seen = Shading.of([surface], light, Preintegrated(), azimuths=_AZIMUTHS).shade(pixels)
-        radiance = _binned(seen * cover[..., None]) / np.maximum(matte, 1e-6)[..., None]
+        radiance = binned(seen * cover[..., None], _FINER) / np.maximum(matte, 1e-6)[..., None]
         made.append(Ball(caption, section, radiance.astype(np.float32), matte.astype(np.float32)))
         if progress:
             progress((index + 1) / len(SURFACES))
     return tuple(made)
 
 
-def _coarse(light: EnvironmentMap) -> EnvironmentMap:
-    """A lat-long map of not many more rows than are seen, energy kept."""
-    block = -(-light.size // _MOST_ROWS)
+def coarse(light: EnvironmentMap, most: int) -> EnvironmentMap:
+    """A lat-long map of so many rows at most, energy kept."""
+    block = -(-light.size // most)
     if block == 1 or light.size % block:
-        return light if block == 1 else light.remapped(LatLong(), _MOST_ROWS)
+        return light if block == 1 else light.remapped(LatLong(), most)
     rows, areas = light.size // block, LatLong().solid_angles(light.size)[..., None]
     flux = (light.radiance * areas).reshape(rows, block, 2 * rows, block, 3).sum((1, 3))
     radiance = flux / LatLong().solid_angles(rows)[..., None]
     return EnvironmentMap(radiance.astype(np.float32), LatLong(), light.unit)
 
 
-def _disc(size: int) -> tuple[np.ndarray, np.ndarray]:
+def disc(size: int) -> tuple[np.ndarray, np.ndarray]:
     """Points of the unit sphere's near side (size, size, 3), and how much of each pixel it covers."""
     across = (2 * np.arange(size) + 1) / size - 1
     x, y = np.meshgrid(across, -across)
@@ -128,7 +128,7 @@ def _wrinkled(points: np.ndarray, bumps: Bumps | None) -> np.ndarray:
     return bumps.turned(flat, flat, nowhere[:, :2], nowhere, nowhere).reshape(points.shape)
 
 
-def _binned(values: np.ndarray) -> np.ndarray:
-    """Means of blocks of samples."""
-    rows, columns = (n // _FINER for n in values.shape[:2])
-    return values.reshape(rows, _FINER, columns, _FINER, *values.shape[2:]).mean((1, 3))
+def binned(values: np.ndarray, finer: int) -> np.ndarray:
+    """Means of blocks of `finer` × `finer` samples."""
+    rows, columns = (n // finer for n in values.shape[:2])
+    return values.reshape(rows, finer, columns, finer, *values.shape[2:]).mean((1, 3))

@@ -17,11 +17,13 @@ class CameraFit:
     camera : as found
     points : (N, 2) pixels, where the photograph has them; none for a camera that was given, not found
     offsets : (N, 2) pixels, from there to where the camera has them
+    outline : of what the points are drawn along, "the ball's rim"; offsets from a fitted curve measure nothing
     """
 
     camera: Camera
     points: np.ndarray = field(default_factory=lambda: np.empty((0, 2)))
     offsets: np.ndarray = field(default_factory=lambda: np.empty((0, 2)))
+    outline: str = ""
 
     @property
     def residual(self) -> float | None:
@@ -38,6 +40,8 @@ class CameraFit:
         """The residuals in words, for a report."""
         if self.residual is None:
             return "given, not measured"
+        if self.outline:
+            return f"{self.outline}, {np.ptp(self.points[:, 0]):.0f} pixels across"
         return f"{len(self.points)} points, off by {self.residual:.2f} pixels (RMS), {self.worst:.2f} at worst"
 
 

@@ -128,7 +128,7 @@ def camera_from_ball(rim: np.ndarray, lens: Camera, *, radius: float, up: np.nda
     # The origin lies on the table, straight below the centre.
     position = -radius * (rotation @ (ball.centre - lifted * up))
     camera = replace(lens, position=position, rotation=rotation)
-    return CameraFit(camera, np.asarray(rim, np.float64), _offsets(rim, lens, ball))
+    return CameraFit(camera, np.asarray(rim, np.float64), _offsets(rim, lens, ball), "the ball's rim")
 
 
 def _offsets(rim: np.ndarray, lens: Camera, ball: BallInView) -> np.ndarray:

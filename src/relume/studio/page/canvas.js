@@ -37,6 +37,9 @@ export class HdrCanvas {
       /** @type {Mode} */ mode: "picture", wipe: 0.5, wipeLies: false, gain: 1, yaw: 0, pitch: 0, field: Math.PI / 2,
     };
     /** @type {{texture: WebGLTexture, buffer: WebGLFramebuffer}[]} */ this.floats = [];
+    /** What shows more than white, where there is such a screen. @type {import("./extended.js").ExtendedScreen | null} */ this.screen = null;
+    /** What it shows, before it goes there. @type {{texture: WebGLTexture, buffer: WebGLFramebuffer} | null} */ this.beyond = null;
+    /** Where frames are drawn; null for the canvas itself. @type {WebGLFramebuffer | null} */ this.target = null;
     // The canvas in pixels of the screen. Its own buffer has fewer while frames are rough, and the browser enlarges it.
     this.width = canvas.width;
     this.height = canvas.height;
@@ -87,11 +90,12 @@ export class HdrCanvas {
     if (canvas.width === width && canvas.height === height) return;
     canvas.width = width;
     canvas.height = height;
-    for (const each of this.floats) {
+    for (const each of [...this.floats, ...(this.beyond ? [this.beyond] : [])]) {
       gl.deleteTexture(each.texture);
       gl.deleteFramebuffer(each.buffer);
     }
     this.floats = [];
+    this.beyond = null;
   }
 
   // Where things are. Screen coordinates are pixels of the screen, from its left and top.
@@ -209,6 +213,20 @@ export class HdrCanvas {
     gl.bindFramebuffer(gl.FRAMEBUFFER, null);
     gl.viewport(0, 0, this.canvas.width, this.canvas.height);
     this.drawView();
+    if (this.screen) this.drawBeyond(this.screen);
+  }
+
+  /** The same frame once more, not cut at white. @param {import("./extended.js").ExtendedScreen} screen */
+  drawBeyond(screen) {
+    const { gl } = this, { width, height } = this.canvas, halves = new Uint16Array(4 * width * height);
+    this.beyond ??= this.floatBuffer(true);
+    this.target = this.beyond.buffer;
+    gl.bindFramebuffer(gl.FRAMEBUFFER, this.target);
+    this.drawView();
+    gl.readPixels(0, 0, width, height, gl.RGBA, gl.HALF_FLOAT, halves);
+    this.target = null;
+    gl.bindFramebuffer(gl.FRAMEBUFFER, null);
+    screen.show(width, height, halves);
   }
 
   drawView() {
@@ -285,7 +303,7 @@ export class HdrCanvas {
       gl.clear(gl.COLOR_BUFFER_BIT);
       this.drawTiles(this.programs.copy, source, source === other ? view.gain : 1);
     }
-    gl.bindFramebuffer(gl.FRAMEBUFFER, null);
+    gl.bindFramebuffer(gl.FRAMEBUFFER, this.target);
     const linked = this.programs.compare;
     gl.useProgram(linked.program);
     this.developing(linked);
@@ -358,14 +376,16 @@ export class HdrCanvas {
     gl.uniform2f(linked.at("stops"), view.low, view.high);
     gl.uniform1i(linked.at("clipping"), view.clipping ? 1 : 0);
     gl.uniform1i(linked.at("marked"), view.marked ? 1 : 0);
+    for (const name of ["extended", "turned"]) gl.uniform1i(linked.at(name), this.target ? 1 : 0);
     gl.activeTexture(gl.TEXTURE7);
     gl.bindTexture(gl.TEXTURE_2D, this.colours);
     gl.uniform1i(linked.at("colours"), 7);
   }
 
-  floatBuffer() {
+  /** @param {boolean} [half] */
+  floatBuffer(half = false) {
     const { gl, canvas } = this;
-    const made = texture(gl, canvas.width, canvas.height, false, null);
+    const made = texture(gl, canvas.width, canvas.height, half, null);
     const buffer = /** @type {WebGLFramebuffer} */ (gl.createFramebuffer());
     gl.bindFramebuffer(gl.FRAMEBUFFER, buffer);
     gl.framebufferTexture2D(gl.FRAMEBUFFER, gl.COLOR_ATTACHMENT0, gl.TEXTURE_2D, made, 0);

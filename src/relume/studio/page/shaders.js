@@ -9,13 +9,16 @@ uniform bool falseColour;
 uniform vec2 stops;          // of false colour: log2 of the least and of the most
 uniform sampler2D colours;
 uniform bool clipping, marked;
+uniform bool extended;       // for a screen that shows more than white: sRGB's curve goes on beyond 1
 const vec3 LUMINANCE = vec3(0.2126, 0.7152, 0.0722);
 
-vec3 encoded(vec3 v) {       // sRGB, IEC 61966-2-1; its power by a polynomial in v^¼, a hundredth of a code off
-  v = clamp(v, 0.0, 1.0);
+vec3 encoded(vec3 light) {   // sRGB, IEC 61966-2-1; its power by a polynomial in v^¼, a hundredth of a code off
+  vec3 v = clamp(light, 0.0, 1.0);
   vec3 t = sqrt(sqrt(v));
   vec3 power = (((0.0813283 * t - 0.3354975) * t + 1.1226783) * t + 0.1961370) * t - 0.0646117;
-  return mix(12.92 * v, power, step(0.0031308, v));
+  vec3 shown = mix(12.92 * v, power, step(0.0031308, v));
+  if (!extended) return shown;
+  return mix(shown, 1.055 * pow(max(light, 1.0), vec3(1.0 / 2.4)) - 0.055, step(1.0, light));
 }
 bool hatched(float width) { return mod(gl_FragCoord.x + gl_FragCoord.y, 2.0 * width) < width; }
 
@@ -51,11 +54,13 @@ vec3 developed(vec3 v, float mark) {
 export const QUAD = `#version 300 es
 uniform vec4 place;          // of the quad, in clip space: left, bottom, right, top
 uniform vec4 part;           // of the texture
+uniform bool turned;         // upside down, for what takes the highest row first
 out vec2 at;
 void main() {
   vec2 corner = vec2(gl_VertexID & 1, gl_VertexID >> 1);
   at = mix(part.xy, part.zw, corner);
-  gl_Position = vec4(mix(place.xy, place.zw, corner), 0.0, 1.0);
+  vec2 point = mix(place.xy, place.zw, corner);
+  gl_Position = vec4(point.x, turned ? -point.y : point.y, 0.0, 1.0);
 }`;
 
 /** @param {string} shown what becomes of a pixel @param {string} functions that it is written in */

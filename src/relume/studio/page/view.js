@@ -2,6 +2,7 @@
 
 import { HdrCanvas } from "./canvas.js";
 import { begin } from "./commands.js";
+import { hdrSwitch } from "./extended.js";
 import { linesOfDifference, linesOfStatistics, linesOfValue, plain, print } from "./measured.js";
 import { drawNumbers } from "./numbers.js";
 import { bytes, json, listenTo } from "./requests.js";
@@ -437,6 +438,8 @@ function toggleFalseColour() {
 
 // Commands, keys and buttons.
 
+const hdr = hdrSwitch(canvas, failed);
+
 const middle = () => /** @type {[number, number]} */ ([canvas.width / 2, canvas.height / 2]);
 /** @type {import("./commands.js").Command[]} */
 const commands = [
@@ -476,6 +479,7 @@ const commands = [
     const size = state.facts.get(state.number)?.size;
     if (size) drawRegion([0, 0], [size[0] - 1, size[1] - 1]), remeasure();
   } },
+  hdr.command,
   { name: "No region, nothing held", keys: ["Escape"], act: () => {
     state.region = state.held = null;
     drawn();
@@ -504,6 +508,7 @@ buttons("modes", [
   ["Marks", { mode: "marks" }, () => change({ marked: !canvas.view.marked })],
   ["Inside", { mode: "inside" }, () => show("inside")],
 ]);
+element("modes").append(hdr.button);
 begin(commands);
 
 // Files that change on disk are shown anew; a server that is gone is said.

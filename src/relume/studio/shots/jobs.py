@@ -44,6 +44,12 @@ class Jobs:
         self._thread.start()
 
     @property
+    def seen(self) -> tuple[object, ...]:
+        """What a window shows of the job at once: that it begins, that there is a first picture of it, that it ends."""
+        state = self.state
+        return state["number"], state["status"], "first picture" in state.get("steps", ())
+
+    @property
     def process(self) -> int | None:
         """The worker's process id; None while there is none."""
         return None if self._worker is None else self._worker[0].pid

@@ -6,6 +6,7 @@ Every edit writes a map of its own into `lights/` and has the shot name it: what
 from __future__ import annotations
 
 import math
+import warnings
 from collections.abc import Mapping
 from dataclasses import replace
 from pathlib import Path
@@ -46,7 +47,8 @@ def edited_map(source: Path, folder: Folder, asked: Mapping[str, Any]) -> tuple[
 def cut_slice(source: Path, folder: Folder, asked: Mapping[str, Any]) -> dict[str, Any]:
     """Write one exposure of the map, or of a view cut out of it, as a PNG to paint on; what was written.
 
-    asked : stops, chosen to fit unless given; view, (yaw, pitch, field) in degrees, the whole map unless given
+    asked : stops, chosen to fit unless given; view, (yaw, pitch, field) in degrees, or box, left, top, width and height
+        in pixels: the whole map unless given
     """
     picture = rl.read_radiance(source)
     target = _free(folder, PAINT, "slice", ".png")
@@ -57,8 +59,22 @@ def cut_slice(source: Path, folder: Folder, asked: Mapping[str, Any]) -> dict[st
         rl.write(_view_of(target), picture)
         picture = rl.read_radiance(_view_of(target))  # as the way back will have it
     stops = asked.get("stops")
-    made = rl.light.write_slice(picture, target, None if stops is None else _number(stops, "stops"))
+    box = None if asked.get("box") is None else _box(asked)
+    made = rl.light.write_slice(picture, target, None if stops is None else _number(stops, "stops"), box=box)
     return {"path": folder.name(target), "stops": made["stops"], "white": made["white"], "unit": made["unit"]}
+
+
+def cut_rectangle(source: Path, folder: Folder, asked: Mapping[str, Any]) -> dict[str, Any]:
+    """Write a rectangle of a picture of its own: radiance as .exr, a photograph as .png; where it is, and its size.
+
+    asked : box, left, top, width and height in pixels
+    A part of a map is no whole sphere: the file no longer says a mapping. Raises ValueError, RelumeError.
+    """
+    target = _free(folder, PAINT, "crop", ".exr" if rl.files.has_radiance(source) else ".png")
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore")  # the page says itself that a part of a map is none
+        made = rl.light.change_format(source, target, rl.light.FormatChange(crop=_box(asked)))
+    return {"path": folder.name(target), "size": made["size"]}
 
 
 def painted_map(source: Path, folder: Folder, asked: Mapping[str, Any]) -> tuple[Path, dict[str, Any]]:
@@ -123,6 +139,14 @@ def _free(folder: Folder, place: str, stem: str, ending: str) -> Path:
 
 def _view_of(path: Path) -> Path:
     return path.with_name(f"{path.stem}_view.exr")
+
+
+def _box(asked: Mapping[str, Any]) -> tuple[int, int, int, int]:
+    given = asked.get("box")
+    if not isinstance(given, list) or len(given) != 4:
+        raise ValueError("box is left, top, width and height in pixels")
+    left, top, width, height = (int(_number(each, "box")) for each in given)
+    return left, top, width, height
 
 
 def _number(value: object, name: str) -> float:

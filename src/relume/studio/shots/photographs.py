@@ -78,7 +78,9 @@ def _entry(
             "seconds": exposure and exposure.seconds, "f_number": exposure and exposure.f_number,
             "iso": exposure and exposure.iso,
         }  # fmt: skip
-    name = folder.name(paths[0].parent) if len(paths) > 1 else folder.name(paths[0])
+    name = folder.name(paths[0])
+    if len(paths) > 1:
+        name = folder.root.name if paths[0].parent == folder.root else folder.name(paths[0].parent)
     return {"name": name, "kind": kind, "patterns": _patterns(folder, paths), "frames": frames, "doubts": doubts}
 
 

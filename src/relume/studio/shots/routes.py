@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import asyncio
 import json
+import time
 from collections.abc import Callable
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -27,8 +28,9 @@ from relume.studio.shots.cameras import camera_of
 from relume.studio.shots.document import Conflict, Document
 from relume.studio.shots.folder import LARGEST_UPLOAD, Folder
 from relume.studio.shots.jobs import Jobs
-from relume.studio.shots.light_edits import cut_slice, edited_map, painted_map, pointed_at
-from relume.studio.shots.objects import mesh_bytes, object_facts
+from relume.studio.shots.light_edits import cut_rectangle, cut_slice, edited_map, painted_map, pointed_at
+from relume.studio.shots.material_balls import MaterialBalls
+from relume.studio.shots.objects import PlacedObjects
 from relume.studio.shots.photographs import Thumbnails, brackets
 
 LARGEST_BODY = 1024**2
@@ -36,7 +38,9 @@ LARGEST_BODY = 1024**2
 LARGEST_MATTE = 64 * 1024**2
 """Bytes of a painted matte: as many as a plate of 60 megapixels may have."""
 LOOKED_AT_EVERY = 0.2
-"""Seconds between looks at the shot file and the job for each window."""
+"""Seconds between looks at the shot file and the pictures for each window."""
+JOB_LOOKED_AT_EVERY = 0.02
+"""Seconds between looks at the job, which is a number in memory."""
 SHOWN_RESULTS = ("report.html", "composite.png", "preview.png")
 RESULTS_POLICY = "default-src 'none'; img-src 'self' data:; style-src 'unsafe-inline'; sandbox"
 """Of the report: a page of its own without scripts, which may style itself."""
@@ -53,6 +57,8 @@ class Studio:
     library: Library
     jobs: Jobs
     thumbnails: Thumbnails = field(default_factory=Thumbnails)
+    materials: MaterialBalls = field(default_factory=MaterialBalls)
+    placed: PlacedObjects = field(default_factory=PlacedObjects)
 
     def state(self) -> dict[str, Any]:
         """All that a window shows: the shot, which files its photographs are, the job, what was written."""
@@ -66,7 +72,7 @@ class Studio:
             "folder": str(self.folder.root), "out": _beside(self.out, self.folder.root),
             "plate": self._named(table.get("plate")), "balls": [self._named(view) for view in views],
             "job": self.jobs.state, "measured": self.jobs.measured, "merged": self.jobs.merged,
-            "results": [name for name in results if not name.startswith(".")],
+            "results": [name for name in results if not name.startswith(".")], "new_render": rl.Shot.new_render,
         }  # fmt: skip
 
     def _named(self, table: object) -> list[str]:
@@ -112,9 +118,16 @@ class Studio:
 
     def opened(self, _request: Request, body: dict[str, Any]) -> Response:
         """The number under which a picture is shown: of the folder, of the results, or of the scratch folder."""
+        return _json({"number": self.library.add(self._shown(body))})
+
+    def crop(self, _request: Request, body: dict[str, Any]) -> Response:
+        """A rectangle of a picture that is shown, as a picture of its own."""
+        return _json(cut_rectangle(self._shown(body), self.folder, body))
+
+    def _shown(self, body: dict[str, Any]) -> Path:
         name, where = str(body.get("path", "")), body.get("where")
         roots = {"results": Folder(self.out.resolve()), "scratch": Folder(self.scratch.resolve())}
-        return _json({"number": self.library.add(roots.get(str(where), self.folder).path(name))})
+        return roots.get(str(where), self.folder).path(name)
 
     def ball(self, _request: Request, body: dict[str, Any]) -> Response:
         """The ball in one photograph, and the number of the map that it shows."""
@@ -196,11 +209,24 @@ class Studio:
 
     def objects(self, _request: Request) -> Response:
         """Where the objects stand."""
-        return _json({"objects": object_facts(self.document.path), "presets": sorted(rl.scene.PRESETS)})
+        return _json({"objects": self.placed.facts(self.document.path), "presets": sorted(rl.scene.PRESETS)})
+
+    def material_balls(self, _request: Request) -> Response:
+        """The materials that objects may have, as balls under the measured light."""
+        if self.jobs.measured is None:
+            raise HTTPException(409, "the light is not measured yet; take a quick look first")
+        camera = camera_of(self.jobs.measured["camera"])
+        light = self.scratch / self.jobs.measured["light"]
+        return _json(self.materials.facts(self.document.path, light, camera, self.out))
+
+    def material_pixels(self, request: Request) -> Response:
+        """Those balls' pixels."""
+        content = self.materials.pixels(request.path_params["digest"])
+        return Response(content, media_type="application/octet-stream", headers=UNKEPT)
 
     def mesh(self, request: Request) -> Response:
         """An object's triangles in the world."""
-        content = mesh_bytes(self.document.path, int(request.path_params["number"]))
+        content = self.placed.mesh_bytes(self.document.path, int(request.path_params["number"]))
         return Response(content, media_type="application/octet-stream", headers=UNKEPT)
 
     def result(self, request: Request) -> Response:
@@ -245,19 +271,25 @@ class Studio:
     async def events(self, socket: WebSocket) -> None:
         """Says what the studio is, whenever that changes, until the window is closed."""
         await socket.accept()
-        ended, seen = asyncio.create_task(closed(socket)), None
+        ended, seen, job = asyncio.create_task(closed(socket)), None, None
         stamps: list[tuple[int, int]] = []
+        next_look = 0.0
         while not ended.done():
-            await run_in_threadpool(self.document.look)
-            now = self.document.revision, self.document.fault, self.jobs.changes
-            if now != seen and not ended.done():
-                await socket.send_json({"state": await run_in_threadpool(self.state)})
-                seen = now
-            before, stamps = stamps, await run_in_threadpool(self.library.stamps)
-            for number, (old, stamp) in enumerate(zip(before, stamps, strict=False)):
-                if old != stamp and not ended.done():
-                    await socket.send_json({"changed": number})
-            await asyncio.wait([ended], timeout=LOOKED_AT_EVERY)
+            # Now and then; at once when a job begins, has a picture, or ends.
+            if time.monotonic() >= next_look or self.jobs.seen != job:
+                job = self.jobs.seen
+                await run_in_threadpool(self.document.look)
+                # Pictures that changed first: what is shown of them next is as they are now.
+                before, stamps = stamps, await run_in_threadpool(self.library.stamps)
+                for number, (old, stamp) in enumerate(zip(before, stamps, strict=False)):
+                    if old != stamp and not ended.done():
+                        await socket.send_json({"changed": number})
+                now = self.document.revision, self.document.fault, self.jobs.changes
+                if now != seen and not ended.done():
+                    await socket.send_json({"state": await run_in_threadpool(self.state)})
+                    seen = now
+                next_look = time.monotonic() + LOOKED_AT_EVERY
+            await asyncio.wait([ended], timeout=JOB_LOOKED_AT_EVERY)
 
 
 def studio_application(studio: Studio) -> Starlette:
@@ -275,6 +307,7 @@ def studio_application(studio: Studio) -> Starlette:
             Route("/brackets", answered(studio.brackets)),
             Route("/thumbnail", answered(studio.thumbnail)),
             posted("/opened", studio.opened),
+            posted("/crop", studio.crop),
             posted("/ball", studio.ball),
             posted("/board", studio.board),
             posted("/light/mirrored", studio.mirrored),
@@ -285,6 +318,8 @@ def studio_application(studio: Studio) -> Starlette:
             posted("/jobs/stop", studio.stop),
             Route("/objects", answered(studio.objects)),
             Route("/objects/{number:int}", answered(studio.mesh)),
+            Route("/materials", answered(studio.material_balls)),
+            Route("/materials/{digest}", answered(studio.material_pixels)),
             Route("/results/{name}", answered(studio.result)),
             Route("/occluder", answered(studio.matte), methods=["GET"]),
             Route("/occluder", _uploaded(studio.keep_matte), methods=["POST"]),

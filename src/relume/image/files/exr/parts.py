@@ -18,6 +18,8 @@ import threading
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager, redirect_stdout
 from dataclasses import dataclass
+from functools import cache
+from types import ModuleType
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -33,6 +35,9 @@ from relume.image.mapped_arrays import Mapped
 
 if TYPE_CHECKING:
     import OpenEXR
+
+MOST_THREADS = 16
+"""Each holds a chunk of its own; more wait for the memory."""
 
 _decoding = threading.Lock()
 
@@ -87,8 +92,7 @@ def write_parts(path: str | os.PathLike[str], parts: Sequence[Part], mapped: Map
 
     mapped : the planes that are in files, whose memory is given back as they are written
     """
-    import OpenEXR
-
+    OpenEXR = _library()
     written = []
     for part in parts:
         header = {"compression": OpenEXR.ZIP_COMPRESSION, "type": OpenEXR.scanlineimage, **part.header}
@@ -187,8 +191,7 @@ def _common(header: Mapping[str, Any]) -> tuple[np.ndarray, np.ndarray, int]:
 
 def _decoded(path: str | os.PathLike[str], copy: str | os.PathLike[str], headers: Headers) -> list[OpenEXR.Part]:
     """What the library reads of `copy`; `path` is for messages."""
-    import OpenEXR
-
+    OpenEXR = _library()
     streams = (1, 2) if any(header.compression.talkative for header in headers.parts) else (2,)
     where = f"bytes {headers.end} to {os.path.getsize(path)}, pixels"
     try:
@@ -206,6 +209,19 @@ def _decoded(path: str | os.PathLike[str], copy: str | os.PathLike[str], headers
         if read != sorted(channel.name for channel in header.channels):
             raise _damaged(path, copy, [", ".join(read)], "its channels")
     return parts
+
+
+@cache
+def _library() -> ModuleType:
+    """The library, which works on all cores from now on: by itself it packs and unpacks on one.
+
+    A program that has chosen a number of threads keeps it.
+    """
+    import OpenEXR
+
+    if OpenEXR.global_thread_count() == 0:
+        OpenEXR.set_global_thread_count(min(os.cpu_count() or 1, MOST_THREADS))
+    return OpenEXR
 
 
 def _is_plain(headers: Headers) -> bool:

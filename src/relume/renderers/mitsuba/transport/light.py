@@ -110,7 +110,8 @@ class SceneLight:
         self.sources: list[Any] = [*beyond, *self.spheres, *map(_PointLamp, points), *map(_Sun, suns)]
         middle = np.mean([bounding_sphere(s)[0] for s in scene.objects], axis=0) if scene.objects else np.zeros(3)
         # How often each is sampled: as the irradiance that it gives where the objects are.
-        given = [float(scene.light.total().mean()) for _ in beyond]
+        total = float(scene.light.total().mean())
+        given = [total for _ in beyond]
         for sphere in spheres:
             away = max(float(np.linalg.norm(np.array(sphere.position) - middle)), float(sphere.radius))
             given.append(np.pi * float(np.mean(sphere.radiance)) * (float(sphere.radius) / away) ** 2)
@@ -124,7 +125,7 @@ class SceneLight:
             self.shares = self.shares / self.shares.sum() + 0.02
             self.shares = self.shares / self.shares.sum()
         # Between what cones find well and what blinds: a few times the mean.
-        bright = BRIGHT * float(scene.light.total().mean()) / (4 * np.pi)
+        bright = BRIGHT * total / (4 * np.pi)
         self.emitting = self.shares.copy()
         if self.map is not None:
             self.emitting[0] *= self.map.prepare_emission(bright)

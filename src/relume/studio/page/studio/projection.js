@@ -70,3 +70,10 @@ export function grid(lens) {
   for (let y = (height / 2) % step; y <= height + 1e-6; y += step) add((t) => [t * width, y]);
   return { bent, straight, furthest, at };
 }
+
+/** How many pixels of a larger picture lie along one of a smaller, which leaves out less than one of its own at the edge; 0 for other
+ *  pictures. @param {[number, number]} large @param {[number, number]} small */
+export function wholePixels(large, small) {
+  const step = Math.floor(large[0] / small[0]);
+  return step >= 1 && Math.floor(large[1] / step) === small[1] && Math.floor(large[0] / step) === small[0] ? step : 0;
+}

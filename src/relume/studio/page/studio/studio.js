@@ -2,6 +2,7 @@
 
 import { HdrCanvas } from "../canvas.js";
 import { begin } from "../commands.js";
+import { hdrSwitch } from "../extended.js";
 import { plain } from "../measured.js";
 import { cameraPane } from "./panes/camera.js";
 import { deliverPane } from "./panes/deliver.js";
@@ -12,6 +13,7 @@ import { photographsPane } from "./panes/photographs.js";
 import { placePane } from "./panes/place.js";
 import { radiancePane } from "./panes/radiance.js";
 import { Overlay } from "./overlay.js";
+import { wholePixels } from "./projection.js";
 import { bytes, json, listenTo, post, Refused } from "../requests.js";
 
 /** @typedef {import("../source.js").PictureFacts} PictureFacts */
@@ -112,12 +114,13 @@ export class Studio {
       if (!found) return;
       const { number } = found, facts = await this.factsOf(number);
       if (turn !== this.turn) return;
-      const before = this.facts.get(this.number);
+      const before = this.size;
       this.number = number;
+      this.size = facts.size;
       this.shownPath = path;
       this.shownWhere = where;
       this.canvas.open(facts.layers[0], this.tilesOf(number, 0));
-      if (fit || !before || before.size.join() !== facts.size.join()) this.canvas.fit();
+      if (fit || !before || !this.keepPlace(before, facts.size)) this.canvas.fit();
       // Kept as it is set while pictures of one kind are looked at.
       const ofPlate = where === "results" && /^(composite|preview)\./.test(path), kind = ofPlate ? "over the plate" : facts.kind;
       if (this.exposedFor !== kind) {
@@ -131,6 +134,17 @@ export class Studio {
     });
   }
   exposedFor = "";
+  /** Of the picture that is shown: its file may be another by now. @type {[number, number] | null} */ size = null;
+
+  /** Look at the same place of another picture of the same thing, whose pixels are a few of the other's or parts of them; whether it is.
+   *  @param {[number, number]} before @param {[number, number]} now */
+  keepPlace(before, now) {
+    const step = wholePixels(now, before), other = wholePixels(before, now), { view } = this.canvas;
+    if (!step && !other) return false;
+    const k = step || 1 / other;
+    if (k !== 1) this.canvas.set({ x: view.x * k, y: view.y * k, zoom: view.zoom / k });
+    return true;
+  }
 
   /** Wipe a result against the plate, made as bright by the medians. @param {string} name */
   async compare(name) {
@@ -180,8 +194,19 @@ export class Studio {
   /** @param {number} number @param {number} layer @returns {import("../source.js").Fetched} */
   tilesOf(number, layer) {
     const digest = /** @type {PictureFacts} */ (this.facts.get(number)).layers[layer].digest;
-    return async (level, column, row, signal) =>
-      /** @type {ArrayBuffer} */ (await bytes(`/tiles/${number}/${layer}/${digest}/${level}/${column}/${row}`, signal));
+    return async (level, column, row, signal) => {
+      try {
+        return /** @type {ArrayBuffer} */ (await bytes(`/tiles/${number}/${layer}/${digest}/${level}/${column}/${row}`, signal));
+      } catch (error) {
+        // Written anew since: it is shown as it is now.
+        if (error instanceof Refused && error.status === 410 && this.facts.get(number)?.layers[layer].digest === digest) {
+          this.facts.delete(number);
+          if (number === this.number) this.show(this.shownPath, this.shownWhere);
+          return new Promise(() => {});
+        }
+        throw error;
+      }
+    };
   }
 
   /** The photograph of the plate that shows most: one of the brighter ones. */
@@ -215,7 +240,8 @@ export class Studio {
     if (job.status === "done" && (old.status !== "done" || job.number !== old.number)) this.panes[this.step]?.done?.();
     // What a pane draws is ahead of the file until the last of its edits is there.
     if (this.waiting <= 1) this.panes[this.step]?.changed?.();
-    this.drawn();
+    // That a job goes on changes nothing of what is drawn.
+    if (anyway || state.revision !== before.revision || job.status !== old.status || job.number !== old.number) this.drawn();
   }
 
   /** @param {any} job */
@@ -358,6 +384,7 @@ document.addEventListener("drop", (event) => {
 // Commands and keys.
 
 const middle = () => /** @type {[number, number]} */ ([studio.canvas.width / 2, studio.canvas.height / 2]);
+const hdr = hdrSwitch(studio.canvas, (error) => studio.say(error));
 /** @type {import("../commands.js").Command[]} */
 const commands = [
   ...studio.panes.map((pane, i) => ({ name: `Step: ${pane.name}`, keys: [`Alt+${i + 1}`], act: () => studio.go(i) })),
@@ -383,6 +410,7 @@ const commands = [
     if (studio.canvas.view.mode === "wipe") studio.uncompare();
     else if (name) studio.compare(name);
   } },
+  hdr.command,
   { name: "Wipe to the left", keys: ["ArrowLeft"], act: () => studio.canvas.set({ wipe: Math.max(studio.canvas.view.wipe - 0.02, 0) }) },
   { name: "Wipe to the right", keys: ["ArrowRight"], act: () => studio.canvas.set({ wipe: Math.min(studio.canvas.view.wipe + 0.02, 1) }) },
   { name: "Clipping: stripes above white and below black", keys: ["X"], act: () => studio.canvas.set({ clipping: !studio.canvas.view.clipping }) },
@@ -390,6 +418,7 @@ const commands = [
     ...each, name: `${pane.name}: ${each.name}`, act: () => studio.step === i && each.act(),
   }))),
 ];
+element("value").before(hdr.button);
 begin(commands);
 element("undo").addEventListener("click", () => studio.undo(1));
 element("redo").addEventListener("click", () => studio.undo(-1));

@@ -1,6 +1,7 @@
 // Light: the ball's rim on its photograph, the map that it shows beside it while the rim is dragged, and the measured map.
 
 import { HdrCanvas } from "../../canvas.js";
+import { cropping } from "./cropping.js";
 import { lightEdits } from "./light_edits.js";
 import { at, make, numberField, quoted, typed } from "../fields.js";
 import { json, post, Refused } from "../../requests.js";
@@ -123,7 +124,8 @@ export function lightPane(studio) {
     unwrap(rim);
   }
 
-  const measure = () => studio.start("look"), whole = lightEdits(studio);
+  const measure = () => studio.start("look"), whole = lightEdits(studio), crop = cropping(studio, whole.paint, whole.shown);
+  let cropped = "";
 
   return {
     name: "Light",
@@ -146,7 +148,7 @@ export function lightPane(studio) {
       ];
       if (light.map) return [make("p", {}, `The light is a finished map: ${light.map}`),
         numberField(studio, "Heading", ["light", "heading"], { range: true, min: -180, max: 180, step: 1, unit: "°" }), ...turned, ...measured,
-        make("div", { className: "row" }, make("button", { type: "button", onclick: () => studio.show(light.map, "folder", true) }, "See the map itself")), ...whole.build()];
+        make("div", { className: "row" }, make("button", { type: "button", onclick: () => studio.show(light.map, "folder", true) }, "See the map itself")), ...whole.build(), ...crop.build()];
       if (!studio.state.balls.length) return [make("p", {}, "No photographs of the ball are chosen yet: mark them as Ball under Photographs.")];
       const name = `light-view-${view}`;
       const pick = way === "pick" ? "" : " --pick-exactly", circle = rim ? rim.map((each) => each.toFixed(1)).join(",") : "auto";
@@ -180,13 +182,20 @@ export function lightPane(studio) {
         make("p", {}, "Unwrapped from this photograph alone, seen from in front of the ball; grey is what no view shows."),
         make("h2", {}, "Ball"),
         numberField(studio, "Radius", ["light", "ball", "radius"], { unit: "m", step: 0.001, min: 0 }),
-        ...measured, ...turned, ...whole.build(),
+        ...measured, ...turned, ...whole.build(), ...crop.build(),
         typed(`relume probe ${names} --pick ${circle}${pick} -o light.exr`,
           `import relume as rl\n\nfound = rl.probe.probe_ball(rl.probe.find_ball_photographs([${JSON.stringify(names)}]))\nrl.probe.write_probe("light.exr", found.probe)`),
       ];
     },
     shown: begin,
     clicked: (x, y) => void whole.clicked(x, y),
+    drag: crop.drag,
+    drawn() {
+      if (cropped === studio.shownPath) return;
+      cropped = studio.shownPath;
+      crop.forget();
+      if (studio.panes[studio.step]?.name === "Light") studio.rebuild();
+    },
     changed() {
       // What the file says counts when it changes there, not while a handle is dragged.
       const now = JSON.stringify(kept());
@@ -198,6 +207,8 @@ export function lightPane(studio) {
       unwrap(rim);
     },
     drawing() {
+      const rectangle = crop.drawing();
+      if (rectangle) return rectangle;
       if (!rim || studio.shownPath !== path()) return {};
       const [x, y, r] = rim;
       const circle = /** @type {[number, number][]} */ (Array.from({ length: 180 }, (_, i) => [x + r * Math.cos((i * Math.PI) / 90), y + r * Math.sin((i * Math.PI) / 90)]));

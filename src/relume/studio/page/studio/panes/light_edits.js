@@ -27,15 +27,21 @@ export function lightEdits(studio) {
     studio.take(state, true);
   });
 
-  /** @param {boolean} view */
-  const cut = (view) => studio.attempt(async () => {
-    const found = await post("/light/slice", view && towards ? { view: [...towards, numbers.field] } : {});
+  /** Have a part of the light, or all of it, as a slice to paint on. @param {{view?: number[], box?: number[]}} part */
+  const cut = (part) => studio.attempt(async () => {
+    const found = await post("/light/slice", part);
     slice = found.path;
     said = `${found.path} is written: white is ${Number(found.white).toPrecision(3)}. Paint on it in any program, save it, and bring it back.`;
     studio.rebuild();
   });
 
+  /** Whether the light is what is shown. */
+  const shown = () => studio.shownPath === (studio.state.table.light?.map ?? "light.exr");
+
   return {
+    shown,
+    /** @param {number[]} box pixels of the light */
+    paint: (box) => cut({ box }),
     /** A click on the map says where a view looks. @param {number} x @param {number} y */
     async clicked(x, y) {
       if (!/(^|\/)light[^/]*\.(exr|hdr)$/.test(studio.shownPath)) return;
@@ -60,8 +66,8 @@ export function lightEdits(studio) {
         make("h2", {}, "Paint on it"),
         make("p", {}, towards ? `The view looks ${towards[0].toFixed(0)}° to the right and ${towards[1].toFixed(0)}° up.` : "See the map and click where a view shall look, or take the whole."),
         field("field", "Field of view", "°"),
-        make("div", { className: "row" }, make("button", { type: "button", disabled: !towards, onclick: () => cut(true) }, "Cut out the view"),
-          make("button", { type: "button", onclick: () => cut(false) }, "Slice the whole map")),
+        make("div", { className: "row" }, make("button", { type: "button", disabled: !towards, onclick: () => towards && cut({ view: [...towards, numbers.field] }) }, "Cut out the view"),
+          make("button", { type: "button", onclick: () => cut({}) }, "Slice the whole map")),
         ...(slice ? [make("div", { className: "row" }, keep, make("label", { for: "edit-lamps" }, "Lights beyond white stay lights")),
           make("div", { className: "row" }, make("button", { type: "button", onclick: () => made("/light/painted", { slice, scale: lamps }) }, "Bring it back"))] : []),
         make("p", { ariaLive: "polite", data: { edited: "" } }, said))];

@@ -1,9 +1,10 @@
 // Objects: dropped on the photograph, dragged on the table, turned and scaled; drawn at once, rendered when they rest.
 
 import { addedLights } from "./added_lights.js";
+import { materialBalls } from "./material_balls.js";
 import { choiceField, make, numberField, rounded, typed } from "../fields.js";
 import { Drawing } from "../drawing.js";
-import { line, onPlane, project } from "../projection.js";
+import { line, onPlane, project, wholePixels } from "../projection.js";
 import { bytes, json, post, upload } from "../../requests.js";
 
 const IDENTITY = { moved: [0, 0, 0], turn: 0, scale: 1 };
@@ -12,12 +13,24 @@ const IDENTITY = { moved: [0, 0, 0], turn: 0, scale: 1 };
 export function objectsPane(studio) {
   const live = /** @type {HTMLCanvasElement} */ (document.getElementById("live"));
   /** @type {Drawing | null} */ let drawing = null;
-  /** @type {{low: number[], high: number[], foot: number[], mesh: import("../drawing.js").Mesh | null}[]} */ let objects = [];
+  /** @type {{low: number[], high: number[], foot: number[], digest: string, mesh: import("../drawing.js").Mesh | null}[]} */ let objects = [];
   let fetched = -1, coming = Promise.resolve(), chosen = 0, looks = true, shining = 1, presets = /** @type {string[]} */ ([]), fault = "", lastJob = -1, begun = 0;
   /** @type {{number: number, from: number[], moved: number[], turn: number, scale: number} | null} */ let act = null;
 
   const added = addedLights(studio), tables = () => studio.state.table.objects ?? [];
   const lens = () => studio.measured?.camera ?? null;
+  const balls = materialBalls(studio, {
+    chosen: () => chosen,
+    choose(n) {
+      if (n === chosen) return;
+      chosen = n;
+      studio.drawn();
+    },
+    under: (x, y) => (lens() ? under(x * ofPlate(), y * ofPlate()) : -1),
+    exposure: () => (studio.shownPath === "preview.exr" ? 1 : shining) * 2 ** studio.canvas.view.stops,
+  });
+  /** The quick look is of a smaller plate. */
+  const ofPlate = () => (studio.shownPath === "preview.exr" && wholePixels(lens().size, studio.facts.get(studio.number)?.size ?? lens().size)) || 1;
 
   /** The objects where the shot has them now. */
   const fetchObjects = () => (coming = coming.then(fetchNow));
@@ -29,9 +42,14 @@ export function objectsPane(studio) {
       try {
         const found = studio.state.fault === null ? await json("/objects") : { objects: [], presets };
         drawing ??= new Drawing(live);
-        const meshes = lens() ? await Promise.all(found.objects.map(async (/** @type {any} */ _, /** @type {number} */ i) =>
-          /** @type {Drawing} */ (drawing).mesh(/** @type {ArrayBuffer} */ (await bytes(`/objects/${i}`))))) : [];
-        for (const each of objects) if (each.mesh) drawing.forget(each.mesh);
+        // What stands as it stood is drawn as it was.
+        const before = [...objects], kept = found.objects.map((/** @type {any} */ each) => {
+          const i = before.findIndex(({ digest, mesh }) => mesh && digest === each.digest);
+          return i < 0 ? null : before.splice(i, 1)[0].mesh;
+        });
+        const meshes = lens() ? await Promise.all(kept.map(async (/** @type {any} */ mesh, /** @type {number} */ i) =>
+          mesh ?? /** @type {Drawing} */ (drawing).mesh(/** @type {ArrayBuffer} */ (await bytes(`/objects/${i}`))))) : kept;
+        for (const each of before) if (each.mesh) drawing.forget(each.mesh);
         objects = found.objects.map((/** @type {any} */ each, /** @type {number} */ i) => ({ ...each, mesh: meshes[i] ?? null }));
         ({ presets } = found);
         fault = "";
@@ -96,12 +114,18 @@ export function objectsPane(studio) {
       await fetchObjects(); // its foot, where the act before has left it
       return edits(n, by);
     });
-    if (looks && studio.measured) studio.start("look");
+    look();
+  }
+
+  /** Look at the result of an act, where that is wanted. */
+  function look() {
+    if (looks && studio.measured && studio.state.fault === null) studio.start("look");
   }
 
   /** @param {File[]} files @param {[number, number]} [where] metres on the table */
   const add = (files, where = [0, 0]) => studio.attempt(async () => {
     const beside = 2.8 * (studio.state.table.light?.ball?.radius ?? 0.05);
+    let came = false;
     for (const [n, file] of files.entries()) {
       const path = await upload(file);
       if (!/^objects\//.test(path)) continue;
@@ -109,6 +133,7 @@ export function objectsPane(studio) {
       const stand = [where[0] + (n - (files.length - 1) / 2) * beside, where[1]];
       await studio.edit([{ append: ["objects"], value: { mesh: path, stand: stand.map(rounded) } }], true);
       await fetchObjects();
+      came = true;
       chosen = tables().length - 1;
       // What is no thing for a table gets the size of two balls; its file may be in other units.
       const one = objects[chosen], radius = studio.state.table.light?.ball?.radius ?? 0.05;
@@ -117,7 +142,11 @@ export function objectsPane(studio) {
     }
     studio.rebuild();
     show(false);
+    if (came) look();
   });
+
+  /** Where an event is in the plate. @param {MouseEvent} event */
+  const at = (event) => studio.overlay.at(event).map((each) => each * ofPlate());
 
   /** The object under a point of the picture: the nearest of those whose box shows there. @param {number} x @param {number} y */
   function under(x, y) {
@@ -157,7 +186,7 @@ export function objectsPane(studio) {
       const drop = make("div", { className: "drop" }, "Drop a glTF, OBJ or PLY on the photograph, or ",
         make("button", { type: "button", onclick: () => input.click() }, "choose one"), input);
       input.setAttribute("aria-label", "Mesh files");
-      const one = tables()[chosen], look = make("input", { type: "checkbox", id: "objects-look", checked: looks, onchange: () => (looks = look.checked) });
+      const one = tables()[chosen], box = make("input", { type: "checkbox", id: "objects-look", checked: looks, onchange: () => (looks = box.checked) });
       return [
         drop,
         ...(fault ? [make("p", { className: "doubt" }, fault)] : []),
@@ -173,14 +202,15 @@ export function objectsPane(studio) {
           choiceField(studio, "Material", ["objects", chosen, "material"],
             [["its own", {}], ...presets.map((each) => /** @type {[string, any]} */ ([each, { preset: each }])),
               ...(one.material && !presets.includes(one.material.preset) ? [/** @type {[string, any]} */ (["as in the shot file", one.material])] : [])], {}),
+          ...balls.build(),
           make("div", { className: "row" }, make("button", { type: "button", onclick: () => {
-            studio.edit([{ remove: ["objects", chosen] }]);
+            studio.edit([{ remove: ["objects", chosen] }]).then(() => tables().length && look());
             chosen = 0;
           } }, "Take it out")),
         ] : []),
         ...added.build(),
         make("h2", {}, "Look"),
-        make("div", { className: "row" }, look, make("label", { for: "objects-look" }, "Look after every act")),
+        make("div", { className: "row" }, box, make("label", { for: "objects-look" }, "Look after every act")),
         make("div", { className: "row" },
           make("button", { type: "button", className: "primary", disabled: studio.state.fault !== null, onclick: () => studio.start("look") }, "Quick look"),
           make("button", { type: "button", disabled: !studio.state.results.includes("preview.exr"), onclick: () => show(live.hidden === false) }, live.hidden ? "Show it live" : "Show the look")),
@@ -191,6 +221,7 @@ export function objectsPane(studio) {
     shown() {
       fetched = -1;
       fetchObjects();
+      balls.fetchBalls();
       show(false);
     },
     hidden: () => void (live.hidden = true),
@@ -198,6 +229,7 @@ export function objectsPane(studio) {
       const { job } = studio.state;
       if (lens() && objects.some((each) => !each.mesh)) fetched = -1; // the camera has come since
       fetchObjects();
+      balls.fetchBalls();
       if (job.status === "running" && job.steps.includes("first picture") && begun !== job.number && !act) {
         begun = job.number;
         show(true);
@@ -209,6 +241,7 @@ export function objectsPane(studio) {
       else if (lastJob < 0) lastJob = 0;
     },
     drawn() {
+      balls.drawn();
       if (live.hidden || !drawing || !lens() || studio.shownPath !== studio.platePath) return;
       const { light } = studio.state.table, placed = objects.flatMap((each, n) => (each.mesh
         ? [{ mesh: each.mesh, foot: each.foot, ...(act?.number === n ? { moved: act.moved, turn: act.turn, scale: act.scale } : IDENTITY) }] : []));
@@ -231,13 +264,11 @@ export function objectsPane(studio) {
     },
     clicked(x, y) {
       if (!added.aiming || !lens()) return;
-      // The quick look is of a smaller plate.
-      const scale = studio.shownPath === "preview.exr" ? lens().size[0] / (studio.facts.get(studio.number)?.size[0] ?? lens().size[0]) : 1;
-      added.place(x * scale, y * scale);
+      added.place(x * ofPlate(), y * ofPlate());
     },
     drag(event, phase) {
       if (!lens() || added.aiming) return false;
-      const [x, y] = studio.overlay.at(event);
+      const [x, y] = at(event);
       if (phase === "begin") {
         const n = under(x, y);
         if (n < 0) return false;
@@ -265,7 +296,7 @@ export function objectsPane(studio) {
       return true;
     },
     dropped(files, event) {
-      const hit = lens() && onPlane(lens(), ...studio.overlay.at(event), 0);
+      const [x, y] = lens() ? at(event) : [0, 0], hit = lens() && onPlane(lens(), x, y, 0);
       add(files, hit ? [hit[0], hit[2]] : [0, 0]);
     },
     commands: [

@@ -71,7 +71,7 @@ export function photographsPane(studio) {
       if (ball?.radius && !ball.centre) changes.push({ set: ["light", "ball", "centre"], value: [0, ball.radius, 0] });
     }
     // A shot begun here renders as one that the command begins.
-    if (!Object.keys(table).length) changes.push({ set: ["render"], value: { samples: 64, denoise: true } });
+    if (!Object.keys(table).length) changes.push({ set: ["render"], value: studio.state.new_render });
     return studio.edit(changes, true);
   }
 
@@ -128,7 +128,6 @@ export function photographsPane(studio) {
       event.stopPropagation();
       area.classList.remove("dropping");
       regroup(dragged, bracket);
-      dragged = "";
     });
     return area;
   }
@@ -157,6 +156,19 @@ export function photographsPane(studio) {
     return takes(entry, bracket);
   }
 
+  /** What the shot names and the folder does not have: a pattern whose photographs were moved away. */
+  function missing() {
+    const { table, plate, balls } = studio.state, asked = [["plate", table.plate?.photographs, plate]];
+    for (const [n, view] of (Array.isArray(table.light?.balls) ? table.light.balls : []).entries()) asked.push([`ball ${n}`, view.photographs, balls[n] ?? []]);
+    return asked.filter(([, names, files]) => names?.length && !files.length).map(([of, names]) => {
+      const name = [names].flat().join(", "), what = of === "plate" ? "the plate" : `view ${Number(of.slice(5)) + 1} of the ball`;
+      return make("article", { className: "bracket", data: { name, role: of } },
+        make("header", {}, make("h3", { title: name }, name),
+          make("button", { type: "button", title: `Take ${what} out of the shot`, onclick: () => studio.edit(without(of), true) }, "Remove")),
+        make("p", { className: "doubt" }, `no photograph is here under this name, which is ${what}: bring it back, choose others, or remove it`));
+    });
+  }
+
   /** @param {any} bracket @param {any} frame @param {string[] | null} inRole */
   function thumbnail(bracket, frame, inRole) {
     const doubt = make("span", { className: "doubt" });
@@ -174,6 +186,7 @@ export function photographsPane(studio) {
       oncontextmenu: (/** @type {Event} */ event) => (event.preventDefault(), toggle(bracket, frame.path)),
       onkeydown: (/** @type {KeyboardEvent} */ event) => event.key === "Delete" && toggle(bracket, frame.path),
       ondragstart: () => (dragged = frame.path),
+      ondragend: () => (dragged = ""),
     }, image, make("span", {}, label), doubt);
     button.setAttribute("aria-pressed", String(frame.path === shown));
     button.setAttribute("aria-label", `${frame.path}, ${label}${out ? ", left out" : ""}`);
@@ -209,6 +222,7 @@ export function photographsPane(studio) {
           + "joins it; a right-click leaves it out."),
         ...(studio.brackets.some((/** @type {any} */ each) => each.frames.length > 1)
           ? [takes(make("div", { className: "drop" }, "Drop a frame here for a bracket of its own: a plate among photographs of the ball."), null)] : []),
+        ...missing(),
         ...(studio.brackets.length ? studio.brackets.map(bracketEntry)
           : [make("p", {}, "No photographs are in this folder yet: drop some here.")]),
         typed(`relume merge ${names} -o plate.exr`, `import relume as rl\n\nmerged = rl.merge_brackets([rl.read_bracket(["${names}"])])`),
