@@ -8,11 +8,11 @@ import xml.etree.ElementTree as ET
 import numpy as np
 import pytest
 
+from other_programs import mitsuba_reading
 from relume.export.lamps import Lamp, LampFile, figure
 from relume.export.light_files import FORMATS
 from relume.image import files
 from relume.light.constellations.constellation import Constellation
-from relume.renderers.mitsuba.path_tracer import _mitsuba
 from relume.sphere.directions import normalised
 from relume.sphere.environment_files import as_radiance_map
 from relume.sphere.environment_map import EnvironmentMap
@@ -334,7 +334,7 @@ def patch(normal, up):
 def rendered(folder, samples):
     """Irradiance on the six squares, (6, 3)."""
     found = []
-    with _mitsuba("scalar_rgb", None) as mi:
+    with mitsuba_reading("scalar_rgb") as mi:
         for label in LABELS.values():
             (folder / "patch.xml").write_text(patch(label.towards, label.up))
             picture = mi.render(mi.load_file(str(folder / "patch.xml")), spp=samples, seed=1)
@@ -370,7 +370,7 @@ def test_mitsubas_irradiance_under_the_background_is_ours(tmp_path):
 def test_mitsuba_shows_the_background_where_it_is(tmp_path):
     files.write(tmp_path / "probe.exr", as_radiance_map(orientation_chart(64)))
     (tmp_path / "lights.xml").write_text(written("mitsuba", NONE, background="probe.exr"), encoding="utf-8")
-    with _mitsuba("scalar_rgb", None) as mi:
+    with mitsuba_reading("scalar_rgb") as mi:
         emitter = mi.load_file(str(tmp_path / "lights.xml")).environment()
         for label in LABELS.values():
             interaction = mi.SurfaceInteraction3f()

@@ -8,11 +8,11 @@ import xml.etree.ElementTree as ET
 import numpy as np
 import pytest
 
+from other_programs import mitsuba_reading
 from relume.export.lamps import LampFile
 from relume.export.light_files import FORMATS
 from relume.light.constellations.constellation import Constellation
 from relume.light.constellations.placement import PlacedLights
-from relume.renderers.mitsuba.path_tracer import _mitsuba
 
 EACH = pytest.mark.parametrize("name", FORMATS)
 SUN = Constellation(np.array([[0.6, 0.8, 0.0]]), np.array([[4.0, 2.0, 1.0]]))
@@ -201,7 +201,7 @@ def test_mitsubas_irradiance_of_a_lone_placed_light_is_ours(index, tmp_path):
     one = slice(index, index + 1)
     lone = PlacedLights(POINTS.positions[one], POINTS.intensity[one], radii[one])
     (tmp_path / "lights.xml").write_text(written("mitsuba", lone, lights=NONE), encoding="utf-8")
-    with _mitsuba("scalar_rgb", None) as mi:
+    with mitsuba_reading("scalar_rgb") as mi:
         for x, y, z in ((0.0, 0.0, 0.0), (-1.0, 0.5, -0.5)):
             (tmp_path / "patch.xml").write_text(PATCH.format(x=x, y=y, z=z, high=y + 1))
             scene = mi.load_file(str(tmp_path / "patch.xml"))

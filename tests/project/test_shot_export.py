@@ -10,6 +10,7 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
+from other_programs import mitsuba_reading
 from relume.errors import Doubt, OutputNotWritten, UnsupportedScene, doubt_of
 from relume.export.shot_files import SHOT_FORMATS, export_shot
 from relume.export.shot_lamps import light_of, undistorted
@@ -19,7 +20,6 @@ from relume.light.constellations.constellation import Constellation
 from relume.light.constellations.residual import KeyLights
 from relume.project.insertion.insert import prepare_shot
 from relume.project.insertion.prepared import PreparedShot
-from relume.renderers.mitsuba.path_tracer import _mitsuba
 from relume.renderers.mitsuba.scene import scene_dictionary
 from relume.scene.cameras.camera import Camera
 from relume.scene.cameras.distortion import Distortion
@@ -187,7 +187,7 @@ def test_mitsuba_reads_the_scene_that_is_rendered_here(walls, tmp_path):
         value = replace(value, scene=replace(value.scene, distant=BOX, probe=(0.0, 0.2, 0.0)))
     notes = quietly(value, tmp_path / "out", "mitsuba")
     assert notes == ()
-    with _mitsuba(None, None) as mi:
+    with mitsuba_reading(None) as mi:
         for file, scene in (("shot", value.scene), ("place", value.scene.without_objects())):
             here = mi.load_dict(scene_dictionary(mi, scene, value.camera))
             there = mi.load_file(str(tmp_path / "out" / f"{file}.xml"), samples=64)

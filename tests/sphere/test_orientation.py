@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 
 from lights import spread
+from other_programs import mitsuba_reading
 from relume.image import files
-from relume.renderers.mitsuba.path_tracer import _mitsuba
 from relume.renderers.mitsuba.scene import sensor
 from relume.scene.cameras.camera import Camera
 from relume.sphere.directions import normalised
@@ -206,7 +206,7 @@ def test_mitsuba_shows_every_axis_where_it_is_and_as_we_do(tmp_path):
     """The file as anybody would load it: an envmap with nothing but a file name."""
     probe = orientation_chart(256)
     files.write(tmp_path / "probe.exr", as_radiance_map(orient_for(probe, ORIENTATIONS["mitsuba"])))
-    with _mitsuba("scalar_rgb", None) as mi:
+    with mitsuba_reading("scalar_rgb") as mi:
         envmap = {"type": "envmap", "filename": str(tmp_path / "probe.exr")}
         world, path = mi.load_dict({"type": "scene", "light": envmap}), mi.load_dict({"type": "path"})
         for label in LABELS.values():
