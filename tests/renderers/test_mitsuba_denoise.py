@@ -4,7 +4,8 @@ import numpy as np
 import pytest
 
 from relume.composite.differential import composed
-from relume.renderers.mitsuba.denoise import denoised
+from relume.renderers.mitsuba.denoise import _clean, denoised, exposure
+from relume.renderers.mitsuba.path_tracer import _mitsuba
 from relume.renderers.results import Change
 
 HEIGHT, WIDTH = 32, 40
@@ -138,3 +139,27 @@ def test_what_is_left_of_the_light_in_a_deep_shadow_is_clean():
     assert inside.mean() == pytest.approx(0.1, rel=0.1)
     # Cleaned as a share of the light alone, what is left was mottled by 0.18 of itself; as traced, by 0.45.
     assert inside.std() < 0.1 * inside.mean()
+
+
+def test_the_number_of_threads_changes_no_bit():
+    random = np.random.default_rng(4)
+    picture, albedo, normal = (random.random((256, 256, 3)).astype(np.float32) for _ in range(3))
+    cleaned = []
+    for threads in (1, 2, 3, 16):  # with other sums of other threads three and sixteen differ from two
+        with _mitsuba(None, threads):
+            cleaned.append(_clean(picture, albedo, normal))
+    assert all(np.array_equal(cleaned[0], other) for other in cleaned[1:])
+
+
+def test_a_picture_is_as_bright_to_the_filter_as_it_is_by_itself():
+    import mitsuba_oidn
+
+    assert exposure(np.full((33, 50, 3), 0.36, np.float32)) == pytest.approx(0.5)
+    assert exposure(np.zeros((20, 20, 3), np.float32)) == 1
+    random = np.random.default_rng(4)
+    picture = (40 * random.random((70, 57, 3)) ** 4).astype(np.float32)
+    picture[:20] = 0
+    itself, near = (
+        mitsuba_oidn.denoise(picture, hdr=True, **scale) for scale in ({}, {"input_scale": exposure(picture)})
+    )
+    np.testing.assert_allclose(itself, near, atol=1e-5 * itself.max())

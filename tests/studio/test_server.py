@@ -22,7 +22,7 @@ pytest.importorskip("starlette", reason="the extra studio is not installed")
 uvicorn = pytest.importorskip("uvicorn", reason="the extra studio is not installed")
 
 WIDTH, HEIGHT = 1200, 600
-VIEW = ("canvas", "commands", "measured", "numbers", "requests", "shaders", "source", "tree")
+VIEW = ("canvas", "commands", "extended", "measured", "numbers", "requests", "shaders", "source", "tree")
 
 
 def light() -> rl.RadianceMap:

@@ -9,6 +9,8 @@ import numpy as np
 
 COSINES = ROUGHNESSES = 32
 """Nodes of the tables, even in √cos θ and in perceptual roughness; bilinear between them errs by less than 0.003."""
+COAT_IOR = 1.5
+"""Index of refraction of KHR_materials_clearcoat's coat."""
 NARROWEST = 1e-3
 """The least α of a microfacet lobe, as Mitsuba's `principled` has it: narrower ones are no numbers in float32."""
 NARROWEST_SHEEN = 0.07

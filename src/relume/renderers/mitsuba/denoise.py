@@ -15,6 +15,8 @@ from relume.renderers.results import Change
 Cleaner = Callable[[np.ndarray, np.ndarray, np.ndarray], np.ndarray]
 FAINT = 0.1
 """Of a pixel: less than that shows more noise than colour."""
+_BLOCK, _DARK = 16, 1e-8
+"""Pixels along the blocks whose means are taken, and of a block that is not counted."""
 NEIGHBOURS, EDGE = 16.0, 2.0
 """σ in pixels of the places whose light is kept as a whole, and in σ where they end: as far as a tile of a large
 picture is denoised beyond its edges. Some 3000 pixels are as one with as many times the rays; 4 to 32 do as well."""
@@ -124,7 +126,23 @@ def _clean(radiance: np.ndarray, albedo: np.ndarray, normal: np.ndarray, quick: 
         return picture
     guides = (np.ascontiguousarray(p, np.float32) for p in (albedo, normal))
     quality = mitsuba_oidn.Quality.Fast if quick else mitsuba_oidn.Quality.High
-    return np.asarray(mitsuba_oidn.denoise(picture, *guides, hdr=True, quality=quality))
+    return np.asarray(mitsuba_oidn.denoise(picture, *guides, hdr=True, quality=quality, input_scale=exposure(picture)))
+
+
+def exposure(picture: np.ndarray) -> float:
+    """The factor that makes a picture (H, W, 3) middle grey, as Open Image Denoise finds it where it is given none.
+
+    Its sums are those of its threads, so that the result would have other last bits for another number of them.
+    """
+    luminance = picture @ np.array([0.212671, 0.715160, 0.072169])
+    for axis in (0, 1):
+        size = luminance.shape[axis]
+        blocks = -(-size // _BLOCK)
+        starts = np.arange(blocks) * size // blocks
+        sums = np.add.reduceat(luminance, starts, axis)
+        luminance = sums / np.diff(starts, append=size).reshape((-1, 1) if axis == 0 else -1)
+    lit = luminance[luminance > _DARK]
+    return float(0.18 / np.exp2(np.log2(lit).mean())) if lit.size else 1.0
 
 
 def smoothed(picture: np.ndarray, normal: np.ndarray, parts: np.ndarray) -> np.ndarray:

@@ -15,7 +15,7 @@ from functools import lru_cache
 from importlib import import_module
 from typing import Any
 
-from relume.renderers.directional_albedo import COSINES, NARROWEST, NARROWEST_SHEEN, ggx_shares, sheen_shares
+from relume.renderers.directional_albedo import COAT_IOR, COSINES, NARROWEST, NARROWEST_SHEEN, ggx_shares, sheen_shares
 from relume.renderers.mitsuba.arrays import texture
 from relume.renderers.unsupported_features import extra_lobes
 from relume.scene.materials.materials import Material
@@ -24,8 +24,6 @@ from relume.scene.materials.materials import Material
 dr: Any = import_module("drjit")
 mi: Any = import_module("mitsuba")
 
-COAT_IOR = 1.5
-"""Index of refraction of KHR_materials_clearcoat's coat."""
 RAREST = 0.02
 """Least share of the samples that a layer gets which is there: its weight stays bounded where its albedo is small."""
 

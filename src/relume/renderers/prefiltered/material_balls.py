@@ -9,7 +9,6 @@ themselves nor a scene: no shadow, no table below them.
 from __future__ import annotations
 
 from dataclasses import dataclass, field, replace
-from functools import lru_cache
 
 import numpy as np
 
@@ -18,7 +17,7 @@ from relume.light.reflection.convolution import as_latlong
 from relume.light.reflection.glossy import GlossyMap, glossy_map
 from relume.light.reflection.lobes import Flattened, GGXLobe, Lambert, Lobe, Mirror, WardLobe
 from relume.light.reflection.reflection_map import reflection_map, rows_for
-from relume.light.reflection.weights import Schlick
+from relume.renderers.directional_albedo import COAT_IOR, COSINES, ROUGHNESSES, ggx_shares, rise
 from relume.renderers.prefiltered.contact_sheet import binned, coarse, disc
 from relume.renderers.prefiltered.materials import MIRROR, SMOOTHEST
 from relume.renderers.unsupported_features import unsupported_features
@@ -32,12 +31,8 @@ RADIUS = 0.05
 """Metres: how far light goes through a body that absorbs."""
 _FINER = 3
 """Samples along a pixel's side: at the rim R turns much within a pixel."""
-_ANGLES, _FACETS = 17, (48, 32)
-"""View angles from 0 to π/2, and facets about the normal, by which what facets reflect is summed."""
 _GLOSSY = (48, 16, 4)
 """Rows, views and azimuths of what metals mirror: within 1 to 2 % of maps that take four times as long."""
-_GRAZING = 1.5
-"""Radians: nearer to the rim no pixel of a small ball looks."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -110,11 +105,15 @@ def _reflected(material: Material | Ward | Diffuse, normals: np.ndarray, eye: np
     material = _even(material)
     base, metal, clear = np.array(material.base_color), float(material.metallic), float(material.through)
     # glTF 2.0, appendix B: what facets reflect by the angle of view, and the base below them.
-    alpha = float(material.roughness) ** 2
-    white, rim = (_by_angle(each, cosine) for each in facet_shares(alpha))
-    dielectric = np.array(material.specular_color) * material.specular * ((material.ior - 1) / (material.ior + 1)) ** 2
-    facets = (np.minimum(dielectric, 1) * (1 - metal) + base * metal) * (white - rim) + rim
-    coat = float(np.minimum(dielectric, 1).max()) * (white - rim) + rim
+    roughness = float(material.roughness)
+    alpha = roughness**2
+    dielectric = np.array(material.specular_color) * ((material.ior - 1) / (material.ior + 1)) ** 2
+    normal, rim = material.specular * np.minimum(dielectric, 1), material.specular
+    white, risen = facet_shares(roughness, cosine, material.ior)
+    gloss = normal * (white - risen) + rim * risen
+    coat = float(normal.max()) * (white - risen) + rim * risen
+    white, risen = facet_shares(roughness, cosine, 1.0)  # Schlick's rise, glTF's for metals
+    facets = gloss * (1 - metal) + (base * (white - risen) + risen) * metal
     if metal > 0 and alpha >= SMOOTHEST:
         found = facets / np.maximum(white, 1e-6) * maps.facets(alpha, normals, eye)
     else:
@@ -136,9 +135,11 @@ def _reflected(material: Material | Ward | Diffuse, normals: np.ndarray, eye: np
         left = 1.0 if medium is None else np.exp(-np.array(medium.absorption) * length * RADIUS)
         found = found + (1 - coat) ** 2 * clear * base * left * maps.looked(bent, through)
     # The coat of lacquer is of index 1.5 (KHR_materials_clearcoat).
-    lacquer = float(material.clearcoat) * Schlick(0.04)(cosine)
-    if np.any(lacquer):
-        found = (1 - lacquer) * found + lacquer * maps.looked(_lobe(float(material.clearcoat_roughness) ** 2), towards)
+    if material.clearcoat:
+        roughness = float(material.clearcoat_roughness)
+        white, risen = facet_shares(roughness, cosine, COAT_IOR)
+        lacquer = float(material.clearcoat) * (0.04 * (white - risen) + risen)
+        found = (1 - lacquer) * found + lacquer * maps.looked(_lobe(roughness**2), towards)
     return found + np.array(material.emission)
 
 
@@ -175,33 +176,17 @@ def _lobe(alpha: float) -> Lobe:
     return Flattened(GGXLobe(alpha), FINEST) if alpha < 1.5 * FINEST else GGXLobe(alpha)
 
 
-def _by_angle(values: np.ndarray, cosine: np.ndarray) -> np.ndarray:
-    return np.interp(np.arccos(cosine), np.linspace(0, np.pi / 2, _ANGLES), values)
-
-
-@lru_cache(64)
-def facet_shares(alpha: float) -> tuple[np.ndarray, np.ndarray]:
-    """What white facets reflect, and black ones with a white rim, by the angle of view (Karis 2013, the second sum).
-
-    Facets are taken by their frequency; each mirrors the eye, and counts G·(V·H) / ((N·H)(N·V)).
-    """
-    angles = np.linspace(0, np.pi / 2, _ANGLES)
-    if alpha < MIRROR:
-        return np.ones(_ANGLES), (1 - np.cos(angles)) ** 5
-    view = np.minimum(angles, _GRAZING)[:, None, None]
-    share = ((np.arange(_FACETS[0]) + 0.5) / _FACETS[0])[:, None]
-    across = 2 * np.pi * (np.arange(_FACETS[1]) + 0.5) / _FACETS[1]
-    up = np.sqrt((1 - share) / (1 + (alpha**2 - 1) * share))
-    met = np.cos(view) * up + np.sin(view) * np.sqrt(1 - up**2) * np.cos(across)
-    out = 2 * met * up - np.cos(view)
-    lit = (met > 0) & (out > 0)
-
-    def seen(cosine: np.ndarray) -> np.ndarray:
-        return 2 * cosine / (cosine + np.sqrt(alpha**2 + (1 - alpha**2) * cosine**2))
-
-    counted = np.where(lit, seen(np.maximum(out, 1e-9)) * seen(np.cos(view)) * met / (up * np.cos(view)), 0)
-    grazing = (1 - np.clip(met, 0, 1)) ** 5
-    return counted.mean((1, 2)), (counted * grazing).mean((1, 2))
+def facet_shares(roughness: float, cosine: np.ndarray, ior: float) -> tuple[np.ndarray, np.ndarray]:
+    """What white facets reflect, and black ones with a white rim, by the angle of view (Karis 2013, the second sum)."""
+    if roughness**2 < MIRROR:
+        return np.ones_like(cosine), rise(cosine, ior)
+    # The tables' nodes are even in √cos θ and in roughness.
+    at = roughness * (ROUGHNESSES - 1)
+    low = min(int(at), ROUGHNESSES - 2)
+    table = ggx_shares(ior).astype(np.float64)
+    row = table[low] + (at - low) * (table[low + 1] - table[low])
+    along, risen = (np.interp(np.sqrt(cosine), np.linspace(0, 1, COSINES), row[:, each]) for each in (0, 1))
+    return along + risen, risen
 
 
 def _through(normals: np.ndarray, eye: np.ndarray, ior: float) -> tuple[np.ndarray, np.ndarray]:
