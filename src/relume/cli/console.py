@@ -51,7 +51,7 @@ def refuse_error(error: Exception, *, verbose: bool) -> int:
     """Turn any error into one line and its exit code; with `verbose` where a fault of relume arose comes before."""
     if isinstance(error, rl.errors.OutputNotWritten):
         return refuse(str(error), 3)
-    if isinstance(error, rl.errors.DoubtfulResult):
+    if isinstance(error, rl.errors.DoubtfulResult | rl.errors.IncompleteSequence):
         return refuse(str(error), 4)
     if isinstance(error, rl.errors.Interrupted):
         return refuse(str(error), error.exit_code)

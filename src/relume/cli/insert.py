@@ -13,6 +13,7 @@ from cyclopts.validators import Number
 import relume as rl
 from relume.cli.arguments import Accept, DryRun, Threads, require_files
 from relume.cli.console import OutputOptions, finish, force, print_facts, progress, warnings_as_doubts
+from relume.cli.farm_lines import CHUNK, FarmOptions
 from relume.cli.option_types import Seconds, TimesFromNames, numbers
 
 SHOT_FILE = "shot.toml"
@@ -74,7 +75,7 @@ class NewShot:
         Parameter(help="Exposure time of each photograph of the ball, or of the plate and then the ball."),
     ] = None
     times_from_names: TimesFromNames = False
-    force: Annotated[bool, Parameter(negative="", help="Replace another shot.toml.")] = False
+    force: Annotated[bool, Parameter(negative="", help="Replace another shot.toml, or with --job another job.")] = False
 
     def given(self) -> list[str]:
         """The options that were."""
@@ -95,9 +96,11 @@ def insert(
     /,
     *,
     out: Annotated[
-        Path, Parameter(alias="-o", help="The folder for composite.exr, composite.png, report.html and the rest.")
-    ],
+        Path | None,
+        Parameter(alias="-o", help="The folder for composite.exr, composite.png, report.html and the rest."),
+    ] = None,
     new: NewShot = NewShot(),
+    farm: FarmOptions = FarmOptions(),
     samples: Annotated[
         int | None, Parameter(validator=Number(gte=2), help="Rays a pixel, instead of the shot file's.")
     ] = None,
@@ -130,17 +133,31 @@ def insert(
 
     The shot is a file, or --plate, --ball (or --light) and --object, of which shot.toml is written into the folder.
     Stages are kept in the output folder: a second run redoes only what changed, and an interrupted render is resumed.
-    A shot with a [sequence] is made frame by frame. A result that is wrong rather than a little worse is written all
-    the same, with exit code 4.
+    A shot with a [sequence] is made frame by frame, by as many processes as are given the same folder. A result that
+    is wrong rather than a little worse is written all the same, with exit code 4.
     """
-    with warnings_as_doubts(output) as doubts:
+    with farm.failing(), warnings_as_doubts(output) as doubts:
         # The shot: a file, or one that is written here.
         if shot is None and not new.given():
             raise ValueError("no shot; give a shot file, or --plate, --ball (or --light) and --object")
         if shot is not None and new.given():
             raise ValueError(f"{new.given()[0]} and the shot file {shot} both describe the shot; give one of them")
-        if shot is not None and new.force:
+        if shot is not None and new.force and farm.job is None:
             raise ValueError(f"--force replaces a shot.toml that is written, and {shot} is given; leave one out")
+        farm.check(output, {"--to": to, "--preview": preview, "--dry-run": dry_run})
+        if farm.job is not None:
+            if shot is None:
+                raise ValueError("--job needs a shot file; write it by the same command without --job and --dry-run")
+            settings = rl.report.JobSettings(samples, seed, noise, threads, accept)
+            made = rl.report.write_job(
+                shot, farm.job, out=out, frames=farm.frames, chunk=farm.chunk or CHUNK, settings=settings,
+                force=new.force,
+            )  # fmt: skip
+            print_facts(output, made.facts)
+            finish(output, doubts, accept=True)
+            return
+        if out is None:
+            raise ValueError("no -o; give the folder for the pictures")
         read = rl.read_shot(shot) if shot is not None else new.shot(None if dry_run else out / SHOT_FILE)
         table = read.with_render(samples=samples, seed=seed, noise=noise)
         # The job.
@@ -158,13 +175,16 @@ def insert(
             lacking = {"not held": list(made.not_held)} if output.json else {}
             print_facts(output, {"written": str(made.main), **lacking})
             found = ()
-        elif table.sequence is not None:
-            found = _sequence(table, out, output, threads, restart)
+        elif farm.prepare:
+            found = _prepare(table, out, output, farm)
+        elif table.sequence is not None or farm.frames is not None or farm.assemble:
+            found = _sequence(table, out, output, threads, restart, farm)
         else:
-            found = inserted(table, out, output, threads, restart)
+            found = inserted(table, out, output, threads, restart, farm)
         # What of it to doubt.
         # The report holds what the job itself doubts, not what was said before and after it.
-        page = None if dry_run or preview or to is not None or doubts else out / "report.html"
+        bare = dry_run or preview or farm.prepare or farm.frames is not None or to is not None
+        page = None if bare or doubts else out / "report.html"
         finish(output, [*doubts, *found], accept=accept or dry_run or preview, rest=page)
 
 
@@ -193,22 +213,37 @@ def _preview(shot: rl.Shot, out: Path, output: OutputOptions, threads: int | Non
     return result.doubts
 
 
+def _prepare(shot: rl.Shot, out: Path, output: OutputOptions, farm: FarmOptions) -> Sequence[rl.errors.Doubt]:
+    """Everything but the frames."""
+    first = None if shot.sequence is None else shot.sequence.frames[0]
+    with farm.watching(output) as report:
+        prepared = rl.prepare_shot(shot, out, frame=first, progress=report)
+    print_facts(
+        output,
+        {"prepared": str(out / "stages"), "camera": [round(float(v), 4) for v in prepared.camera.position]},
+    )
+    return ()
+
+
 def _sequence(
-    shot: rl.Shot, out: Path, output: OutputOptions, threads: int | None, restart: bool
+    shot: rl.Shot, out: Path, output: OutputOptions, threads: int | None, restart: bool, farm: FarmOptions
 ) -> Sequence[rl.errors.Doubt]:
-    """Make every frame that is not there yet."""
-    with progress(output) as report:
+    """Make every frame that is not there yet, or those that are asked for."""
+    with farm.watching(output) as report:
         made = rl.insert_frames(
-            shot, out, threads=threads, progress=report, restart=restart, force=force, finished=rl.write_report
-        )
-    rl.write_report(made, out)
+            shot, out, frames=farm.frames, assemble=farm.assemble, threads=threads, progress=report, restart=restart,
+            force=force, finished=rl.write_report,
+        )  # fmt: skip
+    whole = farm.frames is None or farm.assemble
+    if whole:
+        rl.write_report(made, out)
+    movie = str(made.movie) if made.movie is not None else "none"
     print_facts(
         output,
         {
             "frames": len(made.frames),
             "kept from before": sum(frame.kept for frame in made.frames),
-            "movie": str(made.movie) if made.movie is not None else "none",
-            "report": str(out / "report.html"),
+            **({"movie": movie, "report": str(out / "report.html")} if whole else {}),
             "seconds": round(sum(frame.seconds for frame in made.frames), 1),
         },
     )
@@ -216,10 +251,15 @@ def _sequence(
 
 
 def inserted(
-    shot: rl.Shot, out: Path, output: OutputOptions, threads: int | None, restart: bool = False
+    shot: rl.Shot,
+    out: Path,
+    output: OutputOptions,
+    threads: int | None,
+    restart: bool = False,
+    farm: FarmOptions = FarmOptions(),
 ) -> Sequence[rl.errors.Doubt]:
     """Insert the objects, write the report and print where everything is; returns what to doubt."""
-    with progress(output) as report:
+    with farm.watching(output) as report:
         result = rl.insert(shot, out, threads=threads, progress=report, restart=restart, force=force)
         report("report", 0.0)
         rl.write_report(result, out)
