@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager
 from dataclasses import dataclass, fields
+from functools import partial
 from pathlib import Path
 from typing import Annotated, Literal
 
@@ -13,10 +15,12 @@ from cyclopts.validators import Number
 import relume as rl
 from relume.cli.arguments import Accept, DryRun, Threads, require_files
 from relume.cli.console import OutputOptions, finish, force, print_facts, progress, warnings_as_doubts
-from relume.cli.farm_lines import CHUNK, FarmOptions
 from relume.cli.option_types import Seconds, TimesFromNames, numbers
+from relume.cli.stage_lines import FarmLines
 
 SHOT_FILE = "shot.toml"
+CHUNK = 4
+"""Frames a task of a job for a render farm."""
 
 
 @Parameter(name="*")
@@ -91,6 +95,86 @@ class NewShot:
         )  # fmt: skip
 
 
+@Parameter(name="*")
+@dataclass(frozen=True)
+class FarmOptions:
+    """Parts of a job, for many processes and machines."""
+
+    frames: Annotated[
+        str | None,
+        Parameter(
+            help="Of the shot's [sequence] these frames alone, as 3,5-8 or 1-100x2; the movie and the report, which "
+            "all share, are not written."
+        ),
+    ] = None
+    prepare: Annotated[
+        bool,
+        Parameter(
+            negative="",
+            help="Measure light, camera and reflectance and keep them in the folder, and render nothing: commands with "
+            "--frames, started afterwards at the same time, do none of it again.",
+        ),
+    ] = False
+    assemble: Annotated[
+        bool,
+        Parameter(
+            negative="",
+            help="Make no frame, and write the movie and the report of those that are there; exit code 4 where one is "
+            "missing.",
+        ),
+    ] = False
+    job: Annotated[
+        Path | None,
+        Parameter(
+            help="Do nothing now, and write a folder from which render farms do it: a template of Open Job Description "
+            "(OpenJD), lists of commands for Slurm, GNU parallel, OpenCue and Deadline, and a README.md. Without -o "
+            "the frames go to JOB/out."
+        ),
+    ] = None
+    chunk: Annotated[
+        int | None, Parameter(validator=Number(gte=1), help=f"With --job: frames a task, {CHUNK} unless given.")
+    ] = None
+    progress: Annotated[
+        Literal["openjd"] | None,
+        Parameter(help="Print progress for a farm on standard output: openjd_progress and openjd_status lines."),
+    ] = None
+
+    def check(self, output: OutputOptions, others: dict[str, object]) -> None:
+        """Refuse options that contradict one another.
+
+        others : options of other kinds of work, which go with none of these
+        """
+        parts = {"--prepare": self.prepare, "--assemble": self.assemble, "--job": self.job is not None}
+        given = [name for name, value in (parts | others).items() if value]
+        if len(given) > 1 and given[0] in parts:
+            raise ValueError(f"{given[0]} and {given[1]} are different jobs; give one of them")
+        if self.frames is not None and given and given[0] not in ("--assemble", "--job"):
+            raise ValueError(f"--frames makes frames, and {given[0]} does not; leave one of them out")
+        if self.chunk is not None and self.job is None:
+            raise ValueError("--chunk is for --job; leave it out")
+        if self.progress is not None and output.json:
+            raise ValueError("--progress and --json both write to standard output; give one of them")
+
+    @contextmanager
+    def watching(self, output: OutputOptions) -> Iterator[Callable[[str, float], None]]:
+        """A callback for the stages of a job, as the other commands have it, or for a farm."""
+        if self.progress is None:
+            with progress(output) as report:
+                yield report
+        else:
+            yield FarmLines(partial(print, flush=True))
+
+    @contextmanager
+    def failing(self, output: OutputOptions) -> Iterator[None]:
+        """Say to a farm why the block failed."""
+        try:
+            yield
+        except Exception as error:
+            if self.progress is not None and not output.json:
+                print(f"openjd_fail: {' '.join(rl.errors.printable(str(error)).split())}", flush=True)
+            raise
+
+
 def insert(
     shot: Annotated[Path | None, Parameter(help="The shot file, .toml.")] = None,
     /,
@@ -136,7 +220,7 @@ def insert(
     A shot with a [sequence] is made frame by frame, by as many processes as are given the same folder. A result that
     is wrong rather than a little worse is written all the same, with exit code 4.
     """
-    with farm.failing(), warnings_as_doubts(output) as doubts:
+    with farm.failing(output), warnings_as_doubts(output) as doubts:
         # The shot: a file, or one that is written here.
         if shot is None and not new.given():
             raise ValueError("no shot; give a shot file, or --plate, --ball (or --light) and --object")
@@ -146,14 +230,8 @@ def insert(
             raise ValueError(f"--force replaces a shot.toml that is written, and {shot} is given; leave one out")
         farm.check(output, {"--to": to, "--preview": preview, "--dry-run": dry_run})
         if farm.job is not None:
-            if shot is None:
-                raise ValueError("--job needs a shot file; write it by the same command without --job and --dry-run")
             settings = rl.report.JobSettings(samples, seed, noise, threads, accept)
-            made = rl.report.write_job(
-                shot, farm.job, out=out, frames=farm.frames, chunk=farm.chunk or CHUNK, settings=settings,
-                force=new.force,
-            )  # fmt: skip
-            print_facts(output, made.facts)
+            _job(shot, out, farm, settings, output, force=new.force)
             finish(output, doubts, accept=True)
             return
         if out is None:
@@ -186,6 +264,19 @@ def insert(
         bare = dry_run or preview or farm.prepare or farm.frames is not None or to is not None
         page = None if bare or doubts else out / "report.html"
         finish(output, [*doubts, *found], accept=accept or dry_run or preview, rest=page)
+
+
+def _job(
+    shot: Path | None, out: Path | None, farm: FarmOptions, settings: rl.report.JobSettings, output: OutputOptions,
+    force: bool,
+) -> None:  # fmt: skip
+    """A folder for a render farm instead of the pictures."""
+    if shot is None or farm.job is None:
+        raise ValueError("--job needs a shot file; write one with --plate, --object and -o, without --job")
+    made = rl.report.write_job(
+        shot, farm.job, out=out, frames=farm.frames, chunk=farm.chunk or CHUNK, settings=settings, force=force
+    )
+    print_facts(output, made.facts)
 
 
 def _dry_run(shot: rl.Shot, out: Path, output: OutputOptions) -> Sequence[rl.errors.Doubt]:
