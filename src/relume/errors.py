@@ -16,6 +16,7 @@
     ├── UnsupportedScene    a renderer was given something it cannot render
     ├── CannotResume        what an interrupted render kept belongs to another render
     ├── Interrupted         a long job was stopped from outside; what was done is kept
+    ├── IncompleteSequence  frames of a sequence are missing; the message names them
     ├── DoubtfulResult      all was done and written, but the result should not be used unseen
     └── OutputNotWritten    a file or folder could not be written
 
