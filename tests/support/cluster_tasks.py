@@ -22,10 +22,11 @@ Task = tuple[str, int]
 
 def noise(task: Task) -> bytes:
     """A picture of noise of the task's own seed, blurred by relume's kernels."""
-    from relume.image.blurring import gaussian_blur
+    from relume.image.blurring import motion_blurred
+    from relume.image.radiance import RadianceMap
 
-    picture = np.random.default_rng(task[1]).random((24, 32, 3), np.float32)
-    return np.ascontiguousarray(gaussian_blur(picture, 1.5)).tobytes()
+    picture = RadianceMap(np.random.default_rng(task[1]).random((24, 32, 3), np.float32))
+    return motion_blurred(picture, 5.0, 0.3).radiance.tobytes()
 
 
 def count(task: Task) -> int:
