@@ -189,6 +189,10 @@ class DoubtfulResult(RelumeError):
     """All was done and written, but something makes the result worse than it looks; the message names it."""
 
 
+class IncompleteSequence(RelumeError):
+    """Frames of a sequence are not there, or were made from something else; the message names them."""
+
+
 class OutputNotWritten(RelumeError):
     """A file or folder could not be written."""
 

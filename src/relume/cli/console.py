@@ -52,7 +52,7 @@ def refuse_error(error: Exception, *, verbose: bool) -> int:
     """Turn any error into one line and its exit code; with `verbose` where a fault of relume arose comes before."""
     if isinstance(error, rl.errors.OutputNotWritten):
         return refuse(str(error), 3)
-    if isinstance(error, rl.errors.DoubtfulResult):
+    if isinstance(error, rl.errors.DoubtfulResult | rl.errors.IncompleteSequence):
         return refuse(str(error), 4)
     if isinstance(error, rl.errors.Incomplete):
         for name, why in error.failed if len(error.failed) > 1 else ():
