@@ -135,6 +135,8 @@ def _local(count: int | None, stack: ExitStack) -> Client:
         "distributed.nanny.pre-spawn-environ": {f"{name}_NUM_THREADS": share for name in _LIBRARIES},
         # A task waits at the scheduler and not behind another, so that a worker's death concerns its own task alone.
         "distributed.scheduler.worker-saturation": 1.0,
+        # Who waited behind one that kills workers is tried again by itself in any case; see `spreading`.
+        "distributed.scheduler.allowed-failures": 1,
     }
     with config.set(settings):
         local = LocalCluster(
