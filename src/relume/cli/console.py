@@ -207,7 +207,8 @@ def spread(
             yield None, advance
         return
     with _counted(output) as count, connect(word, progress=count) as cluster:
-        note(output, f"{cluster.address}; what each worker does: {cluster.dashboard}")
+        shown = f"; what each worker does: {cluster.dashboard}" if cluster.dashboard else ""
+        note(output, f"the scheduler is {cluster.address}{shown}")
         yield cluster, lambda stage, share: None
 
 
