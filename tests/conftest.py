@@ -1,9 +1,11 @@
 """The sample files beside the repository, for every test that wants real photographs."""
 
+import gc
 import os
 import signal
 import sys
 import threading
+from collections.abc import Generator
 from fnmatch import fnmatch
 from functools import cache
 from pathlib import Path
@@ -99,6 +101,17 @@ def pytest_ignore_collect(collection_path: Path, config: pytest.Config) -> bool 
 def _is_long(path: Path) -> bool:
     within = path.relative_to(Path(__file__).parent).as_posix()
     return any(fnmatch(within, pattern) for pattern in LONG)
+
+
+@pytest.hookimpl(wrapper=True)
+def pytest_collection() -> Generator[None, object, object]:
+    """Ten thousand tests stay to the end: to look through them for garbage again and again takes three seconds."""
+    gc.disable()
+    try:
+        return (yield)
+    finally:
+        gc.freeze()
+        gc.enable()
 
 
 @pytest.hookimpl(tryfirst=True)

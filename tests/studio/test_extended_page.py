@@ -132,10 +132,15 @@ def test_up_to_white_both_canvases_hold_the_same_frame(page: Page):
     page.settle()
     floats = handed_over(page)
     step = max(1, int(page.tab.evaluate("() => relume.canvas.height")) // 64)
-    for row in range(2, len(floats), 7):
-        for x in range(5, floats.shape[1], 90):
-            codes = page.tab.evaluate("([x, y]) => relume.canvas.screenAt(x, y)", [x, row * step])
-            np.testing.assert_allclose(255 * np.minimum(floats[row, x], 1), codes, atol=0.7)
+    points = [(x, row) for row in range(2, len(floats), 7) for x in range(5, floats.shape[1], 90)]
+    codes = page.tab.evaluate(
+        "(points) => { const c = relume.canvas, { gl } = c; c.drawNow(); return points.map(([x, y]) => {"
+        " const found = new Uint8Array(4);"
+        " gl.readPixels(x, c.height - 1 - y, 1, 1, gl.RGBA, gl.UNSIGNED_BYTE, found); return [...found]; }); }",
+        [(x, row * step) for x, row in points],
+    )
+    for (x, row), code in zip(points, codes, strict=True):
+        np.testing.assert_allclose(255 * np.minimum(floats[row, x], 1), code, atol=0.7)
 
 
 def test_a_window_that_is_moved_to_a_plain_screen_goes_on_without(page: Page):

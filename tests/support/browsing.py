@@ -14,6 +14,9 @@ CHROMIUM = next(filter(None, map(shutil.which, ("chromium", "chromium-browser", 
 # A processor that draws by software need not draw buttons by the graphics card's ways too, only what the pages ask for.
 FLAGS = ["--use-angle=swiftshader", "--enable-unsafe-swiftshader", "--disable-gpu-compositing"]
 FLAGS += ["--no-sandbox", "--disable-background-networking"]
+# Our pages ask for a process of their own (Cross-Origin-Opener-Policy): begun for each test, it takes as long as the
+# page itself. Every page here is ours and may have the process of the one before.
+FLAGS += ["--renderer-process-limit=1", "--disable-site-isolation-trials"]
 
 
 class Tab:

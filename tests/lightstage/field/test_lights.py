@@ -7,6 +7,7 @@ import pytest
 
 from relume.lightstage.field.lights import StageLights
 from relume.lightstage.relighting.voronoi_cells import even_directions, voronoi_solid_angles
+from relume.sphere.directions import rotation_about
 from small_stages import grid_directions
 
 AXES = np.concatenate([np.eye(3), -np.eye(3)])
@@ -38,10 +39,29 @@ def test_the_cells_of_a_grid_go_as_the_sine_of_the_inclination():
     np.testing.assert_allclose(areas[4:-4], np.broadcast_to(expected[4:-4, None], (56, 128)), rtol=5e-3)
 
 
-def test_lights_on_one_circle_share_the_sphere_by_their_turns():
-    turns = np.radians([0, 90, 180, 270])
-    ring = np.stack([np.cos(turns), 0 * turns, np.sin(turns)], axis=1)
-    np.testing.assert_allclose(voronoi_solid_angles(ring, "abcd"), np.pi, rtol=2e-3)
+@pytest.mark.parametrize("height", [0.0, 0.3, -0.8])
+@pytest.mark.parametrize("turns", [(0, 90, 180, 270), (10, 40, 200), (350, 5, 100, 130, 260), (20, 25)])
+def test_lights_on_one_circle_share_the_sphere_by_their_turns(turns, height):
+    turned = np.radians(turns)
+    ring = np.stack([np.cos(turned), np.zeros(len(turns)), np.sin(turned)], axis=1) * np.sqrt(1 - height**2)
+    ring[:, 1] = height
+    ring = ring @ rotation_about((1.0, 2.0, 3.0), 40).T
+    order = np.argsort(turned)
+    gaps = np.diff(turned[order], append=turned[order[0]] + 2 * np.pi)
+    areas = voronoi_solid_angles(ring, "abcdef")
+    np.testing.assert_allclose(areas[order], gaps + np.roll(gaps, 1), rtol=1e-9)
+    # What is nearest to each, counted.
+    samples = even_directions(200_000)
+    counted = np.bincount(np.argmax(samples @ ring.T, axis=1), minlength=len(ring)) * (4 * np.pi / len(samples))
+    np.testing.assert_allclose(areas, counted, rtol=2e-3)
+
+
+def test_lights_hardly_off_one_circle_are_counted_or_cut_as_exactly():
+    turns = np.radians([0, 70, 150, 210, 290])
+    ring = np.stack([np.cos(turns), 2e-6 * np.arange(5), np.sin(turns)], axis=1)
+    ring /= np.linalg.norm(ring, axis=1, keepdims=True)
+    gaps = np.diff(turns, append=2 * np.pi)
+    np.testing.assert_allclose(voronoi_solid_angles(ring, "abcde"), gaps + np.roll(gaps, 1), rtol=2e-3)
 
 
 @pytest.mark.parametrize(

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import cache
 
 import numpy as np
 
@@ -177,10 +178,11 @@ def _covariance(scaled: np.ndarray, losses: np.ndarray) -> tuple[np.ndarray, np.
     """
     side = 2 * REACH + 1
     measured = np.zeros((side * side, 3, 3))
-    for k, (dy, dx) in enumerate(_offsets()):
+    for k, (dy, dx) in enumerate(_offsets()[: side * side // 2 + 1]):
         here = scaled[:, max(0, -dy) : SIDE - max(0, dy), max(0, -dx) : SIDE - max(0, dx)]
         there = scaled[:, max(0, dy) : SIDE - max(0, -dy), max(0, dx) : SIDE - max(0, -dx)]
         measured[k] = np.einsum("nyxa,nyxb->ab", here, there, optimize=True) / here[..., 0].size
+        measured[-1 - k] = measured[k].T  # the opposite offset: the same pairs the other way round
     solved = np.linalg.solve(losses, measured.reshape(side * side, 9))
     covariance = np.moveaxis(solved.reshape(side, side, 3, 3), (2, 3), (0, 1))
     middle = measured[side * side // 2]
@@ -188,6 +190,7 @@ def _covariance(scaled: np.ndarray, losses: np.ndarray) -> tuple[np.ndarray, np.
     return covariance, shrinkage
 
 
+@cache
 def _plane_losses() -> np.ndarray:
     """(49, 49): the mean covariance at each offset that noise of covariance 1 at one offset leaves in a residual."""
     plane, offsets = _plane(), _offsets()
@@ -201,6 +204,7 @@ def _plane_losses() -> np.ndarray:
         of_plane = plane.T @ noise
         left = noise - plane @ of_plane - (noise @ plane - plane @ (of_plane @ plane)) @ plane.T
         losses[:, source] = [left[m].mean() for m in masks]
+    losses.setflags(write=False)
     return losses
 
 
