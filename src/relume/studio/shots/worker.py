@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+import signal
 import warnings
 from collections.abc import Callable
 from dataclasses import replace
 from multiprocessing.connection import Connection
 from pathlib import Path
+from types import FrameType
 from typing import Any
 
 import numpy as np
@@ -16,6 +18,8 @@ from relume.studio.shots.cameras import camera_facts
 from relume.studio.shots.merging import merged_facts
 
 Report = Callable[[str, float], None]
+TRIED_AGAIN = 0.05
+"""Seconds after which a job that could not be stopped where it was is stopped."""
 
 
 def work(pipe: Connection) -> None:
@@ -24,6 +28,9 @@ def work(pipe: Connection) -> None:
     A job is (kind, shot, folder of results, scratch folder). What goes back is ("step", name, share) for progress and,
     last, ("done", facts), ("failed", line) or ("stopped",).
     """
+    signal.signal(signal.SIGINT, stop_where_modules_are_whole)
+    if hasattr(signal, "SIGALRM"):
+        signal.signal(signal.SIGALRM, lambda number, frame: signal.raise_signal(signal.SIGINT))
     while True:
         try:
             kind, shot, out, scratch = pipe.recv()
@@ -39,6 +46,16 @@ def work(pipe: Connection) -> None:
             pipe.send(answer)
         except OSError:
             return
+
+
+def stop_where_modules_are_whole(number: int, frame: FrameType | None) -> None:
+    """Ctrl-C's signal: it waits while a module is imported, for one of which half is there fails every later job."""
+    while frame is not None:
+        if frame.f_code.co_filename.startswith("<frozen importlib") and hasattr(signal, "setitimer"):
+            signal.setitimer(signal.ITIMER_REAL, TRIED_AGAIN)
+            return
+        frame = frame.f_back
+    raise KeyboardInterrupt
 
 
 def _answer(pipe: Connection, kind: str, shot: Path, out: Path, scratch: Path) -> tuple[Any, ...]:
