@@ -260,7 +260,10 @@ def test_a_ball_is_sought_with_its_lens_in_pixels(monkeypatch, tmp_path: Path):
 
 def test_an_objects_triangles_are_where_the_job_has_them(server: Server, folder: Path):
     found = server.json("/objects")
-    corners = np.frombuffer(server.ask("/objects/0", **server.cookie)[2], "<f4").reshape(-1, 3, 9)
+    content = server.ask("/objects/0", **server.cookie)[2]
+    (number,) = np.frombuffer(content, "<u4", 1)
+    vertices = np.frombuffer(content, "<f4", 9 * number, 4).reshape(-1, 9)
+    corners = vertices[np.frombuffer(content, "<u4", offset=4 + 36 * number)].reshape(-1, 3, 9)
     mesh = rl.report.placed_meshes(rl.read_shot(folder / "shot.toml"))[0]
     assert np.array_equal(corners[..., :3], mesh.vertices[mesh.faces])
     assert found["objects"][0]["foot"] == pytest.approx([0, 0, 0], abs=1e-6) and "gold" in found["presets"]

@@ -11,7 +11,8 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from scipy.spatial import cKDTree
+from fast_simplification import simplify
+from scipy.spatial import KDTree
 
 import relume as rl
 
@@ -50,7 +51,7 @@ class PlacedObjects:
         return found
 
     def mesh_bytes(self, shot: Path, number: int) -> bytes:
-        """An object's triangles: the number of its vertices, of each position, normal and base colour, then the corners.
+        """An object's triangles: the number of its vertices; of each, position, normal and base colour; the corners.
 
         Little-endian: an unsigned integer, nine floats a vertex, and an unsigned integer a corner.
 
@@ -95,17 +96,15 @@ def drawn_triangles(mesh: rl.Mesh, most: int) -> tuple[np.ndarray, np.ndarray]:
         corners = mesh.vertices[mesh.faces]
         flat = _across(corners)[:, None]
         return corners, np.broadcast_to(flat, corners.shape) if mesh.normals is None else mesh.normals[mesh.faces]
-    from fast_simplification import simplify
-
     # A mesh has several vertices where its normals or its image's coordinates break; as a body it has one.
-    places, of = np.unique(mesh.vertices.astype(np.float32), axis=0, return_inverse=True)
-    points, faces = simplify(places, of.reshape(-1)[mesh.faces].astype(np.int32), target_count=most)
+    places, of = np.unique(mesh.vertices, axis=0, return_inverse=True)
+    points, faces = simplify(places, of.reshape(-1)[mesh.faces].astype(np.int32), target_count=most)[:2]
     corners = points[faces].astype(np.float64)
     flat = _across(corners)[:, None]
     if mesh.normals is None:
         return corners, np.broadcast_to(flat, corners.shape)
     # Of the mesh's own normals near a corner, the nearest that fits its triangle: edges stay sharp.
-    _, near = cKDTree(mesh.vertices).query(corners, k=min(4, len(mesh.vertices)))
+    _, near = KDTree(mesh.vertices).query(corners, k=min(4, len(mesh.vertices)))
     normals = mesh.normals[near]
     fits = (normals * flat[:, None]).sum(-1)
     best = np.argmax(np.minimum(fits, 0.7), axis=-1)

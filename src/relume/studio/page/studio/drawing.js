@@ -43,7 +43,8 @@ export class Drawing {
   /** @param {HTMLCanvasElement} canvas */
   constructor(canvas) {
     this.canvas = canvas;
-    const gl = canvas.getContext("webgl2", { alpha: true, stencil: true, antialias: !drawnBySoftware(), premultipliedAlpha: false, preserveDrawingBuffer: true });
+    this.software = drawnBySoftware();
+    const gl = canvas.getContext("webgl2", { alpha: true, stencil: true, antialias: !this.software, premultipliedAlpha: false, preserveDrawingBuffer: true });
     if (!gl) throw new Error("this browser has no WebGL 2, which objects are drawn by");
     this.gl = gl;
     this.program = /** @type {WebGLProgram} */ (gl.createProgram());
@@ -87,12 +88,14 @@ export class Drawing {
    * @param {import("./projection.js").Lens} lens
    * @param {{x: number, y: number, zoom: number}} view
    * @param {{irradiance: number[][], lamp: number[], exposure: number, turn: number, ground: number}} light turn: degrees about +Y
+   * @param {boolean} moving whether something is dragged: without a graphics card it is drawn at half the size meanwhile
    */
-  draw(objects, lens, view, light) {
-    const { gl, canvas } = this, density = window.devicePixelRatio || 1;
+  draw(objects, lens, view, light, moving) {
+    const { gl, canvas } = this, density = window.devicePixelRatio || 1, finer = moving && this.software ? 0.5 : 1;
     const width = Math.max(1, Math.round(canvas.clientWidth * density)), height = Math.max(1, Math.round(canvas.clientHeight * density));
-    if (canvas.width !== width || canvas.height !== height) Object.assign(canvas, { width, height });
-    gl.viewport(0, 0, width, height);
+    const [across, down] = [width, height].map((each) => Math.ceil(finer * each));
+    if (canvas.width !== across || canvas.height !== down) Object.assign(canvas, { width: across, height: down });
+    gl.viewport(0, 0, across, down);
     gl.clearColor(0, 0, 0, 0);
     gl.clear(gl.COLOR_BUFFER_BIT | gl.DEPTH_BUFFER_BIT | gl.STENCIL_BUFFER_BIT);
     gl.useProgram(this.program);
