@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import subprocess
 import sys
+from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 
 import numpy as np
@@ -29,7 +30,7 @@ def test_a_fine_ball_of_few_triangles_is_round_and_shaded_smoothly():
     radii = np.linalg.norm(corners, axis=-1)
     assert radii.min() > 0.099 and radii.max() < 0.101
     # At each corner the normal is the ball's own there, within what the nearest vertex is away.
-    assert np.linalg.norm(normals, axis=-1) == pytest.approx(1, abs=1e-6)
+    np.testing.assert_allclose(np.linalg.norm(normals, axis=-1), 1, atol=1e-6)
     assert (normals * corners / radii[..., None]).sum(-1).min() > np.cos(np.radians(3))
     # Nothing is missing: the triangles' own area is the ball's.
     across = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
@@ -66,6 +67,18 @@ def test_a_mesh_of_few_triangles_stays_as_it_is():
     body = trimesh.creation.icosphere(1, 0.1)
     corners, _ = drawn_triangles(mesh_of(body, None), 2500)
     assert np.array_equal(corners, body.triangles)
+
+
+def test_meshes_asked_for_at_once_are_not_mixed_up():
+    from relume.studio.shots.objects import drawn_triangles
+
+    radii = (0.1, 0.2, 0.3, 0.4)
+    balls = [mesh_of(trimesh.creation.icosphere(5, radius), None) for radius in radii]
+    with ThreadPoolExecutor(4) as threads:
+        for _ in range(3):
+            drawn = threads.map(drawn_triangles, balls, 4 * [2500])
+            for radius, (corners, _) in zip(radii, drawn, strict=True):
+                np.testing.assert_allclose(np.linalg.norm(corners, axis=-1), radius, rtol=0.01)
 
 
 INTERRUPTED = """

@@ -19,6 +19,8 @@ import relume as rl
 MOST_TRIANGLES = 2500
 """Of an object that is drawn while it is dragged: a processor that draws by software draws eight such in a twentieth of
 a second."""
+ONE_AT_A_TIME = threading.Lock()
+"""fast-simplification keeps what it works on in variables of its own, and lets other threads in meanwhile."""
 MOST_KEPT = 8
 """Objects kept as they are placed, of shots with fewer."""
 
@@ -98,7 +100,8 @@ def drawn_triangles(mesh: rl.Mesh, most: int) -> tuple[np.ndarray, np.ndarray]:
         return corners, np.broadcast_to(flat, corners.shape) if mesh.normals is None else mesh.normals[mesh.faces]
     # A mesh has several vertices where its normals or its image's coordinates break; as a body it has one.
     places, of = np.unique(mesh.vertices, axis=0, return_inverse=True)
-    points, faces = simplify(places, of.reshape(-1)[mesh.faces].astype(np.int32), target_count=most)[:2]
+    with ONE_AT_A_TIME:
+        points, faces = simplify(places, of.reshape(-1)[mesh.faces].astype(np.int32), target_count=most)[:2]
     corners = points[faces].astype(np.float64)
     flat = _across(corners)[:, None]
     if mesh.normals is None:
