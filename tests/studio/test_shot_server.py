@@ -220,6 +220,20 @@ def test_brackets_are_found_with_their_exposures(tmp_path: Path):
     assert any("broken.jpg" in str(each) for each in found.values())
 
 
+def test_brackets_of_one_folder_have_names_of_their_own(tmp_path: Path):
+    from relume.studio.shots.folder import Folder
+    from relume.studio.shots.photographs import brackets
+
+    for name, frames in (("plate", (1, 2)), ("ball_0", (3, 5, 7))):
+        for number in frames:
+            shutil.copy(ROOM / name / f"IMG_{number:04d}.jpg", tmp_path / f"{name[0]}{number}.jpg")
+    found = {each["name"]: each["patterns"] for each in brackets(Folder(tmp_path.resolve()), tmp_path / "out")}
+    assert found == {
+        f"{tmp_path.name}, p1 … p2": ["p1.jpg", "p2.jpg"],
+        f"{tmp_path.name}, b3 … b7": ["b3.jpg", "b5.jpg", "b7.jpg"],
+    }
+
+
 def test_two_windows_see_each_others_edits_and_the_later_of_two_is_refused(server: Server, folder: Path):
     from websockets.sync.client import connect
 

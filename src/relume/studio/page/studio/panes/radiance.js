@@ -144,7 +144,7 @@ export function radiancePane(studio) {
         })),
         make("div", { className: "row" }, make("button", { type: "button", className: "primary", disabled: studio.state.fault !== null || going(),
           onclick: () => studio.start("merge") }, "Merge")),
-        make("p", {}, one ? `Merged as the job does it: ${one.frames.length} photographs, ${one.unit}; ${one.clipped}.`
+        make("p", {}, one ? `Merged as the job does it: ${one.frames.length} photograph${one.frames.length > 1 ? "s" : ""}, ${one.unit}; ${one.clipped}.`
           : stale() ? "The photographs were changed since they were merged." : "Aligned, without ghosts, by the camera's own response, as the job does it. It takes some seconds."),
         ...(one ? one.doubts.map((/** @type {string} */ each) => make("p", { className: "doubt" }, each)) : []),
         ...(one ? [make("h2", {}, "Measured here"), words, table] : []),
