@@ -220,6 +220,20 @@ def test_brackets_are_found_with_their_exposures(tmp_path: Path):
     assert any("broken.jpg" in str(each) for each in found.values())
 
 
+def test_brackets_of_one_folder_have_names_of_their_own(tmp_path: Path):
+    from relume.studio.shots.folder import Folder
+    from relume.studio.shots.photographs import brackets
+
+    for name, frames in (("plate", (1, 2)), ("ball_0", (3, 5, 7))):
+        for number in frames:
+            shutil.copy(ROOM / name / f"IMG_{number:04d}.jpg", tmp_path / f"{name[0]}{number}.jpg")
+    found = {each["name"]: each["patterns"] for each in brackets(Folder(tmp_path.resolve()), tmp_path / "out")}
+    assert found == {
+        f"{tmp_path.name}, p1 … p2": ["p1.jpg", "p2.jpg"],
+        f"{tmp_path.name}, b3 … b7": ["b3.jpg", "b5.jpg", "b7.jpg"],
+    }
+
+
 def test_two_windows_see_each_others_edits_and_the_later_of_two_is_refused(server: Server, folder: Path):
     from websockets.sync.client import connect
 
@@ -260,7 +274,10 @@ def test_a_ball_is_sought_with_its_lens_in_pixels(monkeypatch, tmp_path: Path):
 
 def test_an_objects_triangles_are_where_the_job_has_them(server: Server, folder: Path):
     found = server.json("/objects")
-    corners = np.frombuffer(server.ask("/objects/0", **server.cookie)[2], "<f4").reshape(-1, 3, 9)
+    content = server.ask("/objects/0", **server.cookie)[2]
+    (number,) = np.frombuffer(content, "<u4", 1)
+    vertices = np.frombuffer(content, "<f4", 9 * number, 4).reshape(-1, 9)
+    corners = vertices[np.frombuffer(content, "<u4", offset=4 + 36 * number)].reshape(-1, 3, 9)
     mesh = rl.report.placed_meshes(rl.read_shot(folder / "shot.toml"))[0]
     assert np.array_equal(corners[..., :3], mesh.vertices[mesh.faces])
     assert found["objects"][0]["foot"] == pytest.approx([0, 0, 0], abs=1e-6) and "gold" in found["presets"]

@@ -39,6 +39,10 @@ def page(browser: Any, server: Server) -> Iterator[Tab]:
         yield tab
 
 
+def table(folder: Path) -> dict[str, Any]:
+    return tomllib.loads((folder / "shot.toml").read_text(encoding="utf-8"))
+
+
 def seen(*point: float) -> tuple[float, float]:
     """Where the small shot's camera shows a point of the world."""
     x, y = camera().project(np.array(point))
@@ -100,13 +104,30 @@ def test_the_ball_drawn_on_the_plate_gives_the_camera_that_would_see_it_so(page:
     field.fill(f"{pitch:.3f}")
     field.press("Tab")
     page.settle()
-    ball = tomllib.loads((small / "shot.toml").read_text(encoding="utf-8"))["camera"]["ball"]
+    ball = table(small)["camera"]["ball"]
     assert ball["rim"][:2] == pytest.approx([x, y], abs=0.02) and ball["radius"] == 0.05
     page.click('button:text-is("Find the camera")')
     done(page, server, "look")
     # In the ball's own frame +Z is level and towards the camera.
     found = server.json("/shot")["measured"]["camera"]["position"]
     assert found == pytest.approx([0, 0.5, np.hypot(0.1, 1.0)], abs=0.02)
+    # The place under it is drawn; dragged to where a stand met the table, it is looked at there by itself.
+    page.until(lambda: page.tab.locator('circle[data-handle="foot"]').count() == 1, "the handle of its foot")
+    number = server.json("/shot")["job"]["number"]
+    drag_handle(page, "foot", (x, y + 25))
+    page.until(lambda: server.json("/shot")["job"]["number"] > number, "a look")
+    done(page, server, "look")
+    ball = table(small)["camera"]["ball"]
+    assert ball["foot"] == pytest.approx([x, y + 25], abs=0.02)
+    from relume.studio.shots.cameras import camera_of
+
+    stood = camera_of(server.json("/shot")["measured"]["camera"])
+    assert stood.project(np.zeros(3)) == pytest.approx([x, y + 25], abs=0.1)
+    assert stood.position[1] > 0.52  # the table is lower than the ball's lowest point
+    # A ball on the table itself is one choice.
+    page.tab.locator("#camera-stand").select_option("table")
+    page.until(lambda: "foot" not in table(small)["camera"]["ball"], "the ball on the table")
+    assert table(small)["camera"]["ball"]["raised"] == 0
 
 
 def test_the_curved_grid_is_where_the_lens_puts_straight_lines(page: Tab, small: Path, server: Server):
@@ -164,4 +185,18 @@ def test_the_wipe_shows_the_composite_on_one_side_and_the_plate_on_the_other(pag
     assert page.tab.evaluate("() => relume.canvas.view.wipe") == pytest.approx(before + 0.02, abs=1e-9)
     page.press("w")
     assert page.tab.evaluate("() => relume.canvas.view.mode") == "picture"
+    assert page.shown(x + 0.5, y + 0.5) == pytest.approx(encoded(composite[y, x]), abs=1.5)
+    # D shows by how much they differ: grey where they are alike, brighter and darker elsewhere.
+    page.press("d")
+    page.until(lambda: page.tab.evaluate("() => relume.canvas.view.mode") == "difference", "the difference")
+    page.settle()
+    for a, b in ((x, y), (5, 5)):
+        expected = encoded(0.18 + (composite[b, a] - gain * plate[b, a]))
+        assert page.shown(a + 0.5, b + 0.5) == pytest.approx(expected, abs=2)
+    page.press("d", "Shift+R")
+    red = page.shown(x + 0.5, y + 0.5)
+    assert red == pytest.approx(encoded(np.repeat(composite[y, x, 0], 3)), abs=1.5)
+    page.press("c", "v")
+    assert "false colour from" in page.text("#message")
+    page.press("v")
     assert page.shown(x + 0.5, y + 0.5) == pytest.approx(encoded(composite[y, x]), abs=1.5)

@@ -12,7 +12,7 @@ from multiprocessing.connection import Connection
 from pathlib import Path
 from typing import Any
 
-from relume.studio.shots.worker import JOBS, work
+from relume.studio.shots.worker import GO_ON, HOLD, JOBS, work
 
 GRACE = 8.0
 """Seconds that a job has to stop at a safe place before its process is ended: a chunk of a render takes as long."""
@@ -22,8 +22,8 @@ LOOKED_AT_EVERY = 0.1
 class Jobs:
     """The jobs of one studio; safe to use from several threads.
 
-    state : of the last job, for JSON: its kind, number, status ("waiting", "running", "stopping", "done", "failed",
-        "stopped"), step, share of it, seconds so far, result or the line that says what went wrong
+    state : of the last job, for JSON: its kind, number, status ("waiting", "running", "paused", "stopping", "done",
+        "failed", "stopped"), step, share of it, seconds so far, result or the line that says what went wrong
     changes : how often that changed
     measured : what the last job that looked at plate and light has found of them; None before
     merged : the same of the last job that merged the photographs
@@ -60,7 +60,7 @@ class Jobs:
             raise ValueError(f'there is no job "{kind[:40]}"; there are {", ".join(JOBS)}')
         with self._wake:
             self._wanted = kind, shot, out
-            self._stop = self.state["status"] in ("running", "stopping")
+            self._stop = self.state["status"] in ("running", "stopping", "paused")
             number = self.state["number"] + 1
             if not self._stop:
                 self._say(status="waiting", kind=kind, number=number)
@@ -73,6 +73,15 @@ class Jobs:
             self._wanted = None
             self._stop = True
             self._wake.notify_all()
+
+    def pause(self, paused: bool) -> None:
+        """Hold the job that runs, from its next report on, or let it go on; the processor is free meanwhile."""
+        with self._wake:
+            if self._worker is None or self.state["status"] != ("running" if paused else "paused"):
+                return
+            with suppress(OSError):  # of a worker that died just now, which is said elsewhere
+                self._worker[1].send(HOLD if paused else GO_ON)
+            self._say(status="paused" if paused else "running")
 
     def close(self) -> None:
         """Stop all, and wait for it."""
@@ -123,9 +132,12 @@ class Jobs:
                 # A wish to stop is a signal first, and the process's end where that does not help.
                 if self._stop and asked_to_stop is None:
                     asked_to_stop = time.monotonic()
-                    self._say(status="stopping")
-                    with suppress(ProcessLookupError):
+                    with self._wake, suppress(OSError):
+                        held = self.state["status"] == "paused"
+                        self._say(status="stopping")
                         os.kill(process.pid, signal.SIGINT)
+                        if held:  # what waits may be another thread than the one that the signal reaches
+                            pipe.send(GO_ON)
                 elif asked_to_stop is not None and time.monotonic() - asked_to_stop > GRACE:
                     self._end()
                     self._finished(("stopped",), begun)

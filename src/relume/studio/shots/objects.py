@@ -11,11 +11,16 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+from fast_simplification import simplify
+from scipy.spatial import KDTree
 
 import relume as rl
 
-MOST_TRIANGLES = 200_000
-"""Of an object that is drawn while it is dragged; of a finer one every so-manieth triangle is."""
+MOST_TRIANGLES = 2500
+"""Of an object that is drawn while it is dragged: a processor that draws by software draws eight such in a twentieth of
+a second."""
+ONE_AT_A_TIME = threading.Lock()
+"""fast-simplification keeps what it works on in variables of its own, and lets other threads in meanwhile."""
 MOST_KEPT = 8
 """Objects kept as they are placed, of shots with fewer."""
 
@@ -48,7 +53,9 @@ class PlacedObjects:
         return found
 
     def mesh_bytes(self, shot: Path, number: int) -> bytes:
-        """An object's triangles: for each corner position, normal and base colour, nine little-endian floats.
+        """An object's triangles: the number of its vertices; of each, position, normal and base colour; the corners.
+
+        Little-endian: an unsigned integer, nine floats a vertex, and an unsigned integer a corner.
 
         Raises LookupError for an object there is none of, RelumeError.
         """
@@ -57,19 +64,13 @@ class PlacedObjects:
             raise LookupError
         _, meshes = self._placed(table, table.objects[number])
         parts = []
-        total = sum(len(mesh.faces) for mesh in meshes)
-        step = -(-total // MOST_TRIANGLES)
+        share = min(1.0, MOST_TRIANGLES / sum(len(mesh.faces) for mesh in meshes))
         for mesh in meshes:
-            corners = mesh.vertices[mesh.faces[::step]].astype(np.float32)
-            if mesh.normals is not None:
-                normals = mesh.normals[mesh.faces[::step]].astype(np.float32)
-            else:
-                flat = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
-                flat /= np.maximum(np.linalg.norm(flat, axis=-1, keepdims=True), 1e-12)
-                normals = np.repeat(flat[:, None], 3, axis=1).astype(np.float32)
-            colour = np.broadcast_to(np.array(_colour(mesh.material), np.float32), corners.shape)
+            corners, normals = drawn_triangles(mesh, max(4, round(share * len(mesh.faces))))
+            colour = np.broadcast_to(np.array(_colour(mesh.material)), corners.shape)
             parts.append(np.concatenate([corners, normals, colour], axis=-1).reshape(-1, 9))
-        return np.concatenate(parts).astype("<f4").tobytes()
+        vertices, corners = np.unique(np.concatenate(parts).astype("<f4"), axis=0, return_inverse=True)
+        return np.uint32(len(vertices)).tobytes() + vertices.tobytes() + corners.astype("<u4").tobytes()
 
     def _placed(self, table: rl.Shot, one: Any) -> tuple[str, tuple[rl.Mesh, ...]]:
         """The meshes of one object, and a name for them as they are."""
@@ -89,6 +90,34 @@ class PlacedObjects:
             while len(self._kept) > max(len(table.objects), MOST_KEPT):
                 self._kept.popitem(last=False)
             return name, self._kept[name]
+
+
+def drawn_triangles(mesh: rl.Mesh, most: int) -> tuple[np.ndarray, np.ndarray]:
+    """Corners and normals (N, 3, 3) of about `most` triangles that look like a mesh of more."""
+    if len(mesh.faces) <= most:
+        corners = mesh.vertices[mesh.faces]
+        flat = _across(corners)[:, None]
+        return corners, np.broadcast_to(flat, corners.shape) if mesh.normals is None else mesh.normals[mesh.faces]
+    # A mesh has several vertices where its normals or its image's coordinates break; as a body it has one.
+    places, of = np.unique(mesh.vertices, axis=0, return_inverse=True)
+    with ONE_AT_A_TIME:
+        points, faces = simplify(places, of.reshape(-1)[mesh.faces].astype(np.int32), target_count=most)[:2]
+    corners = points[faces].astype(np.float64)
+    flat = _across(corners)[:, None]
+    if mesh.normals is None:
+        return corners, np.broadcast_to(flat, corners.shape)
+    # Of the mesh's own normals near a corner, the nearest that fits its triangle: edges stay sharp.
+    _, near = KDTree(mesh.vertices).query(corners, k=min(4, len(mesh.vertices)))
+    normals = mesh.normals[near]
+    fits = (normals * flat[:, None]).sum(-1)
+    best = np.argmax(np.minimum(fits, 0.7), axis=-1)
+    return corners, np.take_along_axis(normals, best[..., None, None], axis=2)[:, :, 0]
+
+
+def _across(corners: np.ndarray) -> np.ndarray:
+    """The unit normals (N, 3) of triangles (N, 3, 3)."""
+    flat = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
+    return flat / np.maximum(np.linalg.norm(flat, axis=-1, keepdims=True), 1e-12)
 
 
 def _colour(material: Any) -> tuple[float, float, float]:

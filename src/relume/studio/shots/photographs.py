@@ -64,6 +64,12 @@ def _sorted_into_brackets(folder: Folder, parent: Path, paths: Sequence[Path]) -
     for group in groups:
         facts = [rl.files.read_facts(path) for path in group]
         result.append(_entry(folder, group, facts, "photographs", _doubts(facts)))
+    # Of several brackets in a folder each has a name of its own.
+    if sum(len(group) > 1 for group in groups) > 1:
+        for entry, group in zip(result, groups, strict=True):
+            if len(group) > 1:
+                first, last = min(group), max(group)
+                entry["name"] += f", {first.stem} … {last.stem}"
     return result
 
 

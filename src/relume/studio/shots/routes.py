@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import asyncio
-import json
 import time
 from collections.abc import Callable
 from dataclasses import dataclass, field
@@ -13,7 +12,7 @@ from typing import Any
 from starlette.applications import Starlette
 from starlette.concurrency import run_in_threadpool
 from starlette.exceptions import HTTPException
-from starlette.requests import ClientDisconnect, Request
+from starlette.requests import Request
 from starlette.responses import FileResponse, JSONResponse, Response
 from starlette.routing import Route, WebSocketRoute
 from starlette.websockets import WebSocket
@@ -22,10 +21,12 @@ import relume as rl
 from relume.studio.library import Library
 from relume.studio.pages import page_routes
 from relume.studio.routes import UNKEPT, answered, closed, picture_routes
+from relume.studio.shots.answers import in_json, taking_bytes, taking_json
 from relume.studio.shots.ball import unwrapped
 from relume.studio.shots.board import board_camera
 from relume.studio.shots.cameras import camera_of
-from relume.studio.shots.document import Conflict, Document
+from relume.studio.shots.developed import TONES, developed, presets
+from relume.studio.shots.document import Document
 from relume.studio.shots.folder import LARGEST_UPLOAD, Folder
 from relume.studio.shots.jobs import Jobs
 from relume.studio.shots.light_edits import cut_rectangle, cut_slice, edited_map, painted_map, pointed_at
@@ -33,8 +34,6 @@ from relume.studio.shots.material_balls import MaterialBalls
 from relume.studio.shots.objects import PlacedObjects
 from relume.studio.shots.photographs import Thumbnails, brackets
 
-LARGEST_BODY = 1024**2
-"""Bytes of a request that edits; the largest of ours has some thousand."""
 LARGEST_MATTE = 64 * 1024**2
 """Bytes of a painted matte: as many as a plate of 60 megapixels may have."""
 LOOKED_AT_EVERY = 0.2
@@ -85,7 +84,7 @@ class Studio:
     def shot(self, _request: Request) -> Response:
         """The shot as it is now."""
         self.document.look()
-        return _json(self.state())
+        return in_json(self.state())
 
     def edit(self, _request: Request, body: dict[str, Any]) -> Response:
         """Change the shot file."""
@@ -97,7 +96,7 @@ class Studio:
                 raise ValueError("a change is an object with set, remove or append")
             self.folder.refuse_outside(change.get("value"))
         self.document.edit(changes, revision=revision, unfinished=body.get("unfinished") is True)
-        return _json(self.state())
+        return in_json(self.state())
 
     def undo(self, _request: Request, body: dict[str, Any]) -> Response:
         """Go back in the shot's history, or on where `by` is negative."""
@@ -105,11 +104,11 @@ class Studio:
         if not isinstance(by, int):
             raise ValueError("by is how many steps to go back")
         self.document.undo(by)
-        return _json(self.state())
+        return in_json(self.state())
 
     def brackets(self, _request: Request) -> Response:
         """The folder's photographs, sorted."""
-        return _json({"brackets": brackets(self.folder, self.out)})
+        return in_json({"brackets": brackets(self.folder, self.out)})
 
     def thumbnail(self, request: Request) -> Response:
         """A small picture of a photograph."""
@@ -118,11 +117,11 @@ class Studio:
 
     def opened(self, _request: Request, body: dict[str, Any]) -> Response:
         """The number under which a picture is shown: of the folder, of the results, or of the scratch folder."""
-        return _json({"number": self.library.add(self._shown(body))})
+        return in_json({"number": self.library.add(self._shown(body))})
 
     def crop(self, _request: Request, body: dict[str, Any]) -> Response:
         """A rectangle of a picture that is shown, as a picture of its own."""
-        return _json(cut_rectangle(self._shown(body), self.folder, body))
+        return in_json(cut_rectangle(self._shown(body), self.folder, body))
 
     def _shown(self, body: dict[str, Any]) -> Path:
         name, where = str(body.get("path", "")), body.get("where")
@@ -140,11 +139,11 @@ class Studio:
         except rl.errors.BallNotFound as error:
             candidates = [[round(float(v), 1) for v in each] for each in error.candidates]
             return JSONResponse({"error": " ".join(str(error).split()), "candidates": candidates}, 422, UNKEPT)
-        return _json(found | {"number": self.library.add(target)})
+        return in_json(found | {"number": self.library.add(target)})
 
     def board(self, _request: Request, body: dict[str, Any]) -> Response:
         """The board in a photograph, as the camera that sees it so."""
-        return _json({"camera": board_camera(self.folder.path(str(body.get("photograph", ""))), body)})
+        return in_json({"camera": board_camera(self.folder.path(str(body.get("photograph", ""))), body)})
 
     def mirrored(self, _request: Request, body: dict[str, Any]) -> Response:
         """Where the light is that a point of an object mirrors into the plate's camera."""
@@ -157,7 +156,7 @@ class Studio:
         found = rl.report.mirrored_light(rl.read_shot(self.document.path), camera, x, y)
         if found is None:
             raise ValueError("there is no object at this point; click one where it shall mirror the light")
-        return _json({"direction": found.direction, "point": found.point, "normal": found.normal})
+        return in_json({"direction": found.direction, "point": found.point, "normal": found.normal})
 
     def edited_light(self, _request: Request, body: dict[str, Any]) -> Response:
         """The light turned, brightened or converted, as the shot's finished map."""
@@ -169,7 +168,7 @@ class Studio:
 
     def slice(self, _request: Request, body: dict[str, Any]) -> Response:
         """A slice of the light to paint on."""
-        return _json(cut_slice(self._light(), self.folder, body))
+        return in_json(cut_slice(self._light(), self.folder, body))
 
     def _light(self) -> Path:
         """The shot's finished map, or the map that was measured last."""
@@ -193,23 +192,28 @@ class Studio:
         except (rl.RelumeError, ValueError):
             path.unlink(missing_ok=True)
             raise
-        return _json({"state": self.state(), "facts": facts})
+        return in_json({"state": self.state(), "facts": facts})
 
     def start(self, _request: Request, body: dict[str, Any]) -> Response:
         """Start a job, in place of the one that runs."""
         self.document.look()
         if self.document.fault is not None:
             raise ValueError(f"the shot is not finished: {self.document.fault}")
-        return _json({"number": self.jobs.start(str(body.get("kind")), self.document.path, self.out)})
+        return in_json({"number": self.jobs.start(str(body.get("kind")), self.document.path, self.out)})
 
     def stop(self, _request: Request, _body: dict[str, Any]) -> Response:
         """Stop the job that runs."""
         self.jobs.stop()
-        return _json({})
+        return in_json({})
+
+    def pause(self, _request: Request, body: dict[str, Any]) -> Response:
+        """Hold the job that runs, or let it go on."""
+        self.jobs.pause(body.get("paused") is True)
+        return in_json({})
 
     def objects(self, _request: Request) -> Response:
         """Where the objects stand."""
-        return _json({"objects": self.placed.facts(self.document.path), "presets": sorted(rl.scene.PRESETS)})
+        return in_json({"objects": self.placed.facts(self.document.path), "presets": sorted(rl.scene.PRESETS)})
 
     def material_balls(self, _request: Request) -> Response:
         """The materials that objects may have, as balls under the measured light."""
@@ -217,7 +221,7 @@ class Studio:
             raise HTTPException(409, "the light is not measured yet; take a quick look first")
         camera = camera_of(self.jobs.measured["camera"])
         light = self.scratch / self.jobs.measured["light"]
-        return _json(self.materials.facts(self.document.path, light, camera, self.out))
+        return in_json(self.materials.facts(self.document.path, light, camera, self.out))
 
     def material_pixels(self, request: Request) -> Response:
         """Those balls' pixels."""
@@ -228,6 +232,16 @@ class Studio:
         """An object's triangles in the world."""
         content = self.placed.mesh_bytes(self.document.path, int(request.path_params["number"]))
         return Response(content, media_type="application/octet-stream", headers=UNKEPT)
+
+    def ways(self, _request: Request) -> Response:
+        """The cameras and tone operators by which a composite may be developed."""
+        return in_json({"presets": presets(), "tones": TONES})
+
+    def develop(self, _request: Request, body: dict[str, Any]) -> Response:
+        """A result through another camera."""
+        camera = None if self.jobs.measured is None else camera_of(self.jobs.measured["camera"])
+        named = _beside(self.out, self.folder.root)
+        return in_json(developed(body, results=self.out, named=named, scratch=self.scratch, camera=camera))
 
     def result(self, request: Request) -> Response:
         """A file of the results that a browser shows by itself."""
@@ -250,7 +264,7 @@ class Studio:
                 if taken > room:
                     raise HTTPException(413, f"the file is too large; up to {room / 1e6:.0f} MB are taken")
                 await run_in_threadpool(file.write, chunk)
-        return _json({"path": self.folder.name(target)})
+        return in_json({"path": self.folder.name(target)})
 
     async def keep_matte(self, request: Request) -> Response:
         """Keep what was painted in front of the objects."""
@@ -259,7 +273,7 @@ class Studio:
             content += chunk
             if len(content) > LARGEST_MATTE:
                 raise HTTPException(413, f"the matte is too large; up to {LARGEST_MATTE / 1e6:.0f} MB are taken")
-        return _json({"path": self.folder.name(await run_in_threadpool(self.folder.matte, bytes(content)))})
+        return in_json({"path": self.folder.name(await run_in_threadpool(self.folder.matte, bytes(content)))})
 
     def matte(self, request: Request) -> Response:
         """A painted matte of the folder, as it is."""
@@ -296,7 +310,7 @@ def studio_application(studio: Studio) -> Starlette:
     """The application of a studio, not yet guarded."""
 
     def posted(path: str, endpoint: Callable[[Request, dict[str, Any]], Response]) -> Route:
-        return Route(path, _posted(endpoint), methods=["POST"])
+        return Route(path, taking_json(endpoint), methods=["POST"])
 
     return Starlette(
         routes=[
@@ -316,75 +330,22 @@ def studio_application(studio: Studio) -> Starlette:
             posted("/light/painted", studio.painted_light),
             posted("/jobs/start", studio.start),
             posted("/jobs/stop", studio.stop),
+            posted("/jobs/pause", studio.pause),
             Route("/objects", answered(studio.objects)),
             Route("/objects/{number:int}", answered(studio.mesh)),
             Route("/materials", answered(studio.material_balls)),
             Route("/materials/{digest}", answered(studio.material_pixels)),
+            Route("/ways", answered(studio.ways)),
+            posted("/developed", studio.develop),
             Route("/results/{name}", answered(studio.result)),
             Route("/occluder", answered(studio.matte), methods=["GET"]),
-            Route("/occluder", _uploaded(studio.keep_matte), methods=["POST"]),
-            Route("/uploads", _uploaded(studio.upload), methods=["POST"]),
+            Route("/occluder", taking_bytes(studio.keep_matte), methods=["POST"]),
+            Route("/uploads", taking_bytes(studio.upload), methods=["POST"]),
             *picture_routes(studio.library),
             WebSocketRoute("/events", studio.events),
         ]
     )
 
 
-def _posted(endpoint: Callable[[Request, dict[str, Any]], Response]) -> Callable[[Request], Any]:
-    """An endpoint that takes a small JSON object; what it refuses is one line of JSON."""
-
-    async def answer(request: Request) -> Response:
-        body = b""
-        async for chunk in request.stream():
-            body += chunk
-            if len(body) > LARGEST_BODY:
-                return JSONResponse({"error": "the request is too large"}, 413, UNKEPT)
-        try:
-            content = json.loads(body or b"{}", parse_constant=_refuse_constant)
-            if not isinstance(content, dict):
-                raise ValueError
-        except (ValueError, RecursionError):
-            return JSONResponse({"error": "give a JSON object of finite numbers"}, 400, UNKEPT)
-        return await run_in_threadpool(_refused_in_a_line(lambda: endpoint(request, content)))
-
-    return answer
-
-
-def _uploaded(endpoint: Callable[[Request], Any]) -> Callable[[Request], Any]:
-    async def answer(request: Request) -> Response:
-        try:
-            return await endpoint(request)
-        except HTTPException as error:
-            return JSONResponse({"error": error.detail}, error.status_code, {**UNKEPT, "connection": "close"})
-        except (rl.RelumeError, ValueError) as error:
-            return JSONResponse({"error": " ".join(str(error).split())}, 422, UNKEPT)
-        except ClientDisconnect:
-            return Response(status_code=400)
-
-    return answer
-
-
-def _refused_in_a_line(act: Callable[[], Response]) -> Callable[[], Response]:
-    def answer() -> Response:
-        try:
-            return act()
-        except Conflict as error:
-            return JSONResponse({"error": str(error)}, 409, UNKEPT)
-        except LookupError:
-            return JSONResponse({"error": "there is no such file in this folder"}, 404, UNKEPT)
-        except (rl.RelumeError, ValueError) as error:
-            return JSONResponse({"error": " ".join(str(error).split())}, 422, UNKEPT)
-
-    return answer
-
-
-def _refuse_constant(name: str) -> float:
-    raise ValueError(f"{name} is no number for a shot file")
-
-
 def _beside(path: Path, root: Path) -> str:
     return path.relative_to(root).as_posix() if path.is_relative_to(root) else str(path)
-
-
-def _json(content: Any) -> Response:
-    return JSONResponse(content, headers=UNKEPT)

@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+import signal
 import warnings
 from collections.abc import Callable
 from dataclasses import replace
 from multiprocessing.connection import Connection
 from pathlib import Path
+from types import FrameType
 from typing import Any
 
 import numpy as np
@@ -16,21 +18,31 @@ from relume.studio.shots.cameras import camera_facts
 from relume.studio.shots.merging import merged_facts
 
 Report = Callable[[str, float], None]
+HOLD, GO_ON = "hold", "go on"
+"""What the pipe brings in the middle of a job."""
+TRIED_AGAIN = 0.05
+"""Seconds after which a job that could not be stopped where it was is stopped."""
 
 
 def work(pipe: Connection) -> None:
     """Do the jobs that come through the pipe, until it is closed; a job is stopped by Ctrl-C's signal.
 
     A job is (kind, shot, folder of results, scratch folder). What goes back is ("step", name, share) for progress and,
-    last, ("done", facts), ("failed", line) or ("stopped",).
+    last, ("done", facts), ("failed", line) or ("stopped",). After HOLD a job rests at its next report, until GO_ON.
     """
+    signal.signal(signal.SIGINT, stop_where_modules_are_whole)
+    if hasattr(signal, "SIGALRM"):
+        signal.signal(signal.SIGALRM, lambda number, frame: signal.raise_signal(signal.SIGINT))
     while True:
         try:
-            kind, shot, out, scratch = pipe.recv()
+            asked = pipe.recv()
         except KeyboardInterrupt:  # meant for a job that was done already
             continue
         except (EOFError, OSError):
             return
+        if asked in (HOLD, GO_ON):  # the same
+            continue
+        kind, shot, out, scratch = asked
         try:
             answer = _answer(pipe, kind, Path(shot), Path(out), Path(scratch))
         except KeyboardInterrupt:
@@ -41,9 +53,22 @@ def work(pipe: Connection) -> None:
             return
 
 
+def stop_where_modules_are_whole(number: int, frame: FrameType | None) -> None:
+    """Ctrl-C's signal: it waits while a module is imported, for one of which half is there fails every later job."""
+    while frame is not None:
+        if frame.f_code.co_filename.startswith("<frozen importlib") and hasattr(signal, "setitimer"):
+            signal.setitimer(signal.ITIMER_REAL, TRIED_AGAIN)
+            return
+        frame = frame.f_back
+    raise KeyboardInterrupt
+
+
 def _answer(pipe: Connection, kind: str, shot: Path, out: Path, scratch: Path) -> tuple[Any, ...]:
     def report(step: str, share: float) -> None:
         pipe.send(("step", step, share))
+        held = False
+        while held or pipe.poll():
+            held = pipe.recv() == HOLD
 
     try:
         with warnings.catch_warnings():
@@ -112,6 +137,7 @@ JOBS: dict[str, Callable[[Path, Path, Path, Report], dict[str, Any]]] = {
 def _measured(result: Any, camera: rl.Camera, step: int, scratch: Path) -> dict[str, Any]:
     """What a page draws over the plate: camera, points it was fitted to, light; the light as a file beside."""
     probe = result.calibrated.probe
+    scratch.mkdir(parents=True, exist_ok=True)  # what cleans temporary folders may have taken it since
     rl.write(scratch / "light.exr", rl.as_radiance_map(probe.light))
     fit, place = result.place.fit, result.place
     surfaces = () if place.recovered is None else place.recovered.surfaces

@@ -36,14 +36,15 @@ void main() {
   colour = vec4(L, 1.0);
 }`;
 
-/** @typedef {{buffer: WebGLBuffer, array: WebGLVertexArrayObject, count: number}} Mesh */
+/** @typedef {{buffers: WebGLBuffer[], array: WebGLVertexArrayObject, count: number}} Mesh */
 /** @typedef {{mesh: Mesh, foot: number[], moved: number[], turn: number, scale: number}} Placed */
 
 export class Drawing {
   /** @param {HTMLCanvasElement} canvas */
   constructor(canvas) {
     this.canvas = canvas;
-    const gl = canvas.getContext("webgl2", { alpha: true, stencil: true, antialias: true, premultipliedAlpha: false, preserveDrawingBuffer: true });
+    this.software = drawnBySoftware();
+    const gl = canvas.getContext("webgl2", { alpha: true, stencil: true, antialias: !this.software, premultipliedAlpha: false, preserveDrawingBuffer: true });
     if (!gl) throw new Error("this browser has no WebGL 2, which objects are drawn by");
     this.gl = gl;
     this.program = /** @type {WebGLProgram} */ (gl.createProgram());
@@ -58,25 +59,28 @@ export class Drawing {
     if (!gl.getProgramParameter(this.program, gl.LINK_STATUS)) throw new Error(`shaders: ${gl.getProgramInfoLog(this.program)}`);
   }
 
-  /** @param {ArrayBuffer} bytes corners, normals and colours: nine floats a corner @returns {Mesh} */
+  /** @param {ArrayBuffer} bytes the number of vertices, nine floats each (place, normal, colour), the triangles' corners @returns {Mesh} */
   mesh(bytes) {
-    const { gl } = this;
-    const array = /** @type {WebGLVertexArrayObject} */ (gl.createVertexArray()), buffer = /** @type {WebGLBuffer} */ (gl.createBuffer());
+    const { gl } = this, [vertices] = new Uint32Array(bytes, 0, 1), corners = new Uint32Array(bytes, 4 + 36 * vertices);
+    const array = /** @type {WebGLVertexArrayObject} */ (gl.createVertexArray());
+    const buffers = [gl.createBuffer(), gl.createBuffer()].map((each) => /** @type {WebGLBuffer} */ (each));
     gl.bindVertexArray(array);
-    gl.bindBuffer(gl.ARRAY_BUFFER, buffer);
-    gl.bufferData(gl.ARRAY_BUFFER, bytes, gl.STATIC_DRAW);
+    gl.bindBuffer(gl.ARRAY_BUFFER, buffers[0]);
+    gl.bufferData(gl.ARRAY_BUFFER, new Float32Array(bytes, 4, 9 * vertices), gl.STATIC_DRAW);
+    gl.bindBuffer(gl.ELEMENT_ARRAY_BUFFER, buffers[1]);
+    gl.bufferData(gl.ELEMENT_ARRAY_BUFFER, corners, gl.STATIC_DRAW);
     for (let i = 0; i < 3; i++) {
       gl.enableVertexAttribArray(i);
       gl.vertexAttribPointer(i, 3, gl.FLOAT, false, 36, 12 * i);
     }
     gl.bindVertexArray(null);
-    return { buffer, array, count: bytes.byteLength / 36 };
+    return { buffers, array, count: corners.length };
   }
 
   /** @param {Mesh} mesh */
   forget(mesh) {
     this.gl.deleteVertexArray(mesh.array);
-    this.gl.deleteBuffer(mesh.buffer);
+    for (const each of mesh.buffers) this.gl.deleteBuffer(each);
   }
 
   /**
@@ -84,12 +88,14 @@ export class Drawing {
    * @param {import("./projection.js").Lens} lens
    * @param {{x: number, y: number, zoom: number}} view
    * @param {{irradiance: number[][], lamp: number[], exposure: number, turn: number, ground: number}} light turn: degrees about +Y
+   * @param {boolean} moving whether something is dragged: without a graphics card it is drawn at half the size meanwhile
    */
-  draw(objects, lens, view, light) {
-    const { gl, canvas } = this, density = window.devicePixelRatio || 1;
+  draw(objects, lens, view, light, moving) {
+    const { gl, canvas } = this, density = window.devicePixelRatio || 1, finer = moving && this.software ? 0.5 : 1;
     const width = Math.max(1, Math.round(canvas.clientWidth * density)), height = Math.max(1, Math.round(canvas.clientHeight * density));
-    if (canvas.width !== width || canvas.height !== height) Object.assign(canvas, { width, height });
-    gl.viewport(0, 0, width, height);
+    const [across, down] = [width, height].map((each) => Math.ceil(finer * each));
+    if (canvas.width !== across || canvas.height !== down) Object.assign(canvas, { width: across, height: down });
+    gl.viewport(0, 0, across, down);
     gl.clearColor(0, 0, 0, 0);
     gl.clear(gl.COLOR_BUFFER_BIT | gl.DEPTH_BUFFER_BIT | gl.STENCIL_BUFFER_BIT);
     gl.useProgram(this.program);
@@ -126,11 +132,19 @@ export class Drawing {
         gl.uniform1f(at("scale"), each.scale);
         gl.uniformMatrix3fv(at("turn"), false, about(each.turn));
         gl.bindVertexArray(each.mesh.array);
-        gl.drawArrays(gl.TRIANGLES, 0, each.mesh.count);
+        gl.drawElements(gl.TRIANGLES, each.mesh.count, gl.UNSIGNED_INT, 0);
       }
     }
     gl.bindVertexArray(null);
   }
+}
+
+/** Whether there is no graphics card: smooth edges take a processor twice the time. */
+function drawnBySoftware() {
+  const gl = document.createElement("canvas").getContext("webgl2"), names = gl?.getExtension("WEBGL_debug_renderer_info");
+  const name = gl && names ? String(gl.getParameter(names.UNMASKED_RENDERER_WEBGL)) : "";
+  gl?.getExtension("WEBGL_lose_context")?.loseContext();
+  return /swiftshader|llvmpipe|software|basic render/i.test(name);
 }
 
 /** The turn about +Y, column by column. @param {number} degrees */

@@ -23,7 +23,8 @@ export const rounded = (value) => Math.round(value * 1e6) / 1e6;
 let numbers = 0;
 
 /** A number of the shot file. @param {any} studio @param {string} text @param {(string | number)[]} place
- *  @param {{otherwise?: number, unit?: string, step?: number, min?: number, max?: number, whole?: boolean, range?: boolean}} [options] */
+ *  @param {{otherwise?: number, unit?: string, step?: number, min?: number, max?: number, whole?: boolean, range?: boolean, found?: number}} [options]
+ *  found: what it is where the file does not say it */
 export function numberField(studio, text, place, options = {}) {
   const id = `field-${++numbers}`, value = at(studio.state.table, place) ?? options.otherwise;
   const input = make("input", {
@@ -34,6 +35,7 @@ export function numberField(studio, text, place, options = {}) {
       return studio.edit([{ set: place, value: options.whole ? Math.round(given) : rounded(given) }]);
     },
   });
+  if (options.found !== undefined) input.placeholder = String(Number(options.found.toPrecision(4)));
   if (options.min !== undefined) input.min = String(options.min);
   if (options.max !== undefined) input.max = String(options.max);
   if (options.range) input.value = String(value ?? 0);

@@ -12,6 +12,7 @@ import { objectsPane } from "./panes/objects.js";
 import { photographsPane } from "./panes/photographs.js";
 import { placePane } from "./panes/place.js";
 import { radiancePane } from "./panes/radiance.js";
+import { make } from "./fields.js";
 import { Overlay } from "./overlay.js";
 import { wholePixels } from "./projection.js";
 import { bytes, json, listenTo, post, Refused } from "../requests.js";
@@ -86,6 +87,11 @@ export class Studio {
   waiting = 0;
   /** @type {Promise<unknown>} */ edits = Promise.resolve();
 
+  /** Whether the job is not at its end. */
+  get going() {
+    return ["waiting", "running", "paused", "stopping"].includes(this.state.job.status);
+  }
+
   /** @param {number} by */
   undo(by) {
     return this.attempt(async () => this.take(await post("/shot/undo", { by })));
@@ -97,6 +103,11 @@ export class Studio {
       this.say("");
       await post("/jobs/start", { kind });
     });
+  }
+
+  /** Hold the job, or let it go on. */
+  pause() {
+    return this.attempt(() => post("/jobs/pause", { paused: this.state.job.status !== "paused" }));
   }
 
   stop() {
@@ -155,6 +166,18 @@ export class Studio {
       this.canvas.open(facts.layers[0], this.tilesOf(number, 0), true);
       this.canvas.set({ mode: "wipe", wipe: 0.5, gain: ratio ?? 1 });
       this.say("left: the composite; right: the plate. Drag, or use the arrow keys; W ends it");
+    });
+  }
+
+  /** Wipe between two pictures of one size, each as it is. @param {{path: string, where: string}} left @param {{path: string, where: string}} right
+   *  @param {string} words what is on either side */
+  async beside(left, right, words) {
+    await this.show(left.path, left.where);
+    return this.attempt(async () => {
+      const { number } = await post("/opened", right), facts = await this.factsOf(number);
+      this.canvas.open(facts.layers[0], this.tilesOf(number, 0), true);
+      this.canvas.set({ mode: "wipe", gain: 1 });
+      this.say(words);
     });
   }
 
@@ -246,20 +269,32 @@ export class Studio {
 
   /** @param {any} job */
   showJob(job) {
-    const words = { none: "", waiting: "waiting", running: job.step || "starting", stopping: "stopping …", done: "", stopped: "stopped",
+    const words = { none: "", waiting: "waiting", paused: "paused", running: (job.step || "starting") + this.timeLeft(job), stopping: "stopping …", done: "", stopped: "stopped",
       failed: "" }[/** @type {string} */ (job.status)] ?? job.status;
-    const going = ["waiting", "running", "stopping"].includes(job.status), names = { check: "check", merge: "merge", look: "quick look", insert: "render" };
+    const going = this.going, names = { check: "check", merge: "merge", look: "quick look", insert: "render" };
     const name = names[/** @type {"check"} */ (job.kind)] ?? "";
     element("job-words").textContent = job.status === "done" ? `${name} done, ${job.seconds} s` : going || words ? `${name}: ${words}` : "";
     element("job-share").hidden = !going;
     element("job-share").value = job.share ?? 0;
     element("job-stop").hidden = !going || job.status === "stopping";
+    element("job-pause").hidden = !["running", "paused"].includes(job.status);
+    element("job-pause").textContent = job.status === "paused" ? "Go on" : "Pause";
     if (job.status === "failed" && this.failedNumber !== job.number) {
       this.failedNumber = job.number;
       this.say(`${name}: ${job.error}`);
     }
   }
   failedNumber = -1;
+
+  /** In words, how long the step of a job will take yet, by how long its share so far took; nothing where it is short. @param {any} job */
+  timeLeft(job) {
+    const key = `${job.number} ${job.step}`;
+    if (this.stepBegun.key !== key) this.stepBegun = { key, seconds: job.seconds ?? 0, share: job.share };
+    const { seconds, share } = this.stepBegun, left = ((job.seconds - seconds) * (1 - job.share)) / (job.share - share);
+    if (!(job.share > share && left > 5)) return "";
+    return left < 90 ? `, ${Math.ceil(left / 5) * 5} s left` : `, ${Math.round(left / 60)} min left`;
+  }
+  stepBegun = { key: "", seconds: 0, share: 0 };
 
   /** Build the pane anew, with the focus where it was. @param {boolean} [another] whether it is another one than before */
   rebuild(another = false) {
@@ -269,6 +304,9 @@ export class Studio {
     const inside = !another && root.contains(focused) ? [...root.querySelectorAll("button, input, select, summary")].indexOf(/** @type {Element} */ (focused)) : -1;
     const open = another ? [] : [...root.querySelectorAll("details")].map((/** @type {any} */ each) => each.open);
     root.replaceChildren(...pane.build());
+    // What is doubtful of this step's own part of the shot stands above what one would type.
+    const doubts = (this.measured?.doubts ?? []).filter((/** @type {string} */ line) => pane.keys.includes(line.split(/[.:\s]/)[0]));
+    root.querySelector("details:last-child")?.before(...doubts.map((/** @type {string} */ line) => make("p", { className: "doubt" }, line)));
     root.querySelectorAll("details").forEach((/** @type {any} */ each, /** @type {number} */ i) => (each.open = open[i] ?? false));
     root.scrollTop = top;
     if (inside >= 0) /** @type {HTMLElement | undefined} */ (root.querySelectorAll("button, input, select, summary")[inside])?.focus();
@@ -393,7 +431,8 @@ const commands = [
   { name: "A quick look at the composite", keys: ["L"], act: () => studio.start("look") },
   { name: "Check what the photographs show", keys: [], act: () => studio.start("check") },
   { name: "Render the composite", keys: ["Ctrl+Enter"], act: () => studio.start("insert") },
-  { name: "Stop the job", keys: ["Escape"], act: () => ["running", "waiting"].includes(studio.state.job.status) && studio.stop() },
+  { name: "Stop the job", keys: ["Escape"], act: () => studio.going && studio.stop() },
+  { name: "Pause the job, and let it go on", keys: ["P"], act: () => ["running", "paused"].includes(studio.state.job.status) && studio.pause() },
   { name: "Half a stop brighter", keys: ["E"], act: () => studio.canvas.set({ stops: studio.canvas.view.stops + 0.5 }) },
   { name: "Half a stop darker", keys: ["Shift+E"], act: () => studio.canvas.set({ stops: studio.canvas.view.stops - 0.5 }) },
   { name: "Exposure to middle grey", keys: ["N"], act: () => studio.attempt(async () => {
@@ -410,10 +449,27 @@ const commands = [
     if (studio.canvas.view.mode === "wipe") studio.uncompare();
     else if (name) studio.compare(name);
   } },
+  { name: "Difference from the plate", keys: ["D"], act: async () => {
+    const name = ["composite.exr", "preview.exr"].find((each) => studio.state.results.includes(each));
+    if (studio.canvas.view.mode === "difference") studio.uncompare();
+    else if (name && (await studio.compare(name), studio.canvas.view.mode === "wipe")) {
+      studio.canvas.set({ mode: "difference" });
+      studio.say("the composite less the plate, as bright by their medians: grey is alike; D ends it");
+    }
+  } },
   hdr.command,
   { name: "Wipe to the left", keys: ["ArrowLeft"], act: () => studio.canvas.set({ wipe: Math.max(studio.canvas.view.wipe - 0.02, 0) }) },
   { name: "Wipe to the right", keys: ["ArrowRight"], act: () => studio.canvas.set({ wipe: Math.min(studio.canvas.view.wipe + 0.02, 1) }) },
   { name: "Clipping: stripes above white and below black", keys: ["X"], act: () => studio.canvas.set({ clipping: !studio.canvas.view.clipping }) },
+  { name: "False colour by the logarithm of luminance", keys: ["V"], act: () => {
+    const facts = studio.facts.get(studio.number), layer = facts?.layers[0], falseColour = !studio.canvas.view.falseColour;
+    const low = Math.log2(Math.max(layer?.smallest ?? 1e-3, 1e-12)), high = Math.max(Math.log2(Math.max(layer?.largest ?? 1, 1e-9)), low + 0.1);
+    studio.canvas.set({ falseColour, low, high });
+    studio.say(falseColour ? `false colour from ${plain(2 ** low)} to ${plain(2 ** high)}${facts?.unit === "cd/m²" ? " cd/m²" : ""}, by the logarithm; V ends it` : "");
+  } },
+  { name: "Marks: what no photograph measured", keys: ["M"], act: () => studio.canvas.set({ marked: !studio.canvas.view.marked }) },
+  ...["All channels", "Red", "Green", "Blue", "Luminance"].map((name, channel) => ({ name, keys: [["C"], ["Shift+R"], ["Shift+G"], ["Shift+B"], []][channel],
+    act: () => studio.canvas.set({ channel }) })),
   ...studio.panes.flatMap((pane, i) => (pane.commands ?? []).map((each) => ({
     ...each, name: `${pane.name}: ${each.name}`, act: () => studio.step === i && each.act(),
   }))),
@@ -423,6 +479,7 @@ begin(commands);
 element("undo").addEventListener("click", () => studio.undo(1));
 element("redo").addEventListener("click", () => studio.undo(-1));
 element("job-stop").addEventListener("click", () => studio.stop());
+element("job-pause").addEventListener("click", () => studio.pause());
 element("steps").replaceChildren(...studio.panes.map((/** @type {Pane} */ pane, /** @type {number} */ i) => {
   const button = document.createElement("button");
   button.type = "button";

@@ -11,6 +11,7 @@ export function cameraPane(studio) {
   /** The board as it was found just now. @type {any} */ let board = null;
   let boardWords = "", asked = "", inFile = "", gridShown = false;
   /** Rim of the ball as the plate would show it. @type {number[] | null} */ let rim = null;
+  /** Where its stand meets the table, while that is dragged. @type {number[] | null} */ let foot = null;
 
   const camera = () => studio.state.table.camera ?? {};
   const source = () => ["grid", "pose", "lines", "file"].find((key) => camera()[key] !== undefined) ?? "ball";
@@ -67,6 +68,43 @@ export function cameraPane(studio) {
     rim = at(camera(), ["ball", "rim"]) ?? null;
     if (picture()) studio.show(picture());
     if (source() === "grid") findBoard();
+  }
+
+  const lens = () => studio.measured?.camera ?? null;
+
+  /** Where the foot of the ball's stand is drawn: dragged, given, or as it was found. */
+  function footAt() {
+    return foot ?? at(camera(), ["ball", "foot"]) ?? (lens() && project(lens(), [0, 0, 0]));
+  }
+
+  /** Say what the ball stood on, and look again. @param {"raised" | "foot" | ""} key @param {any} [value] */
+  async function standsOn(key, value) {
+    const had = ["raised", "foot", ...(key === "foot" ? ["camera_height"] : [])].filter((each) => at(camera(), ["ball", each]) !== undefined);
+    await studio.edit([...had.filter((each) => each !== key).map((each) => ({ remove: ["camera", "ball", each] })),
+      ...(key ? [{ set: ["camera", "ball", key], value }] : [])], true);
+    foot = null;
+    if (studio.measured && studio.state.fault === null) studio.start("look");
+  }
+
+  /** The place under the ball, with a handle: its axes, squares as large as the ball, and the rim that the camera was found by. */
+  function drawnFoot() {
+    if (!lens() || !studio.measured.points.length) return { lines: [], handles: [], words: [] };
+    const view = /** @type {import("../projection.js").Lens} */ (lens()), r = studio.state.table.light?.ball?.radius ?? at(camera(), ["ball", "radius"]) ?? 0.05, d = [], o = [0, 0, 0];
+    for (let i = -4; i <= 4; i++) d.push(line(view, [2 * i * r, 0, -8 * r], [2 * i * r, 0, 8 * r]), line(view, [-8 * r, 0, 2 * i * r], [8 * r, 0, 2 * i * r]));
+    /** @type {[number, number][]} */ const points = studio.measured.points, middle = [0, 1].map((i) => points.reduce((sum, each) => sum + each[i], 0) / points.length);
+    const round = [...points].sort((a, b) => Math.atan2(a[1] - middle[1], a[0] - middle[0]) - Math.atan2(b[1] - middle[1], b[0] - middle[0]));
+    const [x, y] = footAt();
+    return {
+      lines: [{ key: "squares", d, className: "thin" }, ...(rim ? [] : [{ key: "rim", d: [round], closed: true }]), ...AXES.map((axis, i) => ({ key: `axis ${axis}`, className: axis,
+        d: [line(view, o, o.map((_, j) => (i === j ? 4 * r : 0)))] }))],
+      handles: [{ key: "foot", x, y, label: "Where the ball's stand meets the table",
+        moved: (/** @type {number} */ a, /** @type {number} */ b, /** @type {boolean} */ done) => {
+          foot = [a, b].map((each) => Math.round(each * 100) / 100);
+          studio.drawn();
+          if (done) standsOn("foot", foot);
+        } }],
+      words: [{ key: "foot", x, y, text: "objects stand here" }],
+    };
   }
 
   /** Where the ball's rim is in the plate. @param {number[]} now @param {boolean} done */
@@ -150,6 +188,12 @@ export function cameraPane(studio) {
   }
 
   function ofBall() {
+    const { raised, foot: given } = camera().ball ?? {}, way = given ? "foot" : raised === 0 ? "table" : raised ? "raised" : "seen";
+    const stand = make("select", { id: "camera-stand", onchange: () => {
+      if (stand.value === "foot") return standsOn("foot", footAt().map((/** @type {number} */ each) => Math.round(each * 100) / 100));
+      return stand.value === "seen" ? standsOn("") : standsOn("raised", stand.value === "table" ? 0 : raised);
+    } }, ...[["seen", "what the photographs show"], ["table", "the table itself"], ...(lens() || given ? [["foot", "a stand, whose foot is drawn"]] : []),
+      ...(raised ? [["raised", `a stand of ${raised} m`]] : [])].map(([value, text]) => make("option", { value, selected: value === way }, text)));
     return [
       make("p", {}, rim ? "Drag the circle to where the plate shows the ball, or would show it." : "The ball's photograph from the plate's own place says "
         + "where the camera stood. Where only crops of the ball exist, draw where the plate would show it:"),
@@ -160,6 +204,8 @@ export function cameraPane(studio) {
         return studio.rebuild();
       } }, rim ? "Leave the circle out" : "Draw the ball")),
       ...(studio.state.table.light?.ball ? [] : [numberField(studio, "Ball's radius", ["camera", "ball", "radius"], { unit: "m", step: 0.001, min: 0 })]),
+      make("div", { className: "row" }, make("label", { for: "camera-stand" }, "It stood on"), stand),
+      ...(lens() ? [make("p", {}, "The squares lie on the table, each as wide as the ball. Drag the handle to where the ball, or its stand, met the table.")] : []),
       numberField(studio, "Looked down", ["camera", "ball", "pitch"], { unit: "°" }),
       numberField(studio, "Lens above table", ["camera", "ball", "camera_height"], { unit: "m" }),
     ];
@@ -176,21 +222,21 @@ export function cameraPane(studio) {
         vectorField(studio, "Ball's middle", ["light", "ball", "centre"], ["x", "y", "z"]),
         ...light.balls.map((/** @type {any} */ _, /** @type {number} */ i) => vectorField(studio, `Camera of view ${i + 1}`, ["light", "balls", i, "camera"], ["x", "y", "z"])),
       ];
-      const lens = studio.measured?.camera ?? board?.camera, shows = make("input", { type: "checkbox", id: "camera-grid", checked: gridShown, disabled: !lens?.distortion,
+      const lens = studio.measured?.camera ?? board?.camera, stood = studio.measured?.camera.position, shows = make("input", { type: "checkbox", id: "camera-grid", checked: gridShown, disabled: !lens?.distortion,
         onchange: () => ((gridShown = shows.checked), studio.drawn()) });
       return [
         make("div", { className: "row" }, make("label", { for: id }, "Found from"), make("select", {
           id, onchange: (/** @type {Event} */ event) => choose(/** @type {HTMLSelectElement} */ (event.target).value),
         }, ...sources.map(([value, text]) => make("option", { value, selected: value === now }, text)))),
         ...(now === "grid" ? ofBoard() : now === "lines" ? ofLines() : now === "ball" ? ofBall() : [make("p", {}, `As [camera] ${now} in the shot file says.`)]),
-        numberField(studio, "Focal length", ["camera", "focal_length"], { unit: "pixels", min: 1 }),
+        numberField(studio, "Focal length", ["camera", "focal_length"], { unit: "pixels", min: 1, found: studio.measured?.camera.focal_length }),
         ...tape,
         make("h2", {}, "Lens"),
         make("div", { className: "row" }, shows, make("label", { for: "camera-grid" }, lens?.distortion ? "Show how it bends straight lines"
           : lens ? "It bends nothing, as far as is known" : "Shown once the camera is found")),
         make("h2", {}, "Measured"),
         make("div", { className: "row" }, make("button", { type: "button", className: "primary", onclick: () => studio.start("look") }, "Find the camera")),
-        make("p", {}, studio.measured ? `${studio.measured.agreement}; at ${studio.measured.camera.position.map((/** @type {number} */ v) => v.toFixed(3)).join(", ")} m`
+        make("p", {}, stood ? `By ${studio.measured.agreement}. The lens was ${stood[1].toFixed(3)} m above the table and ${Math.hypot(stood[0], stood[2]).toFixed(3)} m beside the origin.`
           : "Not yet: a quick look finds camera and light together."),
         typed("relume insert shot.toml --dry-run -o " + studio.state.out,
           'import relume as rl\n\nprint(rl.report.check_shot(rl.read_shot("shot.toml")).facts)'),
@@ -216,12 +262,15 @@ export function cameraPane(studio) {
           return { key: axis, x, y, text: axis.toUpperCase() };
         }) };
       }
-      if (!rim) return {};
+      const place = drawnFoot();
+      if (!rim) return place;
       const [x, y, r] = rim;
       const circle = /** @type {[number, number][]} */ (Array.from({ length: 90 }, (_, i) => [x + r * Math.cos((i * Math.PI) / 45), y + r * Math.sin((i * Math.PI) / 45)]));
       return {
-        lines: [{ key: "rim", d: [circle], closed: true }],
+        words: place.words,
+        lines: [...place.lines, { key: "rim", d: [circle], closed: true }],
         handles: [
+          ...place.handles,
           { key: "middle", x, y, label: "The ball's middle in the plate", moved: (/** @type {number} */ a, /** @type {number} */ b, /** @type {boolean} */ done) => rimMoved([a, b, r], done) },
           { key: "edge", x: x + r, y, label: "The ball's rim in the plate",
             moved: (/** @type {number} */ a, /** @type {number} */ b, /** @type {boolean} */ done) => rimMoved([x, y, rounded(Math.max(2, Math.hypot(a - x, b - y)))], done) },

@@ -14,7 +14,7 @@ export function deliverPane(studio) {
     name: "Deliver",
     keys: ["render", "sequence"],
     build() {
-      const { job, results, out, fault } = studio.state, going = ["waiting", "running", "stopping"].includes(job.status);
+      const { job, results, out, fault } = studio.state, going = studio.going;
       const result = job.status === "done" ? job.result : null;
       const open = (/** @type {string} */ name) => (["report.html", "composite.png", "preview.png"].includes(name)
         ? make("a", { href: `/results/${name}`, target: "_blank", rel: "noopener" }, name)

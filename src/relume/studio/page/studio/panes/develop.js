@@ -1,10 +1,13 @@
 // Develop: how the composite becomes a photograph, and its grain, sharpness and focus matched to the plate's.
 
+import { developments } from "./developed.js";
 import { choiceField, make, numberField, typed } from "../fields.js";
 
 /** @param {import("../studio.js").Studio} studio @returns {import("../studio.js").Pane} */
 export function developPane(studio) {
   const name = () => ["composite.png", "preview.png"].find((each) => studio.state.results.includes(each));
+
+  const others = developments(studio);
 
   function show() {
     const found = name();
@@ -26,10 +29,14 @@ export function developPane(studio) {
         make("button", { type: "button", className: "primary", disabled: studio.state.fault !== null, onclick: () => studio.start("look") }, "Quick look"),
         make("button", { type: "button", disabled: name() === undefined, onclick: () => studio.compare(name() ?? "") }, "Wipe against the plate")),
       make("p", {}, name() ? `Shown: ${name()}` : "Nothing is rendered yet; the plate is shown."),
-      typed(`relume develop ${studio.state.out}/composite.exr -o ${studio.state.out}/film.png --preset slide`,
+      ...others.build(),
+      others.typed() ?? typed(`relume develop ${studio.state.out}/composite.exr -o ${studio.state.out}/film.png --preset slide`,
         `import relume as rl\n\nradiance = rl.read_radiance("${studio.state.out}/composite.exr")\npicture = rl.develop(radiance.radiance, rl.VirtualCamera())\nrl.write("${studio.state.out}/film.png", picture)`),
     ],
-    shown: show,
+    shown() {
+      show();
+      others.fetchWays();
+    },
     done: show,
     hidden: () => studio.uncompare(),
   };

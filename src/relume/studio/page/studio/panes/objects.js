@@ -137,8 +137,8 @@ export function objectsPane(studio) {
       chosen = tables().length - 1;
       // What is no thing for a table gets the size of two balls; its file may be in other units.
       const one = objects[chosen], radius = studio.state.table.light?.ball?.radius ?? 0.05;
-      const longest = one ? Math.max(...one.high.map((each, i) => each - one.low[i])) : 0;
-      if (longest > 16 * radius || (longest > 0 && longest < 0.4 * radius)) await studio.edit([{ set: ["objects", chosen, "size"], value: rounded(4 * radius) }]);
+      const side = longest(one) ?? 0;
+      if (side > 16 * radius || (side > 0 && side < 0.4 * radius)) await studio.edit([{ set: ["objects", chosen, "size"], value: rounded(4 * radius) }]);
     }
     studio.rebuild();
     show(false);
@@ -193,9 +193,9 @@ export function objectsPane(studio) {
         make("ul", { className: "things" }, ...list),
         ...(one ? [
           make("h2", {}, String(one.mesh).split("/").pop() ?? ""),
-          make("p", {}, lens() ? "Drag it on the table. Shift-drag turns it; arrow keys move it by a centimetre, [ and ] turn it, , and . scale it."
+          make("p", {}, lens() ? "Drag it on the table. Shift-drag turns it. Keys: Shift and arrows move it by a centimetre, [ and ] turn it, full stop and comma scale it."
             : "The camera is not known yet: find it under Camera, then objects can be dragged."),
-          numberField(studio, "Longest side", ["objects", chosen, "size"], { unit: "m", step: 0.01, min: 0 }),
+          numberField(studio, "Longest side", ["objects", chosen, "size"], { unit: "m", step: 0.01, min: 0, found: longest(objects[chosen]) }),
           numberField(studio, "Scale", ["objects", chosen, "scale"], { otherwise: 1, step: 0.01, min: 0 }),
           make("div", { className: "row" }, ...[["Turn left", 15, 1], ["Turn right", -15, 1], ["Larger", 0, 1.1], ["Smaller", 0, 1 / 1.1]].map(([text, turn, scale]) =>
             make("button", { type: "button", onclick: () => nudge(Number(turn), Number(scale)) }, String(text)))),
@@ -248,7 +248,7 @@ export function objectsPane(studio) {
       drawing.draw(placed, lens(), studio.canvas.view, {
         irradiance: studio.measured.irradiance, lamp: studio.measured.lamp, exposure: shining * 2 ** (studio.canvas.view.stops + (light?.exposure ?? 0)),
         turn: (light?.turn ?? 0) + (light?.heading ?? 0), ground: 0,
-      });
+      }, act !== null);
     },
     drawing() {
       const one = objects[chosen];
@@ -319,6 +319,9 @@ export function objectsPane(studio) {
 
 /** The corners of an object's box. @param {{low: number[], high: number[]}} one */
 const boxOf = (one) => Array.from({ length: 8 }, (_, i) => [0, 1, 2].map((axis) => ((i >> axis) & 1 ? one.high : one.low)[axis]));
+
+/** The longest side of an object's box, metres; nothing where there is none yet. @param {{low: number[], high: number[]} | undefined} one */
+const longest = (one) => (one ? Math.max(...one.high.map((each, i) => each - one.low[i])) : undefined);
 
 /** Angles about x, then y, then z after a further turn about +Y, degrees. @param {number[]} rotate @param {number} turn */
 function turnedBy(rotate, turn) {

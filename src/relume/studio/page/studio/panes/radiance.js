@@ -21,7 +21,7 @@ export function radiancePane(studio) {
   const names = () => [...(studio.state.plate.length ? ["plate"] : []), ...studio.state.balls.map((/** @type {string[]} */ _, /** @type {number} */ i) => `ball ${i + 1}`)];
   const place = () => (chosen === "plate" ? ["plate", "photographs"] : ["light", "balls", Number(chosen.slice(5)) - 1, "photographs"]);
   const files = () => (chosen === "plate" ? studio.state.plate : studio.state.balls[Number(chosen.slice(5)) - 1]) ?? [];
-  const going = () => ["waiting", "running", "stopping"].includes(studio.state.job.status);
+  const going = () => studio.going;
   /** What the brackets are merged from, in a text. @param {any} shot */
   const source = (shot) => JSON.stringify([shot?.plate, (shot?.light?.balls ?? []).map((/** @type {any} */ each) =>
     Object.entries(each).filter(([key]) => !["pick", "rim", "camera", "focal_length"].includes(key)))]);
@@ -144,7 +144,7 @@ export function radiancePane(studio) {
         })),
         make("div", { className: "row" }, make("button", { type: "button", className: "primary", disabled: studio.state.fault !== null || going(),
           onclick: () => studio.start("merge") }, "Merge")),
-        make("p", {}, one ? `Merged as the job does it: ${one.frames.length} photographs, ${one.unit}; ${one.clipped}.`
+        make("p", {}, one ? `Merged as the job does it: ${one.frames.length} photograph${one.frames.length > 1 ? "s" : ""}, ${one.unit}; ${one.clipped}.`
           : stale() ? "The photographs were changed since they were merged." : "Aligned, without ghosts, by the camera's own response, as the job does it. It takes some seconds."),
         ...(one ? one.doubts.map((/** @type {string} */ each) => make("p", { className: "doubt" }, each)) : []),
         ...(one ? [make("h2", {}, "Measured here"), words, table] : []),

@@ -1,0 +1,112 @@
+"""Composites through other cameras: a preset, a film or a tone operator, with glare, as `relume develop` makes them."""
+
+from __future__ import annotations
+
+import shlex
+import tomllib
+import warnings
+from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+import relume as rl
+
+TONES = ("exposure", "reinhard", "reinhard-local", "histogram", "human", "tumblin-rushmeier", "ferwerda", "pattanaik")
+GLARES = ("eye", "camera")
+SOURCES = ("composite.exr", "preview.exr")
+
+
+@dataclass(frozen=True)
+class Way:
+    """A way to develop, as a page asks for it.
+
+    preset, tone, glare : by name; "" for none
+    exposure : stops on top
+    """
+
+    preset: str = ""
+    tone: str = ""
+    glare: str = ""
+    exposure: float = 0.0
+
+    @staticmethod
+    def of(body: Mapping[str, Any]) -> Way:
+        """The way that a page asks for; raises ValueError for what there is none of."""
+        given = {key: str(body[key]) for key in ("preset", "tone", "glare") if body.get(key)}
+        for key, known in (("preset", presets()), ("tone", TONES), ("glare", GLARES)):
+            if key in given and given[key] not in known:
+                raise ValueError(f"there is no such {key}; there are {', '.join(known)}")
+        exposure = body.get("exposure", 0)
+        if isinstance(exposure, bool) or not isinstance(exposure, int | float) or not abs(exposure) <= 100:
+            raise ValueError("exposure is a number of stops")
+        return Way(**given, exposure=float(exposure))
+
+    @property
+    def tables(self) -> dict[str, Any]:
+        """What stands above the preset."""
+        found: dict[str, Any] = {"exposure": self.exposure} if self.exposure else {}
+        for key in ("tone", "glare"):
+            if getattr(self, key):
+                found[key] = {"kind": getattr(self, key)}
+        return found
+
+    @property
+    def name(self) -> str:
+        """A name for a file."""
+        stops = f"{self.exposure:+g}" if self.exposure else ""
+        return "developed_" + "_".join(filter(None, (self.preset, self.tone, self.glare, stops))) + ".png"
+
+    def command(self, source: str, out: str, degrees: float) -> str:
+        """The command that does the same."""
+        words = ["relume", "develop", f"{out}/{source}", "-o", f"{out}/{self.name}"]
+        for key in ("preset", "tone", "glare"):
+            words += [f"--{key}", getattr(self, key)] if getattr(self, key) else []
+        words += [f"--exposure={self.exposure:g}"] if self.exposure else []
+        return shlex.join([*words, "--field-of-view", f"{degrees:.6g}"])
+
+    def python(self, source: str, out: str, degrees: float) -> str:
+        """The Python that does the same."""
+        return (
+            "import math\nfrom pathlib import Path\n\nimport relume as rl\n\n"
+            f"preset = rl.CameraPreset.read({self.preset or None!r}, {self.tables})\n"
+            f"settings = rl.DevelopSettings(preset=preset, field_of_view=math.radians({degrees:.6g}))\n"
+            f'rl.develop_file(Path("{out}/{source}"), Path("{out}/{self.name}"), settings)'
+        )
+
+
+def presets() -> dict[str, str]:
+    """The built-in cameras whose pictures a page can show, name → what it is."""
+    known = rl.CameraPreset.builtin()
+    return {name: title for name, title in known.items() if "display" not in tomllib.loads(rl.CameraPreset.text(name))}
+
+
+def developed(
+    body: Mapping[str, Any], *, results: Path, named: str, scratch: Path, camera: rl.Camera | None
+) -> dict[str, Any]:
+    """Develop a result, beside the others where it is to be kept; the facts of that for JSON.
+
+    body : of, the result; the way, as `Way.of` has it; keep, whether among the results
+    named : what the folder of results is called in a command
+    camera : of the plate, whose angle of view glare and acuity ask for
+    Raises RelumeError, ValueError.
+    """
+    source, way = body.get("of"), Way.of(body)
+    if source not in SOURCES or not (results / str(source)).is_file():
+        raise ValueError("nothing is rendered yet; take a quick look first")
+    across = 50.0 if camera is None else float(np.degrees(2 * np.arctan(camera.width / 2 / camera.focal_length)))
+    degrees = float(f"{across:.6g}")  # as the command says it
+    settings = rl.DevelopSettings(
+        preset=rl.CameraPreset.read(way.preset or None, way.tables), field_of_view=float(np.radians(degrees))
+    )
+    keep = body.get("keep") is True
+    with warnings.catch_warnings(record=True) as said:
+        warnings.simplefilter("always")
+        rl.develop_file(results / str(source), (results if keep else scratch) / way.name, settings)
+    return {
+        "path": way.name, "where": "results" if keep else "scratch",
+        "doubts": [" ".join(str(each.message).split()) for each in said],
+        "command": way.command(str(source), named, degrees), "python": way.python(str(source), named, degrees),
+    }  # fmt: skip

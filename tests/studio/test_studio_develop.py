@@ -1,0 +1,131 @@
+"""The Develop pane in a real browser: two ways side by side, one kept; and a job held and let go on."""
+
+from __future__ import annotations
+
+import os
+import tomllib
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+import relume as rl
+from browsing import Tab, opened
+from serving import Server, serving
+from small_shot import write_small_shot
+from studio_page import looked_at
+
+for needed in ("uvicorn", "tomlkit"):
+    pytest.importorskip(needed, reason="the extra studio is not installed")
+
+
+@pytest.fixture(scope="module")
+def small(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    return write_small_shot(tmp_path_factory.mktemp("develop")).parent
+
+
+@pytest.fixture(scope="module")
+def server(small: Path) -> Iterator[Server]:
+    with serving([small / "shot.toml"], "studio") as running:
+        yield running
+
+
+@pytest.fixture
+def page(browser: Any, server: Server) -> Iterator[Tab]:
+    server.post("/shot/undo", {"by": 10_000})
+    with opened(browser, server.address, refusals=True) as tab:
+        yield tab
+
+
+def test_two_ways_to_develop_stand_side_by_side_and_the_kept_one_is_the_commands(
+    page: Tab, small: Path, server: Server, monkeypatch: pytest.MonkeyPatch
+):
+    looked_at(page, server)
+    page.press("Alt+7")
+    page.until(lambda: page.tab.locator("#develop-left").count() == 1, "the ways")
+    page.tab.locator("#develop-left").select_option("tone reinhard")
+    page.until(lambda: "left: reinhard; right: slide" in page.text("#message"), "the two")
+    page.tab.locator("#develop-left-exposure").fill("1")
+    page.until(lambda: "left: reinhard, +1 stops; right: slide" in page.text("#message"), "the brighter one")
+    page.press("r", "f")
+    # What one would type makes the right one; Python's text is run as it stands.
+    page.tab.locator("#pane summary").last.click()
+    python = page.tab.locator('pre[data-typed="Python"]').text_content()
+    command = page.tab.locator('pre[data-typed="command"]').text_content()
+    assert command.startswith(
+        "relume develop out/preview.exr -o out/developed_slide.png --preset slide --field-of-view "
+    )
+    monkeypatch.chdir(small)
+    exec(compile(python, "what one would type", "exec"), {})
+    right = rl.read_photograph(small / "out" / "developed_slide.png").pixels
+    left = rl.DevelopSettings(
+        preset=rl.CameraPreset.read(None, {"tone": {"kind": "reinhard"}, "exposure": 1.0}),
+        field_of_view=np.radians(float(command.split()[-1])),
+    )
+    rl.develop_file(small / "out" / "preview.exr", small / "left.png", left)
+    left = rl.read_photograph(small / "left.png").pixels
+    rows, columns = left.shape[:2]
+    assert np.abs(left.astype(int) - right)[rows // 2, [columns // 4, 3 * columns // 4]].max() > 20
+    # Pixel for pixel, each on its side.
+    for x, expected in ((columns // 4, left), (3 * columns // 4, right)):
+        found = page.shown(x + 0.5, rows // 2 + 0.5)
+        assert found == pytest.approx(expected[rows // 2, x].tolist(), abs=1.5)
+    # Kept, it is the file that the Python wrote, to the byte.
+    (small / "out" / "developed_slide.png").rename(small / "typed.png")
+    page.click('button:text-is("Keep the right")')
+    page.until(lambda: "written: out/developed_slide.png" in page.text("#message"), "the file")
+    assert (small / "out" / "developed_slide.png").read_bytes() == (small / "typed.png").read_bytes()
+
+
+@pytest.mark.parametrize(
+    ("key", "value"),
+    [("preset", "../../slide.toml"), ("preset", "hdr-screen"), ("preset", ["slide"]), ("tone", "ocio"),
+     ("glare", "/etc/passwd"), ("exposure", "1"), ("of", "../shot.toml"), ("of", "plate.exr")],
+)  # fmt: skip
+def test_what_is_no_way_to_develop_is_one_line_and_leaves_nothing(server: Server, small: Path, key: str, value: Any):
+    (small / "out").mkdir(exist_ok=True)
+    if not (small / "out" / "preview.exr").exists():
+        rl.write(small / "out" / "preview.exr", rl.RadianceMap(np.ones((8, 8, 3), np.float32)))
+    before = sorted(each.name for each in (small / "out").iterdir())
+    status, answer = server.post("/developed", {"of": "preview.exr", "keep": True, key: value})
+    assert status == 422 and "\n" not in answer["error"]
+    assert sorted(each.name for each in (small / "out").iterdir()) == before
+
+
+def test_a_job_rests_while_it_is_held_and_goes_on(page: Tab, small: Path, server: Server):
+    revision = server.json("/shot")["revision"]
+    change = {"set": ["render", "samples"], "value": 100_000}
+    assert server.post("/shot/edit", {"revision": revision, "changes": [change]})[0] == 200
+    page.press("Alt+8")
+    page.until(lambda: tomllib.loads((small / "shot.toml").read_text())["render"]["samples"] == 100_000, "the edit")
+    page.click('button:text-is("Render the composite")')
+    page.until(lambda: server.json("/shot")["job"].get("step") == "render", "the render")
+    (worker,) = server.workers()
+    page.click("#job-pause")
+    page.until(lambda: page.text("#job-words") == "render: paused", "its rest")
+    page.until(lambda: rests(page, worker), "a processor that is free")
+    held = server.json("/shot")["job"]
+    # By the same button it goes on, and is held again by its key; to stop it is possible there too.
+    assert page.text("#job-pause") == "Go on"
+    page.click("#job-pause")
+    page.until(lambda: server.json("/shot")["job"]["share"] > held["share"], "more of the render")
+    page.tab.locator("#picture").focus()
+    page.press("p")
+    page.until(lambda: rests(page, worker), "a processor that is free again")
+    page.click("#job-stop")
+    page.until(lambda: server.json("/shot")["job"]["status"] == "stopped", "its end")
+    assert server.workers() == [worker]
+
+
+def rests(page: Tab, process: int) -> bool:
+    """Whether a process works nothing for a while."""
+    before = worked(process)
+    page.tab.wait_for_timeout(500)
+    return worked(process) - before < 0.02
+
+
+def worked(process: int) -> float:
+    counted = Path(f"/proc/{process}/stat").read_text().rsplit(")", 1)[1].split()[11:13]
+    return sum(map(int, counted)) / os.sysconf("SC_CLK_TCK")
