@@ -62,7 +62,8 @@ AS_WELL = 0.98
 
 @dataclass(frozen=True, eq=False)
 class Part:
-    """A window of a picture: `light` (h, w) luminance; `size`, twice its principal point, and focal length, pixels."""
+    """A window of a picture: `light`, (h, w) or its channels (h, w, C); `size`, twice its principal point, and focal
+    length, pixels."""
 
     light: np.ndarray
     size: tuple[float, float]

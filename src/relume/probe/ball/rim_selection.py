@@ -58,6 +58,8 @@ many pixels of where the picture stops being squeezed. Bands inside the rim reac
 ALIKE, ELSEWHERE = 0.02, 0.06
 """How far apart, in radii, two estimates of the rim are that both see it, so that their mean is better than either, and
 from which on the likelier one is another curve: blurred rims were followed up to 6 % off."""
+LEAST_ALIKE = 1.5
+"""Pixels up to which two estimates are alike however small the ball is: pixels and not radii limit both."""
 
 
 def settled(pyramid: Pyramid, outline: Outline, sharpness: float = 1.0) -> Outline:
@@ -201,19 +203,21 @@ def placed_rim(
         if share > MOSTLY and apart < NEAR:
             return stepped
     # Where the picture plainly stops being squeezed another curve is no likelier.
-    elsewhere = ALIKE if seen else ELSEWHERE
-    return _likelier(pyramid, followed, outline, lens or TELEPHOTO * width, expected, elsewhere)
+    alike = max(ALIKE, LEAST_ALIKE / followed.radius) if seen else ALIKE
+    elsewhere = alike if seen else ELSEWHERE
+    return _likelier(pyramid, radiance, followed, outline, lens or TELEPHOTO * width, expected, alike, elsewhere)
 
 
 def _likelier(
-    pyramid: Pyramid, followed: Outline, start: Outline, lens: float, expected: float | None, elsewhere: float
-) -> Outline:
+    pyramid: Pyramid, radiance: np.ndarray, followed: Outline, start: Outline, lens: float, expected: float | None,
+    alike: float, elsewhere: float,
+) -> Outline:  # fmt: skip
     """A rim that was followed, moved to where whole profiles are likeliest if those see it too.
 
     start : from which it was followed
-    elsewhere : radii from which on the likeliest is another curve
+    alike, elsewhere : radii up to which the mean of the two is taken, and from which on the likeliest is another curve
     """
-    size, rim = pyramid.size, likeliest_rim(replace(pyramid, focal_length=lens), start)
+    size, rim = pyramid.size, likeliest_rim(replace(pyramid, focal_length=lens), start, radiance)
     if rim is None:
         return followed
     likeliest = rim.outline
@@ -222,7 +226,7 @@ def _likelier(
     off = [abs(float(np.log(each.radius / expected))) if expected else 0 for each in (likeliest, followed)]
     if apart > elsewhere * followed.radius or off[0] >= AGREED > off[1]:
         return followed
-    if apart > ALIKE * followed.radius:
+    if apart > alike * followed.radius:
         return replace(likeliest, rivals=followed.rivals, focal_length=followed.focal_length)
     cones = [cone_through(each.points, size, lens) for each in (likeliest, followed)]
     half = sum(cone.half_angle for cone in cones) / 2
