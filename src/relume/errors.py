@@ -16,6 +16,8 @@
     ├── UnsupportedScene    a renderer was given something it cannot render
     ├── CannotResume        what an interrupted render kept belongs to another render
     ├── Interrupted         a long job was stopped from outside; what was done is kept
+    ├── ClusterUnusable     no scheduler answers, or its workers cannot do the work
+    ├── Incomplete          some of many tasks failed, and the others are done; it names them
     ├── DoubtfulResult      all was done and written, but the result should not be used unseen
     └── OutputNotWritten    a file or folder could not be written
 
@@ -28,7 +30,7 @@ import os
 import re
 import sys
 import warnings
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
@@ -159,6 +161,28 @@ class Interrupted(RelumeError):
 
     def __reduce__(self) -> tuple[type, tuple[object, ...]]:
         return Interrupted, (self.passes, self.of, self.signal, self.kept)
+
+
+class ClusterUnusable(RelumeError):
+    """No scheduler answers, or its workers are of another version, have too little memory or do not see the files."""
+
+
+class Incomplete(RelumeError):
+    """Some of many tasks failed; the others are done, and stay.
+
+    failed : (name, why) of each that failed, in the order of the tasks
+    results : one a task, None where it failed
+    """
+
+    def __init__(self, failed: Sequence[tuple[str, str]], results: Sequence[object]) -> None:
+        first, *others = failed
+        names = ", ".join(name for name, _ in failed[:3]) + (f" and {len(failed) - 3} more" if len(failed) > 3 else "")
+        why = f"{first[0]}: {first[1]}" if others else first[1]
+        super().__init__(f"{len(failed)} of {len(results)} failed: {names} ({why}); the others are done")
+        self.failed, self.results = tuple(failed), results
+
+    def __reduce__(self) -> tuple[type, tuple[object, ...]]:
+        return Incomplete, (self.failed, self.results)
 
 
 class DoubtfulResult(RelumeError):

@@ -53,6 +53,10 @@ def refuse_error(error: Exception, *, verbose: bool) -> int:
         return refuse(str(error), 3)
     if isinstance(error, rl.errors.DoubtfulResult):
         return refuse(str(error), 4)
+    if isinstance(error, rl.errors.Incomplete):
+        for name, why in error.failed:
+            refuse(f"{name}: {why}", 4)
+        return refuse(str(error), 4)
     if isinstance(error, rl.errors.Interrupted):
         return refuse(str(error), error.exit_code)
     if isinstance(error, rl.errors.RelumeError):
