@@ -40,14 +40,14 @@ from .matting.matte_file import read_matte as read_matte
 from .matting.matte_file import write_matte as write_matte
 from .novel_view.source_views import NewView as NewView
 from .novel_view.source_views import SourceView as SourceView
-from .relight import RelightSettings as RelightSettings
-from .relight import SubjectMesh as SubjectMesh
 from .relight import mesh_seconds as mesh_seconds
 from .relight import relight as relight
 from .relight import relight_per_pixel as relight_per_pixel
 from .relight import relight_sequence as relight_sequence
-from .relight import subject_mesh as subject_mesh
 from .relight import usable_mesh as usable_mesh
+from .relight_settings import RelightSettings as RelightSettings
+from .relight_settings import SubjectMesh as SubjectMesh
+from .relight_settings import subject_mesh as subject_mesh
 from .relighting.cosine import compress_cosine as compress_cosine
 from .relighting.low_rank import compress_low_rank as compress_low_rank
 from .relighting.mosaic import mosaic as mosaic

@@ -3,7 +3,7 @@
 `values` (N, H, W, 3) are float32, or float16 or uint8 with a `scale` (N,) for each light; `statistics` (N, 2) are each
 picture's mean and greatest value. `sizes` (groups of lights, tiles down, tiles across) are the bytes of every chunk,
 written when a group is finished: they separate an incomplete store from a whole one. In a large store each file is a
-shard of many chunks, and `sizes` are those of the shards. A store lies in a folder, or at an fsspec URL. Lights, camera,
+shard of many chunks, and `sizes` are those of the shards. A store lies in a folder or at an fsspec URL. Lights, camera,
 noise, the subject's mesh and the radius of the lamps are attributes, in metres and radians, the world's frame;
 `made_from` is the fingerprint of what the values were made from.
 Needs the extra "lightstage" (zarr).

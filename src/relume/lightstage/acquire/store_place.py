@@ -58,7 +58,7 @@ def is_bare(place: Place) -> bool:
 
 
 def described(place: Place) -> str | None:
-    """The text of a store's description; None where there is none. Raises UnreadableFile where a URL does not answer."""
+    """The text of a store's description; None where there is none. Raises UnreadableFile for a URL that is refused."""
     if not is_url(place):
         try:
             return (Path(place) / _DESCRIPTION).read_text(encoding="utf-8")

@@ -11,10 +11,13 @@ from dataclasses import dataclass
 import numpy as np
 
 from relume.errors import warn
+from relume.lightstage.blocks import bands_of
 from relume.lightstage.field.field import Derived, Noise, ReflectanceField
 
 SAME_DIRECTION = 1e-3
 """Radians: lights of the two takes that are nearer than this are the same one."""
+_READ = 256 << 20
+"""Bytes that are read at once."""
 REACH = 5
 """Pixels that a take is tried to be shifted by, either way."""
 DARKER = 0.98
@@ -108,10 +111,13 @@ class PolarisedPart(Derived):
 
 
 def _sum_of_lights(field: ReflectanceField) -> np.ndarray:
-    """Brightness (H, W) under all lights at once, read light by light."""
-    total = np.zeros(field.shape, np.float64)
-    for light in range(len(field.lights)):
-        total += field.block(slice(light, light + 1), slice(0, field.shape[0]))[0].mean(axis=-1)
+    """Brightness (H, W) under all lights at once, read in bands of rows, light after light."""
+    total, count = np.zeros(field.shape, np.float64), len(field.lights)
+    deep = min(count, getattr(field, "chunks", (1, 1))[0])
+    for rows in bands_of(field, deep * field.shape[1] * 3 * 8, _READ):
+        for first in range(0, count, deep):
+            for picture in field.block(slice(first, min(first + deep, count)), rows):
+                total[rows] += picture.mean(axis=-1)
     return total
 
 
