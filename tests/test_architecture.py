@@ -156,9 +156,9 @@ def folders_too_full(package: Path) -> list[str]:
     """Folders in which a reader loses the thread."""
     entries: dict[str, set[str]] = {}
     for file in package.rglob("*"):
-        if file.suffix in (".py", ".pyi", ".toml", ".typed") or file.name == "py.typed":
+        if file.suffix in (".py", ".pyi", ".toml"):  # py.typed is a mark for type checkers alone
             parts = file.relative_to(package).parts
-            for depth, part in enumerate(parts if file.name != "py.typed" else ()):  # a mark for type checkers alone
+            for depth, part in enumerate(parts):
                 entries.setdefault("/".join(parts[:depth]), set()).add(part)
     return [f"{folder}: {len(each)} entries" for folder, each in entries.items() if len(each) > MOST_ENTRIES]
 

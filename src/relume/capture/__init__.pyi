@@ -1,5 +1,9 @@
 from .alignment.alignment import Aligned as Aligned
 from .alignment.alignment import align as align
+from .brackets.folder_of_brackets import FoundBrackets as FoundBrackets
+from .brackets.folder_of_brackets import MergedMap as MergedMap
+from .brackets.folder_of_brackets import find_brackets as find_brackets
+from .brackets.folder_of_brackets import merge_each as merge_each
 from .brackets.merging import merge_brackets as merge_brackets
 from .brackets.result import ClippingReport as ClippingReport
 from .brackets.result import MergedBracket as MergedBracket

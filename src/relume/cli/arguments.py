@@ -96,6 +96,15 @@ class ReadingOptions:
 
 Threads = Annotated[int | None, Parameter(help="Threads to render with; all cores unless given.")]
 Accept = Annotated[bool, Parameter(negative="", help="Exit with 0 although the result is doubtful.")]
+ClusterWord = Annotated[
+    str | None,
+    Parameter(
+        name="--cluster",
+        help="Do it by Dask's workers: local for one a core, local:4 for so many, the address of a scheduler like "
+        "tcp://HOST:8786, the path of its scheduler.json, or env for DASK_SCHEDULER_ADDRESS. What is written is the "
+        "same to the bit.",
+    ),
+]
 MapFile = Annotated[Path, Parameter(name="MAP", help="The environment map, .exr, .hdr or another format.")]
 LatLongOut = Annotated[
     Path, Parameter(alias="-o", help="The equirectangular (lat-long) environment map to write, .exr or .hdr.")

@@ -18,6 +18,7 @@ from cyclopts import Parameter
 
 import relume as rl
 from relume.cli.stage_lines import stage_lines
+from relume.cluster import Cluster, connect
 
 _LONG = 96
 """Characters of a fact that a terminal shows on one line, beside its name."""
@@ -54,7 +55,7 @@ def refuse_error(error: Exception, *, verbose: bool) -> int:
     if isinstance(error, rl.errors.DoubtfulResult):
         return refuse(str(error), 4)
     if isinstance(error, rl.errors.Incomplete):
-        for name, why in error.failed:
+        for name, why in error.failed if len(error.failed) > 1 else ():
             refuse(f"{name}: {why}", 4)
         return refuse(str(error), 4)
     if isinstance(error, rl.errors.Interrupted):
@@ -191,6 +192,47 @@ def progress(output: OutputOptions) -> Iterator[Callable[[str, float], None]]:
             bars.update(tasks[stage], completed=share)
 
         yield report
+
+
+@contextmanager
+def spread(word: str | None, output: OutputOptions) -> Iterator[tuple[Cluster | None, Callable[[str, float], None]]]:
+    """What --cluster asks for, connected, and a callback for stages; without it None, and that of `progress`.
+
+    On a cluster one bar counts the tasks of all workers, and the callback of stages does nothing.
+    """
+    if word is None:
+        with progress(output) as advance:
+            yield None, advance
+        return
+    with _counted(output) as count, connect(word, progress=count) as cluster:
+        note(output, f"{cluster.address}; what each worker does: {cluster.dashboard}")
+        yield cluster, lambda stage, share: None
+
+
+@contextmanager
+def _counted(output: OutputOptions) -> Iterator[Callable[[int, int, int, float | None], None]]:
+    """A callback that shows how many tasks are done, failed and to go; lines where no terminal is."""
+    if output.quiet or output.json or not sys.stderr.isatty():
+        with progress(output) as lines:
+
+            def counted(done: int, failed: int, to_go: int, left: float | None) -> None:
+                lines("tasks", (done + failed) / max(1, done + failed + to_go))
+
+            yield counted
+        return
+    from rich.console import Console
+    from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn
+
+    columns = (BarColumn(), TextColumn("{task.description}"), TimeElapsedColumn())
+    with Progress(*columns, console=Console(stderr=True)) as bars:
+        task = bars.add_task("connecting")
+
+        def drawn(done: int, failed: int, to_go: int, left: float | None) -> None:
+            words = f"{done} done, {failed} failed, {to_go} to go"
+            words += "" if left is None or not to_go else f", about {left:.0f} s left"
+            bars.update(task, completed=done + failed, total=done + failed + to_go, description=words)
+
+        yield drawn
 
 
 @contextmanager

@@ -5,13 +5,13 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Annotated, Literal
+from typing import Annotated, Any, Literal
 
 from cyclopts import Group, Parameter
 
 import relume as rl
-from relume.cli.arguments import Accept, DryRun, require_suffix
-from relume.cli.console import OutputOptions, finish, one_by_one, print_facts, progress, warnings_as_doubts
+from relume.cli.arguments import Accept, ClusterWord, DryRun, require_suffix
+from relume.cli.console import OutputOptions, finish, one_by_one, print_facts, progress, spread, warnings_as_doubts
 from relume.cli.option_types import TimesFromNames, numbers
 
 Method = Literal["debevec-malik", "mitsunaga-nayar", "robertson"]
@@ -170,6 +170,15 @@ def merge(
     steps: Steps = Steps(),
     lens: Lens = Lens(),
     readings: Readings = Readings(),
+    each: Annotated[
+        bool,
+        Parameter(
+            negative="",
+            help="Merge every bracket in the folders by itself, to -o FOLDER/name.exr; one that cannot be merged is "
+            "named, and the others are written.",
+        ),
+    ] = False,
+    cluster: ClusterWord = None,
     dry_run: DryRun = False,
     output: OutputOptions = OutputOptions(),
 ) -> None:  # fmt: skip
@@ -186,6 +195,15 @@ def merge(
         for path, suffix, option in ((save_profile, ".json", "--save-profile"), (report, ".html", "--report")):
             if path is not None:
                 require_suffix(path, suffix, option=option)
+        if each:
+            _refuse_of_one_shoot(out, times=times, save_profile=save_profile, report=report)
+            shared = {"times_from_names": times_from_names, "ignore": ignore, "true_shutter": true_shutter}
+            chosen = shared | {"profile": profile, "settings": settings_of(steps, lens, readings)}
+            _each(photographs, out, chosen, cluster, dry_run, output)
+            finish(output, doubts, accept=accept or dry_run)
+            return
+        if cluster is not None:
+            raise ValueError("--cluster is for many brackets; give --each too, or leave it out")
         plan = rl.capture.plan_merge(
             photographs, out, times=times, times_from_names=times_from_names, ignore=ignore, true_shutter=true_shutter,
             profile=profile, save_profile=save_profile, settings=settings_of(steps, lens, readings),
@@ -210,3 +228,29 @@ def merge(
             for title, lines in blocks:
                 print_facts(output, lines, title=title)
         finish(output, doubts, accept=accept or dry_run, rest=report)
+
+
+def _refuse_of_one_shoot(out: Path, **given: object) -> None:
+    """Refuse what belongs to one shoot alone beside --each."""
+    for name, value in given.items():
+        if value is not None:
+            raise ValueError(
+                f"--{name.replace('_', '-')} is of one shoot, and --each merges many brackets; leave it out"
+            )
+    if out.suffix:
+        raise ValueError(f"-o {out}: with --each it is a folder for a map of each bracket; leave {out.suffix} away")
+
+
+def _each(
+    folders: list[Path], out: Path, chosen: dict[str, Any], cluster: str | None, dry_run: bool, output: OutputOptions
+) -> None:
+    """Merge every bracket by itself, or list them."""
+    if dry_run:
+        found = rl.capture.find_brackets(folders, out)
+        maps = {str(target): len(group) for target, group in zip(found.targets, found.groups, strict=True)}
+        print_facts(output, {"would write": len(maps), **maps, **dict(found.failed)})
+        return
+    with spread(cluster, output) as (workers, advance):
+        made = rl.capture.merge_each(folders, out, **chosen, cluster=workers, progress=advance)
+    kept = sum(each.kept for each in made)
+    print_facts(output, {"written": str(out), "brackets": len(made), "kept from before": kept})

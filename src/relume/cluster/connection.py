@@ -19,8 +19,8 @@ from relume.errors import ClusterUnusable
 if TYPE_CHECKING:
     from distributed import Client
 
-SECONDS = 10.0
-"""What a scheduler may take to answer."""
+SECONDS = 8.0
+"""What a scheduler may take to answer; with what comes before and after it less than ten."""
 _FORMS = "local, local:4, tcp://HOST:8786, the path of a scheduler.json, or env for DASK_SCHEDULER_ADDRESS"
 _ADDRESS = re.compile(r"(tcp|tls|ucx|ws|wss|inproc)://")
 _LIBRARIES = ("OMP", "OPENBLAS", "MKL", "NUMBA")
@@ -109,7 +109,9 @@ def _connected(address: str, stack: ExitStack) -> Client:
 
     # What is wrong is said in our line, and not in those of Dask's log beside it.
     for name in ("distributed.client", "distributed.comm", "distributed.batched", "distributed.core"):
-        logging.getLogger(name).setLevel(logging.CRITICAL)
+        log = logging.getLogger(name)
+        stack.callback(log.setLevel, log.level)
+        log.setLevel(logging.CRITICAL)
     try:
         return stack.enter_context(Client(address, timeout=SECONDS, set_as_default=False))
     except (OSError, TimeoutError, ValueError, ImportError) as error:

@@ -66,8 +66,8 @@ def _take_over(path: Path, text: bytes) -> None:
         if not _dead(holder):
             pid, host, since = (printable(str(holder.get(key, "?"))) for key in ("pid", "host", "since"))
             raise OutputNotWritten(
-                f"{path.parent}: in use by process {pid} on {host} since {since}; wait for it or choose another folder (if that "
-                f"process is no more, delete {path.name} there)"
+                f"{path.parent}: in use by process {pid} on {host} since {since}; wait for it or choose "
+                f"another folder (if that process is no more, delete {path.name} there)"
             )
         file.seek(0)
         file.write(text)

@@ -25,7 +25,7 @@ if TYPE_CHECKING:
 _LOOK = 2.0  # s between looks at which workers there are
 _QUICK = 0.1  # s; of quicker tasks more are given ahead
 _AHEAD = 32
-_LOST = 15.0  # s without a scheduler
+LOST = 15.0  # s without a scheduler
 _ALONE = 600.0  # s without any worker
 UNFIT = 20
 """How often a task may meet a worker that is not fit for it."""
@@ -82,7 +82,7 @@ class Spreading:
                 self.workers = workers
         if self.workers:
             self.seen_worker = now
-        if now - self.seen_scheduler > _LOST or self.client.status == "closed":
+        if now - self.seen_scheduler > LOST or self.client.status == "closed":
             self._give_up("not done: the scheduler was lost")
         elif now - self.seen_worker > _ALONE:
             self._give_up(f"not done: no worker was left for {_ALONE / 60:.0f} minutes")
