@@ -45,6 +45,7 @@ from .relight import relight as relight
 from .relight import relight_per_pixel as relight_per_pixel
 from .relight import relight_sequence as relight_sequence
 from .relight import usable_mesh as usable_mesh
+from .relight_frames import relight_frames as relight_frames
 from .relight_settings import RelightSettings as RelightSettings
 from .relight_settings import SubjectMesh as SubjectMesh
 from .relight_settings import subject_mesh as subject_mesh

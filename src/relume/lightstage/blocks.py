@@ -144,6 +144,17 @@ def bands_of(field: ReflectanceField, row_bytes: int, memory: int) -> tuple[slic
     return tuple(slice(begin, min(begin + most, height)) for begin in range(0, height, most))
 
 
+def sum_of_lights(field: ReflectanceField) -> np.ndarray:
+    """Brightness (H, W) under all lights at once, float64; read in bands of rows, summed light after light."""
+    total, count = np.zeros(field.shape, np.float64), len(field.lights)
+    deep = min(count, getattr(field, "chunks", (1, 1))[0])
+    for rows in bands_of(field, deep * field.shape[1] * 3 * 8, 2 * BAND):
+        for first in range(0, count, deep):
+            for picture in field.block(slice(first, min(first + deep, count)), rows):
+                total[rows] += picture.mean(axis=-1)
+    return total
+
+
 @dataclass(frozen=True, eq=False)
 class Made:
     """What bands of rows made: arrays by name, (…, rows, W, channels) or one for each band.

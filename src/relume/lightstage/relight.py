@@ -82,7 +82,7 @@ def relight(
     """
     field = read_stage(stage) if isinstance(stage, str | os.PathLike) else stage
     model = None if settings.nearest else usable_mesh(field, mesh, settings, cluster=cluster)
-    field, (lighting,), unit = _prepared(field, [light], fitted=model is None and not settings.nearest)
+    field, (lighting,), unit = prepared(field, [light], fitted=model is None and not settings.nearest)
     threads, memory = settings.threads, settings.memory
     if model is not None:
         picture = _relight_on(field, lighting.directed(), model, settings, cluster, progress)
@@ -119,7 +119,7 @@ def relight_sequence(
     Where not all frames fit into the memory together, bands of rows of all of them are made first.
     Raises ValueError as `relight`, and for lights in two units.
     """
-    field, several, unit = _prepared(stage, lights, fitted=not settings.nearest)
+    field, several, unit = prepared(stage, lights, fitted=not settings.nearest)
     if settings.compression is None and in_bands_needed(field, len(several), settings, cluster):
         return _from_bands(field, several, settings, cluster, unit, progress)
     if cluster is not None:
@@ -159,7 +159,7 @@ def relight_per_pixel(
     Warns of light from where the stage has no lights. Raises ValueError for labels of another shape or number, and for
     lights in two units.
     """
-    field, several, unit = _prepared(stage, lights, fitted=not settings.nearest)
+    field, several, unit = prepared(stage, lights, fitted=not settings.nearest)
     if isinstance(labels, str | os.PathLike):
         levels, labels = np.unique(files.read_photograph(labels).pixels[..., 1], return_inverse=True)
         if len(levels) != len(several):
@@ -180,7 +180,7 @@ def relight_per_pixel(
     return replace(picture, unit=unit)
 
 
-def _prepared(
+def prepared(
     stage: ReflectanceField | str | os.PathLike[str], lights: Sequence[StageLighting | EnvironmentMap], *, fitted: bool
 ) -> tuple[ReflectanceField, list[StageLighting], str]:
     """The field, the lights for it and their unit; raises ValueError for two units, warns of light it cannot show.

@@ -11,13 +11,11 @@ from dataclasses import dataclass
 import numpy as np
 
 from relume.errors import warn
-from relume.lightstage.blocks import bands_of
+from relume.lightstage.blocks import sum_of_lights
 from relume.lightstage.field.field import Derived, Noise, ReflectanceField
 
 SAME_DIRECTION = 1e-3
 """Radians: lights of the two takes that are nearer than this are the same one."""
-_READ = 256 << 20
-"""Bytes that are read at once."""
 REACH = 5
 """Pixels that a take is tried to be shifted by, either way."""
 DARKER = 0.98
@@ -63,7 +61,7 @@ class PolarisedPair:
                 f'the light "{first.lights.names[odd]}" of the parallel take is "{second.lights.names[odd]}" of the '
                 f"crossed one, {np.degrees(apart[odd]):.2f}° away; give both takes the same lights in the same order"
             )
-        bright, dark = _sum_of_lights(first), _sum_of_lights(second)
+        bright, dark = sum_of_lights(first), sum_of_lights(second)
         if DARKER * dark.sum() > bright.sum():
             raise ValueError("the crossed take is brighter than the parallel one; swap the two")
         if dark.sum() >= DARKER * bright.sum():
@@ -108,17 +106,6 @@ class PolarisedPart(Derived):
     def block(self, lights: slice, rows: slice) -> np.ndarray:
         crossed = self.crossed.block(lights, rows)
         return self.field.block(lights, rows) - crossed if self.specular else 2 * crossed
-
-
-def _sum_of_lights(field: ReflectanceField) -> np.ndarray:
-    """Brightness (H, W) under all lights at once, read in bands of rows, light after light."""
-    total, count = np.zeros(field.shape, np.float64), len(field.lights)
-    deep = min(count, getattr(field, "chunks", (1, 1))[0])
-    for rows in bands_of(field, deep * field.shape[1] * 3 * 8, _READ):
-        for first in range(0, count, deep):
-            for picture in field.block(slice(first, min(first + deep, count)), rows):
-                total[rows] += picture.mean(axis=-1)
-    return total
 
 
 def _alike(bright: np.ndarray, dark: np.ndarray) -> str:
