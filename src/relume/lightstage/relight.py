@@ -4,22 +4,22 @@ from __future__ import annotations
 
 import os
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass, replace
-from pathlib import Path
-from typing import Literal
+from dataclasses import replace
 
 import numpy as np
 
 from relume.errors import warn
 from relume.image import files
 from relume.image.radiance import RadianceMap
-from relume.lightstage.acquire.read_stage import read_stage, stage_geometry
+from relume.lightstage.acquire.read_stage import read_stage
+from relume.lightstage.blocks import Cluster, scratch_if
 from relume.lightstage.direct_light.control_variate import estimate_seconds, relight_with_mesh, row_blocks
 from relume.lightstage.direct_light.light_directions import DirectedLight
-from relume.lightstage.direct_light.model import DirectLightSettings
 from relume.lightstage.field.field import ReflectanceField
 from relume.lightstage.field.lights import StageLights
 from relume.lightstage.novel_view.projection import Subject, check_mesh_matches
+from relume.lightstage.relight_in_bands import in_bands_needed, pictures_in_bands, shared_out, sum_of_pictures
+from relume.lightstage.relight_settings import RelightSettings, SubjectMesh
 from relume.lightstage.relighting.cosine import compress_cosine
 from relume.lightstage.relighting.diffuse_fit import DiffuseFit, fit_diffuse, needs_fit
 from relume.lightstage.relighting.interpolation import (
@@ -32,12 +32,15 @@ from relume.lightstage.relighting.interpolation import (
 )
 from relume.lightstage.relighting.low_rank import compress_low_rank
 from relume.lightstage.relighting.relighting import (
-    MEMORY,
     Progress,
+    labelled,
     weighted_sum,
     weighted_sum_per_pixel,
     weighted_sums,
     within,
+)
+from relume.lightstage.relighting.relit_bands import (
+    fits_at_once,
 )
 from relume.lightstage.relighting.specular_spikes import (
     relight_spiky,
@@ -47,62 +50,11 @@ from relume.lightstage.relighting.specular_spikes import (
 )
 from relume.lightstage.relighting.stage_lighting import StageLighting, as_lighting
 from relume.lightstage.relighting.voronoi_cells import even_directions
-from relume.scene.shapes.meshes import read_meshes
 from relume.scene.shapes.shapes import Mesh
 from relume.sphere.environment_map import EnvironmentMap
 
 FAR = 0.05
 """Share of the light that comes from where the stage has no lights from which on relighting warns."""
-Compression = Literal["cosine", "low-rank"]
-
-
-@dataclass(frozen=True)
-class RelightSettings:
-    """How a subject is relit.
-
-    nearest : all light goes to the nearest light of the stage, as in the paper; no mesh is used then
-    direct_light : how direct light on a mesh is fitted; its `light_radius` is the mesh's where that has one
-    compression : of the field, once, before a sequence is relit; a single picture is quicker without
-    threads : every core for None
-    memory : bytes for blocks and sums
-    """
-
-    nearest: bool = False
-    direct_light: DirectLightSettings = DirectLightSettings()
-    compression: Compression | None = None
-    threads: int | None = None
-    memory: int = MEMORY
-
-
-@dataclass(frozen=True, eq=False)
-class SubjectMesh:
-    """A mesh of a stage's subject, metres, in the stage's frame.
-
-    light_radius : radians, half the apparent diameter of the stage's lights; None where unknown
-    name : for messages
-    required : whether a mesh that does not match the pictures is refused; else it is not used, with a warning
-    checked : whether it is known to match them (`usable_mesh`)
-    """
-
-    meshes: Sequence[Mesh]
-    light_radius: float | None = None
-    name: str = "the mesh"
-    required: bool = True
-    checked: bool = False
-
-    def settings(self, settings: DirectLightSettings) -> DirectLightSettings:
-        """The settings, for lights of this radius where it is known."""
-        return settings if self.light_radius is None else replace(settings, light_radius=self.light_radius)
-
-
-def subject_mesh(stage: str | os.PathLike[str], mesh: str | os.PathLike[str] | None = None) -> SubjectMesh | None:
-    """The mesh that is given, else the one that the stage has; None where it has none.
-
-    Raises InvalidStage and UnreadableFile.
-    """
-    own, radius = stage_geometry(stage)
-    chosen = own if mesh is None else Path(mesh)
-    return None if chosen is None else SubjectMesh(read_meshes(chosen), radius, str(chosen), required=mesh is not None)
 
 
 def relight(
@@ -111,6 +63,7 @@ def relight(
     mesh: SubjectMesh | Sequence[Mesh] | None = None,
     settings: RelightSettings = RelightSettings(),
     *,
+    cluster: Cluster = None,
     progress: Progress | None = None,
 ) -> RadianceMap:
     """The subject under any light, in the light's unit; with its variance where the noise is known.
@@ -122,15 +75,22 @@ def relight(
 
     stage : a reflectance field, or where one lies, as `read_stage` takes it
     mesh : as `subject_mesh` finds it
+    cluster : whose workers relight bands of rows, as `relume.cluster.run_tasks` takes it; this process for None, with
+        the same bytes. Incomplete names the rows that failed
     Warns of light from where the stage has no lights, of a mesh that is not used and of pixels below 0.
     Raises ValueError for a mesh that does not match, and for too little memory.
     """
     field = read_stage(stage) if isinstance(stage, str | os.PathLike) else stage
-    model = None if settings.nearest else usable_mesh(field, mesh, settings)
-    field, (lighting,), unit = _prepared(field, [light], fitted=model is None and not settings.nearest)
+    model = None if settings.nearest else usable_mesh(field, mesh, settings, cluster=cluster)
+    field, (lighting,), unit = prepared(field, [light], fitted=model is None and not settings.nearest)
     threads, memory = settings.threads, settings.memory
     if model is not None:
-        picture = _relight_on(field, lighting.directed(), model, settings, progress)
+        picture = _relight_on(field, lighting.directed(), model, settings, cluster, progress)
+    elif in_bands_needed(field, 1, settings, cluster):
+        with pictures_in_bands(field, [lighting], settings, cluster, progress) as frames:
+            picture = frames.frame(0)
+        if not settings.nearest:
+            warn_below(share_below(picture.radiance))
     elif settings.nearest:
         given = lighting.irradiances(field.lights, NearestLight())
         picture = weighted_sum(field, given, threads=threads, memory=memory, progress=progress)
@@ -148,18 +108,25 @@ def relight_sequence(
     lights: Sequence[StageLighting | EnvironmentMap],
     settings: RelightSettings = RelightSettings(),
     *,
+    cluster: Cluster = None,
     progress: Progress | None = None,
 ) -> Iterator[RadianceMap]:
     """The subject under each light in turn, by sums of the stage's pictures; the field is read as rarely as possible.
 
     lights : of the pictures, in one unit; `StageLighting.turntable` makes them for a map that turns
+    cluster : as of `relight`; none with a compression
     With `settings.compression` the field is made small first: pictures then differ by the error that is warned of.
+    Where not all frames fit into the memory together, bands of rows of all of them are made first.
     Raises ValueError as `relight`, and for lights in two units.
     """
-    field, several, unit = _prepared(stage, lights, fitted=not settings.nearest)
+    field, several, unit = prepared(stage, lights, fitted=not settings.nearest)
+    if settings.compression is None and in_bands_needed(field, len(several), settings, cluster):
+        return _from_bands(field, several, settings, cluster, unit, progress)
+    if cluster is not None:
+        raise ValueError("a compressed field is in this process; leave the compression or the cluster out")
     threads, memory = settings.threads, settings.memory
     fit, rest = (None, progress) if settings.nearest else _fit(field, settings, progress)
-    given = _given(field, several, settings, fit)
+    given = shared_out(field, several, settings, fit)
     added = None if fit is None else _added(fit, field, several, given)
     if settings.compression is not None:
         pictures = _relight_compressed(field, given, settings, rest)
@@ -181,24 +148,31 @@ def relight_per_pixel(
     lights: Sequence[StageLighting | EnvironmentMap],
     settings: RelightSettings = RelightSettings(),
     *,
+    cluster: Cluster = None,
     progress: Progress | None = None,
 ) -> RadianceMap:
     """The subject with a light of its own at every pixel: light through leaves, a shadow's edge (§3.4 of the paper).
 
     labels : (H, W) integers, which of the lights shines on each pixel; or a picture with a grey level for each light,
         the darkest for the first
+    cluster : as of `relight`
     Warns of light from where the stage has no lights. Raises ValueError for labels of another shape or number, and for
     lights in two units.
     """
-    field, several, unit = _prepared(stage, lights, fitted=not settings.nearest)
+    field, several, unit = prepared(stage, lights, fitted=not settings.nearest)
     if isinstance(labels, str | os.PathLike):
         levels, labels = np.unique(files.read_photograph(labels).pixels[..., 1], return_inverse=True)
         if len(levels) != len(several):
             raise ValueError(
                 f"the labels have {len(levels)} grey levels for {len(several)} lights; give one level each"
             )
+    labels = np.asarray(labels)
+    if cluster is not None:
+        labelled(field, labels, shared_out(field, several, settings, None))
+        with pictures_in_bands(field, several, settings, cluster, progress, labels) as frames:
+            return replace(frames.frame(0), unit=unit)
     fit, rest = (None, progress) if settings.nearest else _fit(field, settings, progress)
-    given, labels = _given(field, several, settings, fit), np.asarray(labels)
+    given, labels = shared_out(field, several, settings, fit), np.asarray(labels)
     picture = weighted_sum_per_pixel(field, labels, given, memory=settings.memory, progress=rest)
     if fit is not None:
         for label, added in enumerate(_added(fit, field, several, given)):
@@ -206,7 +180,7 @@ def relight_per_pixel(
     return replace(picture, unit=unit)
 
 
-def _prepared(
+def prepared(
     stage: ReflectanceField | str | os.PathLike[str], lights: Sequence[StageLighting | EnvironmentMap], *, fitted: bool
 ) -> tuple[ReflectanceField, list[StageLighting], str]:
     """The field, the lights for it and their unit; raises ValueError for two units, warns of light it cannot show.
@@ -231,12 +205,22 @@ def _fit(
     return fit, within(progress, slice(1, 2), 2)
 
 
-def _given(
-    field: ReflectanceField, several: Sequence[StageLighting], settings: RelightSettings, fit: DiffuseFit | None
-) -> np.ndarray:
-    """What each of the field's lights gives of each light, (K, N, 3)."""
-    by = NearestLight() if settings.nearest else Smooth() if fit is None else Remainder()
-    return np.stack([each.irradiances(field.lights, by) for each in several])
+def _from_bands(
+    field: ReflectanceField,
+    several: Sequence[StageLighting],
+    settings: RelightSettings,
+    cluster: Cluster,
+    unit: str,
+    progress: Progress | None,
+) -> Iterator[RadianceMap]:
+    """The pictures of a sequence, put together from their bands one after another."""
+    below = 0.0
+    with pictures_in_bands(field, several, settings, cluster, progress) as frames:
+        for picture in frames:
+            below = max(below, share_below(picture.radiance))
+            yield replace(picture, unit=unit)
+    if not settings.nearest:
+        warn_below(below)
 
 
 def _added(
@@ -264,7 +248,11 @@ def _relight_compressed(
 
 
 def usable_mesh(
-    field: ReflectanceField, mesh: SubjectMesh | Sequence[Mesh] | None, settings: RelightSettings
+    field: ReflectanceField,
+    mesh: SubjectMesh | Sequence[Mesh] | None,
+    settings: RelightSettings,
+    *,
+    cluster: Cluster = None,
 ) -> SubjectMesh | None:
     """The mesh where it stands where the pictures show the subject; None, with a warning, where it does not.
 
@@ -279,7 +267,7 @@ def usable_mesh(
         if field.camera is None:
             raise ValueError("the stage has no camera, so that nothing says where the mesh is seen; add it")
         seen = Subject.of(given.meshes).seen(field.camera)
-        check_mesh_matches(_brightness(field, settings), seen, "the stage's camera")
+        check_mesh_matches(_brightness(field, settings, cluster), seen, "the stage's camera")
     except ValueError as error:
         if given.required:
             raise ValueError(f"{given.name}: {error}") from None
@@ -321,21 +309,31 @@ def _relight_on(
     light: DirectedLight,
     mesh: SubjectMesh,
     settings: RelightSettings,
+    cluster: Cluster,
     progress: Progress | None,
 ) -> RadianceMap:
     direct_light, threads, memory = mesh.settings(settings.direct_light), settings.threads, settings.memory
-    radiance = relight_with_mesh(
-        field, light, mesh.meshes, direct_light, progress=progress, threads=threads, memory=memory
-    )
+    with scratch_if(not fits_at_once(field, 1, memory), settings.scratch, cluster) as place:
+        radiance = relight_with_mesh(
+            field,
+            light,
+            mesh.meshes,
+            direct_light,
+            progress=progress,
+            threads=threads,
+            memory=memory,
+            cluster=cluster,
+            place=place,
+        )
     warn_below(share_below(radiance))
     variance = None
     if field.noise is not None:
         given = direct_light.remainder.gathered(field.lights, light.directions, light.irradiances)
-        variance = weighted_sum(field, given, threads=threads, memory=memory).variance
+        variance = sum_of_pictures(field, given, settings, cluster).variance
     return RadianceMap(radiance, variance)
 
 
-def _brightness(field: ReflectanceField, settings: RelightSettings) -> np.ndarray:
+def _brightness(field: ReflectanceField, settings: RelightSettings, cluster: Cluster) -> np.ndarray:
     """The mean (H, W) of a field's pictures over the sphere."""
     even = np.repeat(field.lights.solid_angles[:, None] / (4 * np.pi), 3, axis=1)
-    return weighted_sum(field, even, threads=settings.threads, memory=settings.memory).radiance.mean(axis=-1)
+    return sum_of_pictures(field, even, settings, cluster).radiance.mean(axis=-1)

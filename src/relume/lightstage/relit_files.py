@@ -50,12 +50,23 @@ def write_frames(path: str | os.PathLike[str], pictures: Iterable[RadianceMap], 
                 film, count = film or film_for(picture, stops), count + 1
                 movie.add(develop(picture.radiance, film).pixels)
         return count
-    try:
-        out.mkdir(parents=True, exist_ok=True)
-    except OSError as error:
-        raise OutputNotWritten(f"{out}: cannot be made a folder ({error.strerror}); choose another") from None
+    made_folder(out)
     for picture in pictures:
         film, count = film or film_for(picture, stops), count + 1
-        files.write(out / f"frame_{count:04d}.exr", picture)
-        files.write(out / f"frame_{count:04d}.png", develop(picture.radiance, film))
+        write_frame(out, count, picture, film)
     return count
+
+
+def write_frame(folder: Path, number: int, picture: RadianceMap, film: Film) -> None:
+    """Write frame_0001.exr and .png of a frame into a folder, each whole or not at all."""
+    files.write(folder / f"frame_{number:04d}.exr", picture)
+    files.write(folder / f"frame_{number:04d}.png", develop(picture.radiance, film))
+
+
+def made_folder(folder: Path) -> Path:
+    """The folder, made where it is missing; raises OutputNotWritten."""
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+    except OSError as error:
+        raise OutputNotWritten(f"{folder}: cannot be made a folder ({error.strerror}); choose another") from None
+    return folder

@@ -2,14 +2,16 @@
 
 from __future__ import annotations
 
+import os
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
+from relume.lightstage.blocks import Cluster, scratch_if
 from relume.lightstage.direct_light.model import DirectLightSettings
 from relume.lightstage.field.field import ReflectanceField
 from relume.lightstage.novel_view.new_views import direct_light_view, measured_view
 from relume.lightstage.novel_view.source_views import Blending, NewView, SourceView
-from relume.lightstage.relight import SubjectMesh
+from relume.lightstage.relight_settings import SubjectMesh
 from relume.lightstage.relighting.interpolation import NearestLight
 from relume.lightstage.relighting.stage_lighting import StageLighting, as_lighting
 from relume.lightstage.surface.separation import separate
@@ -41,11 +43,18 @@ def view(
     camera: Camera,
     mesh: SubjectMesh | Mesh | Sequence[Mesh],
     settings: ViewSettings = ViewSettings(),
+    *,
+    cluster: Cluster = None,
+    scratch: str | os.PathLike[str] | None = None,
 ) -> NewView:
     """The subject under any light, seen by a new camera (Debevec et al. 2000, §4): shadows and highlights move.
 
     sources : what one camera of the stage took, or several; each field has its camera
     mesh : of the subject, metres, in the stage's frame
+    cluster : whose workers take bands of rows, as `relume.cluster.run_tasks` takes it; this process for None, and for
+        what is `measured`. Of the stage only rows that show the mesh are read for it
+    scratch : a folder, or an fsspec URL, that every worker sees, for what bands write until it is put together; the
+        system's temporary folder unless given
     Nothing is invented: what no camera saw is a hole in `alpha`, counted by `unseen`. Warns from a quarter of the
     subject on. Raises ValueError for no source, for a source without a camera, for a mesh that does not match the
     pictures, and for a camera that sees nothing of it.
@@ -61,9 +70,18 @@ def view(
         found = measured_view(parts, irradiances, camera, given.meshes, blending=settings.blending)
     else:
         direct_light = given.settings(settings.direct_light)
-        found = direct_light_view(
-            views, lighting.directed(), camera, given.meshes, settings=direct_light, blending=settings.blending
-        )
+        directed, blending = lighting.directed(), settings.blending
+        with scratch_if(False, scratch, cluster) as place:
+            found = direct_light_view(
+                views,
+                directed,
+                camera,
+                given.meshes,
+                settings=direct_light,
+                blending=blending,
+                cluster=cluster,
+                place=place,
+            )
     return replace(found, picture=replace(found.picture, unit=lighting.unit))
 
 

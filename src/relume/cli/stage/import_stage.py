@@ -10,10 +10,10 @@ from typing import Annotated, Any, Literal
 from cyclopts import Parameter
 
 import relume as rl
-from relume.cli.arguments import DryRun
-from relume.cli.console import OutputOptions, print_facts, progress, warnings_as_notes
+from relume.cli.arguments import ClusterWord, DryRun
+from relume.cli.console import OutputOptions, print_facts, spread, warnings_as_notes
 from relume.cli.option_types import numbers
-from relume.cli.stage.options import MEMORY, Camera, MaxMemory, rounded, work_facts
+from relume.cli.stage.options import MEMORY, Camera, MaxMemory, place, rounded, work_facts
 
 Circle = tuple[float, float, float]
 
@@ -124,13 +124,23 @@ class CorrectionOptions:
 
 def import_stage(
     source: Annotated[
-        Path,
-        Parameter(help="A folder with stage.json or an .lp, such a file, a folder of pictures, or a film of a stage."),
+        Path | str,
+        Parameter(
+            converter=place,
+            n_tokens=1,
+            help="A folder with stage.json or an .lp, such a file, a folder of pictures, or a film of a stage.",
+        ),
     ],
     /,
     *,
     out: Annotated[
-        Path, Parameter(alias="-o", help="The store to write, like cat.zarr; an incomplete store is resumed.")
+        Path | str,
+        Parameter(
+            alias="-o",
+            converter=place,
+            n_tokens=1,
+            help="The store to write, like cat.zarr or s3://bucket/cat.zarr; an incomplete store is resumed.",
+        ),
     ],
     ball: Annotated[
         list[tuple[Circle, float] | Circle | Literal["find"] | Path] | None,
@@ -188,6 +198,7 @@ def import_stage(
     ] = "half",
     camera: Camera = None,
     max_memory: MaxMemory = MEMORY,
+    cluster: ClusterWord = None,
     dry_run: DryRun = False,
     output: OutputOptions = OutputOptions(),
 ) -> None:
@@ -213,9 +224,14 @@ def import_stage(
             memory=max_memory,
         )
         # The import, or what it would find and take.
-        with progress(output) as report:
+        with spread(None if dry_run else cluster, output) as (workers, report):
             done = rl.lightstage.import_stage(
-                source, out, settings, dry_run=dry_run, progress=lambda share: report("importing", share)
+                source,
+                out,
+                settings,
+                dry_run=dry_run,
+                cluster=workers,
+                progress=lambda share: report("importing", share),
             )
         # What was found.
         first: dict[str, object] = {"would write": str(out)} if dry_run else {"written": str(out)}

@@ -70,6 +70,6 @@ def inspect(
             made_folder(out)
             down, across = functions or rl.lightstage.mosaic_size(field.shape)
             rl.write(out / "mosaic.exr", rl.RadianceMap(rl.lightstage.mosaic(field, down, across).radiance))
-            rl.write_report(field, out / "report.html", lights=maps, title=f"light stage {stage.name}")
+            rl.write_report(field, out / "report.html", lights=maps, title=f"light stage {Path(stage).name}")
             report("report", 1.0)
         print_facts(output, {"written": [str(out / "report.html"), str(out / "mosaic.exr")], **facts})

@@ -27,8 +27,20 @@ def _bytes(kind: Any, tokens: Sequence[Token]) -> int:
     return size
 
 
+def place(kind: Any, tokens: Sequence[Token]) -> Path | str:
+    """A URL as it is, anything else as a path."""
+    text = tokens[-1].value
+    return text if "://" in text else Path(text)
+
+
 Stage = Annotated[
-    Path, Parameter(help="A folder with stage.json or one .lp, such a file, or a store of `relume stage import`.")
+    Path | str,
+    Parameter(
+        converter=place,
+        n_tokens=1,
+        help="A folder with stage.json or one .lp, such a file, or a store of `relume stage import`, by its path or an "
+        "fsspec URL like s3://bucket/cat.zarr.",
+    ),
 ]
 Camera = Annotated[str | None, Parameter(help="Whose pictures, where the stage has several cameras; the first.")]
 MaxMemory = Annotated[
@@ -43,6 +55,11 @@ MaxMemory = Annotated[
 ]
 MEMORY = 2 << 30
 Exposure = Annotated[float, Parameter(allow_leading_hyphen=True, help="Stops to brighten .png, .jpg and .mp4 by.")]
+
+
+def existing_parent(out: Path) -> Path:
+    """The nearest folder above an output that is there: what blocks write lies in it until it is put together."""
+    return next((folder for folder in out.absolute().parents if folder.is_dir()), Path.cwd())
 
 
 def work_facts(work: rl.lightstage.Work) -> dict[str, object]:

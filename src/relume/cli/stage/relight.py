@@ -8,8 +8,8 @@ from typing import Annotated, Literal
 from cyclopts import Parameter
 
 import relume as rl
-from relume.cli.arguments import DryRun, Threads, require_files
-from relume.cli.console import OutputOptions, note, print_facts, progress, warnings_as_notes
+from relume.cli.arguments import ClusterWord, DryRun, Threads, require_files
+from relume.cli.console import OutputOptions, note, print_facts, spread, warnings_as_notes
 from relume.cli.stage.light import Light
 from relume.cli.stage.options import (
     MEMORY,
@@ -17,6 +17,7 @@ from relume.cli.stage.options import (
     Exposure,
     MaxMemory,
     Stage,
+    existing_parent,
     require_frames,
     require_picture,
     work_facts,
@@ -65,6 +66,7 @@ def relight(
     exposure: Exposure = 0.0,
     max_memory: MaxMemory = MEMORY,
     threads: Threads = None,
+    cluster: ClusterWord = None,
     dry_run: DryRun = False,
     output: OutputOptions = OutputOptions(),
 ) -> None:
@@ -79,7 +81,7 @@ def relight(
             raise ValueError("--labels chooses between the --light of each pixel; leave --direction and --lamp out")
         light.check(maps_only=frames is not None or labels is not None)
         moving = frames is not None or light.is_sequence
-        _check(mesh, no_mesh, moving, light, compressed, labels)
+        _check(mesh, no_mesh, moving, light, compressed, labels, cluster is not None)
         if moving:
             require_frames(out, 2 if frames is None else frames)
         else:
@@ -92,7 +94,11 @@ def relight(
         if moving or light.nearest or labels:
             found = None
         settings = rl.lightstage.RelightSettings(
-            nearest=light.nearest, compression=compressed, threads=threads, memory=max_memory
+            nearest=light.nearest,
+            compression=compressed,
+            threads=threads,
+            memory=max_memory,
+            scratch=existing_parent(out),
         )
         if dry_run:
             usable = found is not None and field.camera is not None
@@ -101,21 +107,27 @@ def relight(
             print_facts(output, {"would write": str(out), **work, "mesh": found and found.name})
             return
         # The pictures.
-        with progress(output) as report:
+        with spread(cluster, output) as (workers, report):
             share = lambda part: report("relighting", part)  # noqa: E731
             if moving:
                 lights = light.sequence(frames)
-                pictures = rl.lightstage.relight_sequence(field, lights, settings, progress=share)
-                unit, count = lights[0].unit, rl.lightstage.write_frames(out, pictures, exposure)
+                count = rl.lightstage.relight_frames(
+                    field, lights, out, settings, stops=exposure, cluster=workers, progress=share
+                )
+                unit = lights[0].unit
             else:
                 if labels is not None:
                     each = [light.lighting([path]) for path in light.light or []]
-                    picture = rl.lightstage.relight_per_pixel(field, labels, each, settings, progress=share)
+                    picture = rl.lightstage.relight_per_pixel(
+                        field, labels, each, settings, cluster=workers, progress=share
+                    )
                 else:
-                    found = rl.lightstage.usable_mesh(field, found, settings)
+                    found = rl.lightstage.usable_mesh(field, found, settings, cluster=workers)
                     if found is not None and not found.required:
                         note(output, f"{found.name} gives the shadows between the lights; --no-mesh leaves it out")
-                    picture = rl.lightstage.relight(field, light.lighting(), found, settings, progress=share)
+                    picture = rl.lightstage.relight(
+                        field, light.lighting(), found, settings, cluster=workers, progress=share
+                    )
                 rl.lightstage.write_picture(out, picture, exposure)
                 unit, count = picture.unit, 1
         facts: dict[str, object] = {"written": str(out), "pictures": count, "lights": len(field.lights)}
@@ -125,13 +137,21 @@ def relight(
 
 
 def _check(
-    mesh: Path | None, no_mesh: bool, moving: bool, light: Light, compressed: str | None, labels: Path | None
+    mesh: Path | None,
+    no_mesh: bool,
+    moving: bool,
+    light: Light,
+    compressed: str | None,
+    labels: Path | None,
+    clustered: bool,
 ) -> None:
     """Refuse options that do not go together."""
     if mesh is not None and (no_mesh or moving or light.nearest or labels):
         raise ValueError("--mesh is for single pictures, without --no-mesh, --nearest and --labels; leave one out")
     if compressed and not moving:
         raise ValueError("--compressed is for sequences: give --frames, or a folder of maps as --light")
+    if compressed and clustered:
+        raise ValueError("--compressed is done in this process; leave it or --cluster out")
     if labels is not None and moving:
         raise ValueError("--labels is for single pictures; leave it or --frames out")
     require_files([path for path in (mesh, labels) if path])

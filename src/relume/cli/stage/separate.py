@@ -8,9 +8,9 @@ from typing import Annotated
 from cyclopts import Parameter
 
 import relume as rl
-from relume.cli.arguments import DryRun, require_files, require_output_folder
-from relume.cli.console import OutputOptions, print_facts, progress, warnings_as_notes
-from relume.cli.stage.options import Camera, Stage, rounded, work_facts
+from relume.cli.arguments import ClusterWord, DryRun, require_files, require_output_folder
+from relume.cli.console import OutputOptions, print_facts, spread, warnings_as_notes
+from relume.cli.stage.options import MEMORY, Camera, MaxMemory, Stage, existing_parent, place, rounded, work_facts
 
 
 def separate(
@@ -26,13 +26,20 @@ def separate(
         ),
     ],
     crossed: Annotated[
-        Path | None, Parameter(help="The same stage through a crossed polariser; STAGE is then the parallel one.")
+        Path | str | None,
+        Parameter(
+            converter=place,
+            n_tokens=1,
+            help="The same stage through a crossed polariser; STAGE is then the parallel one.",
+        ),
     ] = None,
     mesh: Annotated[
         Path | None,
         Parameter(help="A mesh of the subject in the stage's frame: it is written with the maps as its material."),
     ] = None,
     camera: Camera = None,
+    max_memory: MaxMemory = MEMORY,
+    cluster: ClusterWord = None,
     dry_run: DryRun = False,
     output: OutputOptions = OutputOptions(),
 ) -> None:
@@ -50,13 +57,18 @@ def separate(
         field = rl.lightstage.read_stage(stage, camera)
         other = None if crossed is None else rl.lightstage.read_stage(crossed, camera)
         if dry_run:
-            print_facts(output, {"would write": str(out), **work_facts(rl.lightstage.estimate_work(field, 1 << 30))})
+            print_facts(output, {"would write": str(out), **work_facts(rl.lightstage.estimate_work(field, max_memory))})
             return
         # Diffuse and specular reflection, and the maps of both.
-        with progress(output) as report:
-            report("separating", 0.0)
-            maps = rl.lightstage.measure_surface(field, other)
-            report("separating", 1.0)
+        with spread(cluster, output) as (workers, report):
+            maps = rl.lightstage.measure_surface(
+                field,
+                other,
+                cluster=workers,
+                memory=max_memory,
+                scratch=existing_parent(out),
+                progress=lambda share: report("separating", share),
+            )
         # The files.
         meshes = rl.read_meshes(mesh) if mesh is not None else ()
         written = rl.lightstage.write_surface(out, maps, meshes, field.camera)

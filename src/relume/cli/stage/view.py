@@ -8,11 +8,11 @@ from typing import Annotated
 from cyclopts import Parameter
 
 import relume as rl
-from relume.cli.arguments import DryRun, require_files
-from relume.cli.console import OutputOptions, note, print_facts, progress, warnings_as_notes
+from relume.cli.arguments import ClusterWord, DryRun, require_files
+from relume.cli.console import OutputOptions, note, print_facts, spread, warnings_as_notes
 from relume.cli.option_types import Point, Size
 from relume.cli.stage.light import Light
-from relume.cli.stage.options import Exposure, Stage, require_picture
+from relume.cli.stage.options import Exposure, Stage, existing_parent, require_picture
 
 
 def view(
@@ -46,6 +46,7 @@ def view(
         ),
     ] = False,
     exposure: Exposure = 0.0,
+    cluster: ClusterWord = None,
     dry_run: DryRun = False,
     output: OutputOptions = OutputOptions(),
 ) -> None:
@@ -56,6 +57,8 @@ def view(
     with warnings_as_notes(output):
         # Everything that can be refused before the work.
         light.check()
+        if measured and cluster is not None:
+            raise ValueError("--measured is done in this process; leave it or --cluster out")
         require_picture(out)
         require_files([mesh, *([camera_file] if camera_file else [])])
         if (position is None) == (camera_file is None):
@@ -75,16 +78,18 @@ def view(
             print_facts(output, {"would write": str(out), "size": [new.width, new.height], "cameras": len(fields)})
             return
         # The view.
-        with progress(output) as report:
+        with spread(cluster, output) as (workers, report):
             report("viewing", 0.0)
             sources = [
-                rl.lightstage.SourceView(field, name=name or stage.name)
+                rl.lightstage.SourceView(field, name=name or Path(stage).name)
                 for field, name in zip(fields, names, strict=True)
             ]
             settings = rl.lightstage.ViewSettings(measured=measured, nearest=light.nearest)
             subject = rl.lightstage.subject_mesh(stage, mesh)
             assert subject is not None
-            found = rl.lightstage.view(sources, light.lighting(), new, subject, settings)
+            found = rl.lightstage.view(
+                sources, light.lighting(), new, subject, settings, cluster=workers, scratch=existing_parent(out)
+            )
             report("viewing", 1.0)
         # The files.
         if out.suffix.lower() == ".exr":

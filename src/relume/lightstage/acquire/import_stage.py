@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import tempfile
 from collections.abc import Collection, Iterator
 from contextlib import contextmanager
 from dataclasses import asdict, dataclass, replace
@@ -29,6 +30,9 @@ from relume.lightstage.acquire.read_stage import find_stage_file, open_pictures,
 from relume.lightstage.acquire.stage_file import Stage, TargetCard
 from relume.lightstage.acquire.store import is_store
 from relume.lightstage.acquire.store_building import build_store, file_facts
+from relume.lightstage.acquire.store_place import as_place
+from relume.lightstage.acquire.store_place import described as described_at
+from relume.lightstage.blocks import Cluster
 from relume.lightstage.field.field import ReflectanceField, Work, estimate_work
 from relume.lightstage.relighting.relighting import MEMORY, Progress
 
@@ -127,20 +131,23 @@ def import_stage(
     settings: ImportSettings = ImportSettings(),
     *,
     dry_run: bool = False,
+    cluster: Cluster = None,
     progress: Progress | None = None,
 ) -> Imported:
     """Find the lights of a stage, calibrate its pictures, fill invalid samples, and write a store.
 
-    pictures : a folder with stage.json or an .lp, such a file, a store, a folder of pictures, or a film
-    out : the store, as *.zarr; an incomplete one of the same import is resumed
+    pictures : a folder with stage.json or an .lp, such a file, a store or its URL, a folder of pictures, or a film
+    out : the store, as *.zarr, or its fsspec URL; an incomplete one of the same import is resumed
+    cluster : whose workers write groups of lights, as `relume.cluster.run_tasks` takes it; this process for None, with
+        the same bytes. Incomplete names the lights that failed; the same import again does these alone
     dry_run : nothing is written; what the import would find and take is measured
     Overexposed samples of photographs are filled from neighbouring lights, always.
     Raises InvalidStage, UnreadableFile, BallNotFound, ValueError, CannotResume, OutputNotWritten.
     """
-    source, store, corrections = Path(pictures), Path(out), settings.corrections
+    source, store, corrections = as_place(pictures), as_place(out), settings.corrections
     _check_paths(source, store, settings)
     # A video is only counted, so that a dry run writes no frames.
-    if dry_run and settings.film is not None and not source.is_dir():
+    if dry_run and settings.film is not None and isinstance(source, Path) and not source.is_dir():
         ball = settings.balls[0] if settings.balls else None
         frames, lights, shape = measure_film(source, settings.film, ball, settings.field_of_view)
         return Imported(lights, shape, film_frames=frames, work=Work(lights, shape, settings.memory, None))
@@ -157,29 +164,34 @@ def import_stage(
         options = asdict(replace(settings, memory=0, dtype="half"))
         masks = [ball for ball in settings.balls if isinstance(ball, Path)]
         named = (corrections.ambient, corrections.mask, corrections.board, settings.lights, *masks)
-        seen = [source, *(each for each in named if each), *settings.ball_pictures]
+        at_url = isinstance(source, str)
+        seen = [each for each in (None if at_url else source, *named, *settings.ball_pictures) if each]
         build_store(
             field,
             store,
             dtype=DTYPES[settings.dtype],
             max_memory=settings.memory,
             progress=progress,
-            made_from=[repr(options), file_facts(seen)],
+            made_from=[repr(options), file_facts(seen), *([source, described_at(source)] if at_url else [])],
             mesh=mesh,
             light_radius=light_radius,
+            cluster=cluster,
         )
     return found
 
 
-def _check_paths(source: Path, out: Path, settings: ImportSettings) -> None:
+def _check_paths(source: Path | str, out: Path | str, settings: ImportSettings) -> None:
     """Refuse what cannot be, before any work."""
-    if not source.exists():
+    if isinstance(source, str):
+        if not is_store(source):
+            raise UnreadableFile(f"{source}: no store of a reflectance field; of pictures give their folder")
+        if settings.balls or settings.lights or settings.film:
+            raise ValueError(f"{source} is a store, which keeps its lights; leave balls, lights and a film out")
+    elif not source.exists():
         raise UnreadableFile(f"{source}: no such folder or file; check the path")
-    if (settings.lights or (settings.balls and not settings.film)) and not source.is_dir():
-        raise UnreadableFile(f"{source}: a file; with balls or a list of lights give the folder of the pictures")
-    if source.suffix.lower() in VIDEOS and settings.film is None:
-        raise ValueError(f"{source}: a film; give the course of its lamp too: rings, columns and frames a turn")
-    if out.exists() and not out.is_dir():
+    else:
+        _check_source(source, settings)
+    if isinstance(out, Path) and out.exists() and not out.is_dir():
         raise OutputNotWritten(f"{out}: a file, not a store; choose another name")
     for folder in (*settings.ball_pictures, *([settings.corrections.board] if settings.corrections.board else [])):
         if not folder.is_dir():
@@ -189,11 +201,21 @@ def _check_paths(source: Path, out: Path, settings: ImportSettings) -> None:
             raise UnreadableFile(f"{file}: no such file; check the path")
 
 
+def _check_source(source: Path, settings: ImportSettings) -> None:
+    if (settings.lights or (settings.balls and not settings.film)) and not source.is_dir():
+        raise UnreadableFile(f"{source}: a file; with balls or a list of lights give the folder of the pictures")
+    if source.suffix.lower() in VIDEOS and settings.film is None:
+        raise ValueError(f"{source}: a film; give the course of its lamp too: rings, columns and frames a turn")
+
+
 @contextmanager
 def _described(
-    source: Path, out: Path, settings: ImportSettings
+    source: Path | str, out: Path | str, settings: ImportSettings
 ) -> Iterator[tuple[tuple[Stage, Path] | None, BallFindings | None, Collection[Path]]]:
     """The stage and the place of its pictures where settings give them, what balls showed, and pictures of no light."""
+    if isinstance(source, str):
+        yield None, None, []
+        return
     corrections = settings.corrections
     beside = (corrections.ambient, corrections.mask, *settings.balls)
     left = [path for path in beside if isinstance(path, Path) and path.is_file()]
@@ -202,7 +224,8 @@ def _described(
         # Most frames of a film are between those of the grid.
         known = [*left, *(source.iterdir() if source.is_dir() else [])]
         ball = settings.balls[0] if settings.balls else None
-        with filmed_stage(source, out, settings.film, ball, settings.field_of_view, left) as described:
+        near = out if isinstance(out, Path) else Path(tempfile.gettempdir()) / Path(out).name
+        with filmed_stage(source, near, settings.film, ball, settings.field_of_view, left) as described:
             yield described, None, known
     elif settings.balls:
         # A matte ball's shading is read in light, not in codes.
@@ -224,7 +247,7 @@ def _described(
 
 
 def _field(
-    source: Path, described: tuple[Stage, Path] | None, settings: ImportSettings, known: Collection[Path]
+    source: Path | str, described: tuple[Stage, Path] | None, settings: ImportSettings, known: Collection[Path]
 ) -> tuple[ReflectanceField, TargetCard | None, tuple[float, float, float]]:
     """The field as it was taken, the card of its stage file, and the subject's middle.
 
@@ -238,6 +261,7 @@ def _field(
         if angle is not None:
             raise ValueError(f"{source} is a store, which keeps its camera; leave the field of view out")
         return read_stage(source, settings.camera), None, (0.0, 0.0, 0.0)
+    assert isinstance(source, Path)
     stage, place = find_stage_file(source) if described is None else described
     if encoding is not None:
         stage = replace(stage, encoding=_encoding_word(encoding))

@@ -79,6 +79,12 @@ class PictureFolder:
     kept: int = KEPT
     _state: _Kept = field(default_factory=_Kept, repr=False, init=False)
 
+    def __reduce__(self) -> tuple[object, ...]:
+        # What was read stays here: another process, of another folder, reads the files itself.
+        files = tuple(tuple(path.absolute() for path in paths) for paths in self.files)
+        names = ("irradiances", "shape", "camera", "noise", "encoding", "exposures", "kept")
+        return PictureFolder, (self.lights, files, *(getattr(self, name) for name in names))
+
     def block(self, lights: slice, rows: slice) -> np.ndarray:
         """Values (lights, rows, columns, 3) float32; raises InvalidStage, UnreadableFile, NotABracket."""
         chosen = range(len(self.lights))[lights]

@@ -15,6 +15,7 @@ from relume.lightstage.acquire.light_files import LIST, read_lp
 from relume.lightstage.acquire.picture_folder import KEPT, PictureFolder
 from relume.lightstage.acquire.stage_file import STAGE_FILE, LightEntry, Stage, StageCamera
 from relume.lightstage.acquire.stage_file_reading import read_stage_file
+from relume.lightstage.acquire.store_place import is_url
 from relume.lightstage.field.field import ReflectanceField
 
 PICTURES = (".exr", ".hdr", ".pic", ".pfm", ".float", ".jpg", ".jpeg", ".png", ".tif", ".tiff")
@@ -26,7 +27,8 @@ MESHES = (".glb", ".gltf", ".obj", ".ply", ".stl", ".usd", ".usda", ".usdc", ".u
 def read_stage(path: str | os.PathLike[str], camera: str | None = None, *, kept: int = KEPT) -> ReflectanceField:
     """The reflectance field at a path; its pictures are read when it is asked for them.
 
-    path : a folder with a `stage.json` or a single `.lp`, such a file itself, or a store that was imported
+    path : a folder with a `stage.json` or a single `.lp`, such a file itself, or a store that was imported, which may
+        be named by an fsspec URL
     camera : whose pictures, where the stage file names several; the first that it lists unless given
     kept : bytes of decoded pictures held in memory, so that blocks of rows need not read all files anew; 0 where each
         light is asked for once
@@ -36,6 +38,10 @@ def read_stage(path: str | os.PathLike[str], camera: str | None = None, *, kept:
     """
     from relume.lightstage.acquire.store import is_store, read_store
 
+    if is_url(path):
+        if camera is not None:
+            raise InvalidStage(f"{path}: a URL names a store, which holds the pictures of one camera; leave it out")
+        return read_store(path)
     path = Path(path)
     if is_store(path):
         if camera is not None:
@@ -66,6 +72,8 @@ def stage_geometry(path: str | os.PathLike[str]) -> tuple[Path | None, float | N
     """
     from relume.lightstage.acquire.store import is_store, stored_geometry
 
+    if is_url(path):
+        return stored_geometry(path)
     path = Path(path)
     if is_store(path):
         return stored_geometry(path)

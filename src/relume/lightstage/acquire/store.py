@@ -2,15 +2,15 @@
 
 `values` (N, H, W, 3) are float32, or float16 or uint8 with a `scale` (N,) for each light; `statistics` (N, 2) are each
 picture's mean and greatest value. `sizes` (groups of lights, tiles down, tiles across) are the bytes of every chunk,
-written when a group is finished: they separate an incomplete store from a whole one. Lights,
-camera, noise, the subject's mesh and the radius of the lamps are attributes, in metres and radians, the world's frame;
+written when a group is finished: they separate an incomplete store from a whole one. In a large store each file is a
+shard of many chunks, and `sizes` are those of the shards. A store lies in a folder or at an fsspec URL. Lights, camera,
+noise, the subject's mesh and the radius of the lamps are attributes, in metres and radians, the world's frame;
 `made_from` is the fingerprint of what the values were made from.
 Needs the extra "lightstage" (zarr).
 """
 
 from __future__ import annotations
 
-import os
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -18,6 +18,17 @@ from typing import Any
 import numpy as np
 
 from relume.errors import UnreadableFile
+from relume.lightstage.acquire.store_place import (
+    Place,
+    as_place,
+    chunk_sizes,
+    described,
+    exists,
+    filesystem,
+    is_url,
+    opened_group,
+    reading,
+)
 from relume.lightstage.field.field import Noise
 from relume.lightstage.field.lights import StageLights
 from relume.scene.cameras.camera import Camera
@@ -31,21 +42,23 @@ RESUME = "give the same import again: it goes on where it stopped"
 class StoredField:
     """A reflectance field that lies in a store and is read block by block (`read_store`).
 
-    path : of the store
+    path : of the store, or its URL
     lights, shape, camera : as of every `ReflectanceField`
     noise : of its values, what rounding to the store's type added included; None where the field's was unknown
     rounding : variance of what rounding alone added, known always; for values that are not below 0
     chunks : lights and rows of a chunk: blocks of whole chunks are read fastest
+    file_rows : rows of a file: bands of whole files are read from storage once
     value_bytes : bytes that a value takes while it is read: as it is kept, and once more while chunks are opened
     """
 
-    path: Path
+    path: Path | str
     lights: StageLights
     shape: tuple[int, int]
     camera: Camera | None
     noise: Noise | None
     rounding: Noise
     chunks: tuple[int, int]
+    file_rows: int
     value_bytes: int
     values: Any
     scale: np.ndarray | None
@@ -73,15 +86,12 @@ class StoredField:
         return part, None if self.scale is None else self.scale[lights].astype(np.float64)
 
 
-def is_store(path: str | os.PathLike[str]) -> bool:
-    """Whether a reflectance field's store is there, whole or not."""
-    try:
-        return f'"{KIND}"' in (Path(path) / "zarr.json").read_text(encoding="utf-8")
-    except (OSError, UnicodeDecodeError):
-        return False
+def is_store(path: Place) -> bool:
+    """Whether a reflectance field's store is there, whole or not; raises UnreadableFile for a URL that is refused."""
+    return f'"{KIND}"' in (described(path) or "")
 
 
-def read_store(path: str | os.PathLike[str]) -> StoredField:
+def read_store(path: Place) -> StoredField:
     """The field of a store; nothing but its description is read yet.
 
     Raises UnreadableFile for what is no store, one that was cut short, one with a missing or shortened file, and one of
@@ -100,7 +110,8 @@ def read_store(path: str | os.PathLike[str]) -> StoredField:
         noise, rounding = attributes["noise"], attributes.get("rounding")
     except Exception as error:
         raise UnreadableFile(f"{path}: the store's description is damaged ({error}); {RESUME}") from error
-    missing = unfinished(Path(path), sizes)
+    with reading(path):
+        missing = unfinished(path, sizes)
     if missing.any() or rounding is None:
         lacking = np.count_nonzero(missing)
         short = f"{lacking} of its {len(missing)} groups of lights are missing or cut short" if lacking else "cut short"
@@ -108,20 +119,21 @@ def read_store(path: str | os.PathLike[str]) -> StoredField:
     added = Noise(*rounding)
     known = None if noise is None else Noise(noise[0] + added.constant, noise[1] + added.slope)
     return StoredField(
-        Path(path),
+        as_place(path),
         lights,
         (values.shape[1], values.shape[2]),
         camera,
         known,
         added,
         (values.chunks[0], values.chunks[1]),
+        (values.shards or values.chunks)[1],
         2 * values.dtype.itemsize,
         values,
         None if values.dtype == np.float32 else scale,
     )
 
 
-def stored_geometry(path: str | os.PathLike[str]) -> tuple[Path | None, float | None]:
+def stored_geometry(path: Place) -> tuple[Path | None, float | None]:
     """The mesh of the subject that a store names and the angular radius of its lights, radians; None where it does not.
 
     Raises UnreadableFile for what is no store, and where the mesh is no longer there.
@@ -135,15 +147,17 @@ def stored_geometry(path: str | os.PathLike[str]) -> tuple[Path | None, float | 
     return None if mesh is None else Path(mesh), None if radius is None else float(radius)
 
 
-def opened(path: str | os.PathLike[str], mode: Any = "r") -> Any:
+def opened(path: Place, mode: Any = "r") -> Any:
     """The zarr group of a store; UnreadableFile where there is none."""
     zarr = required_zarr()
-    if not Path(path).exists():
-        raise UnreadableFile(f"{path}: there is no such store")
+    if is_url(path):
+        filesystem(path)
     if not is_store(path):
+        if not exists(path):
+            raise UnreadableFile(f"{path}: there is no such store")
         raise UnreadableFile(f"{path}: no store of a reflectance field; give a folder that an import wrote")
     try:
-        return zarr.open_group(str(path), mode=mode)
+        return opened_group(zarr, path, mode)
     except Exception as error:
         raise UnreadableFile(f"{path}: the store cannot be opened ({error}); import again") from error
 
@@ -159,19 +173,9 @@ def required_zarr() -> Any:
     return zarr
 
 
-def unfinished(path: Path, sizes: np.ndarray) -> np.ndarray:
+def unfinished(path: Place, sizes: np.ndarray) -> np.ndarray:
     """Which groups of lights (groups,) have a chunk that is not there in the length it was written in."""
     return (sizes == 0).any(axis=(1, 2)) | (chunk_sizes(path, sizes.shape) != sizes).any(axis=(1, 2))
-
-
-def chunk_sizes(path: Path, grid: tuple[int, ...], groups: range | None = None) -> np.ndarray:
-    """Bytes of the files of every chunk, 0 where there is none; of these groups of lights, all unless given."""
-    chosen = range(grid[0]) if groups is None else groups
-    found = np.zeros((len(chosen), *grid[1:]), np.int64)
-    for place, down, across in np.ndindex(found.shape):
-        file = path / "values" / "c" / str(chosen[place]) / str(down) / str(across) / "0"
-        found[place, down, across] = file.stat().st_size if file.is_file() else 0
-    return found
 
 
 def description(lights: StageLights, camera: Camera | None, noise: Noise | None) -> dict[str, Any]:

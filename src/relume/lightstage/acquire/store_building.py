@@ -1,38 +1,48 @@
 """Building a store of a reflectance field in one pass over its pictures: each is asked for once.
 
-Lights are taken in groups that are a chunk deep. A group counts once all of its chunks are written and their sizes
-noted, so a build that was cut short goes on with the first group that is not finished. It goes on only with what the
-same import began: a fingerprint of what the values are made from is kept beside them.
+Lights are taken in groups that are a chunk deep, each by whoever is free, in this process or by a cluster's workers: no
+file belongs to two groups. A group counts once all of its chunks are written and their sizes noted, so a build that
+was cut short goes on with the groups that are not finished. It goes on only with what the same import began: a
+fingerprint of what the values are made from is kept beside them.
 """
 
 from __future__ import annotations
 
-import os
-from collections.abc import Iterable
+from collections.abc import Iterable, Iterator
+from contextlib import contextmanager, nullcontext
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
 from relume.errors import CannotResume, OutputNotWritten, UnreadableFile, warn
-from relume.lightstage.acquire.store import (
-    RESUME,
+from relume.lightstage.acquire.store import RESUME, description, is_store, opened, required_zarr, unfinished
+from relume.lightstage.acquire.store_place import (
+    Place,
+    as_place,
     chunk_sizes,
-    description,
-    is_store,
-    opened,
-    required_zarr,
-    unfinished,
+    created_group,
+    is_bare,
+    is_url,
+    opened_group,
+    reading,
+    within_process,
 )
+from relume.lightstage.blocks import Cluster, spread
 from relume.lightstage.field.field import ReflectanceField
-from relume.lightstage.relighting.relighting import MEMORY, Progress
+from relume.lightstage.relighting.relighting import MEMORY, Progress, cut
 from relume.renderers.progressive.fingerprint import fingerprint
 
 _CHUNK = 32 * 32 * 256 * 3
 """Bytes of a chunk: large enough that opening its file costs little, small enough that a tile is read alone."""
 _DEPTH, _ACROSS = 32, 256
+_SHARDED = 1 << 29
+"""Bytes of values from which on many chunks share a file: a stage of terabytes would be millions of files else."""
+_SHARD = 64 << 20
+"""Bytes of such a file before packing."""
 _OPEN_CHUNKS = 32 << 20
-"""Bytes for the chunks that are packed at one time."""
+"""Bytes for the chunks that are packed at one time, twice what a shard has where there are shards."""
 COARSE = 0.02
 """Rounding by more than this part of the mean value causes a warning; pictures that fill their 8 bits stay below."""
 _HALF_EXPONENT = 15
@@ -45,7 +55,7 @@ _LATE = ("mesh", "light_radius", "rounding")
 
 def build_store(
     field: ReflectanceField,
-    path: str | os.PathLike[str],
+    path: Place,
     *,
     dtype: Any = np.float16,
     max_memory: int = MEMORY,
@@ -53,9 +63,11 @@ def build_store(
     made_from: object = None,
     mesh: Path | None = None,
     light_radius: float | None = None,
+    cluster: Cluster = None,
 ) -> None:
     """Write a field as a store, or go on with one that was cut short.
 
+    path : a folder, or an fsspec URL
     dtype : float16 unless given, which keeps every value to 1 in 2000 down to 4·10⁻⁹ (2⁻²⁸) of the largest of its own
         picture, and smaller ones to 2·10⁻¹² (2⁻³⁹) of that; float32 keeps all; uint8 holds 255 steps up to the largest
         value of each light's picture, which is fit for what came from 8 bits
@@ -65,24 +77,27 @@ def build_store(
         options, `file_facts` of the pictures; a store that was cut short is gone on with only where it is the same
     mesh : of the subject, kept by its absolute path for `stored_geometry`
     light_radius : angular radius of every light, radians, likewise
+    cluster : whose workers write the groups of lights, as `relume.cluster.run_tasks` takes it; this process for None.
+        Incomplete names the groups that failed; the others stay, and the same import goes on with what is missing
     Raises ValueError for values that the type cannot hold (negative in 8 bits, not finite), a radius that is none, and
     too little memory; UnreadableFile for a mesh that is not there; CannotResume where the store that is there belongs
     to another field or import; OutputNotWritten where it is whole already, cannot be written, or lost a part meanwhile.
     Warns where 8 bits are coarse for these pictures.
     """
-    zarr, path, kind = required_zarr(), Path(path), np.dtype(dtype)
+    zarr, path, kind = required_zarr(), as_place(path), np.dtype(dtype)
     if kind not in (np.float16, np.float32, np.uint8):
         raise ValueError(f"dtype is {kind}; a store holds float16, float32 or uint8")
+    if cluster is not None and within_process(path):
+        raise ValueError(f"{path}: no worker sees the memory of this process; give a folder or another URL")
     geometry = _geometry(mesh, light_radius)
     attributes = description(field.lights, field.camera, field.noise) | {"shape": list(field.shape), "dtype": kind.name}
     attributes["made_from"] = None if made_from is None else fingerprint(made_from)
     try:
-        root = _begun(zarr, path, field, kind, attributes, max_memory)
-        with zarr.config.set({"array.write_empty_chunks": True}):
-            # An array that is opened again has forgotten that its chunks of nothing but zeros are to be written.
-            values = root["values"]
-        _fill(root, values, path, field, max_memory, progress)
-        root.update_attributes({"rounding": _rounding(path, root)} | geometry)
+        with writing(path):
+            root = _begun(zarr, path, field, kind, attributes, max_memory)
+        _fill(root, path, field, max_memory, progress, cluster)
+        with writing(path):
+            root.update_attributes({"rounding": _rounding(path, root)} | geometry)
     except OSError as error:
         raise OutputNotWritten(f"{path}: cannot be written: {error.strerror or error}") from error
 
@@ -113,10 +128,10 @@ def _geometry(mesh: Path | None, light_radius: float | None) -> dict[str, Any]:
 
 
 def _begun(
-    zarr: Any, path: Path, field: ReflectanceField, kind: np.dtype, attributes: dict[str, Any], max_memory: int
+    zarr: Any, path: Path | str, field: ReflectanceField, kind: np.dtype, attributes: dict[str, Any], max_memory: int
 ) -> Any:
     """The store to fill: a new one, or the one that was cut short."""
-    if path.exists() and not is_store(path) and (not path.is_dir() or any(path.iterdir())):
+    if not is_store(path) and not is_bare(path):
         raise OutputNotWritten(f"{path}: something else is there; choose another path")
     if is_store(path):
         root = opened(path, "r+")
@@ -135,14 +150,18 @@ def _begun(
         if {"values", "scale", "statistics", "sizes"} <= set(root.array_keys()):
             return root
     depth = _depth(field, kind, max_memory)
-    root = zarr.create_group(str(path), attributes=attributes, overwrite=True)
+    root = created_group(zarr, path, attributes)
     shape = (len(field.lights), *field.shape, 3)
     across = min(_ACROSS, shape[2])
     down = max(1, min(_CHUNK // (_DEPTH * _ACROSS * 3 * kind.itemsize), shape[1]))
     codecs = (zarr.codecs.BloscCodec(cname="lz4", clevel=1, shuffle="shuffle"), zarr.codecs.Crc32cCodec())
-    grid = tuple(-(-size // part) for size, part in zip(shape[:3], (depth, down, across), strict=True))
-    chunks = (depth, down, across, 3)
-    root.create_array("values", shape=shape, dtype=kind, chunks=chunks, compressors=codecs)
+    chunks, shards = (depth, down, across, 3), None
+    if np.prod(shape) * kind.itemsize >= _SHARDED:
+        wide = -(-shape[2] // across) * across
+        rows = _SHARD // (depth * wide * 3 * kind.itemsize) // down
+        shards = (depth, min(max(1, rows), -(-shape[1] // down)) * down, wide, 3)
+    grid = tuple(-(-size // part) for size, part in zip(shape[:3], (shards or chunks)[:3], strict=True))
+    root.create_array("values", shape=shape, dtype=kind, chunks=chunks, shards=shards, compressors=codecs)
     root.create_array("scale", shape=shape[:1], dtype=np.float32, chunks=(depth,))
     root.create_array("statistics", shape=(shape[0], 2), dtype=np.float64, chunks=(depth, 2))
     root.create_array("sizes", shape=grid, dtype=np.int64, chunks=(1, *grid[1:]))
@@ -151,46 +170,97 @@ def _begun(
 
 def _depth(field: ReflectanceField, kind: np.dtype, max_memory: int) -> int:
     """Lights of a group: as many as memory holds, at most the depth of a chunk."""
+    (height, width), count = field.shape, len(field.lights)
     # A picture is held as float32, as what is written, and while one of the group is rounded.
-    a_light = field.shape[0] * field.shape[1] * 3 * (4 + kind.itemsize)
-    rounded = field.shape[0] * field.shape[1] * 3 * 8
-    depth = min(_DEPTH, len(field.lights), (max_memory - _OPEN_CHUNKS - rounded) // a_light)
+    a_light = height * width * 3 * (4 + kind.itemsize)
+    rounded = height * width * 3 * 8
+    packed = 3 * _SHARD if count * height * width * 3 * kind.itemsize >= _SHARDED else _OPEN_CHUNKS
+    depth = min(_DEPTH, count, (max_memory - packed - rounded) // a_light)
     if depth < 1:
         raise ValueError(
-            f"max_memory is {max_memory / 1e6:.0f} MB; pictures of {field.shape[1]}×{field.shape[0]} need "
-            f"{np.ceil((a_light + rounded + _OPEN_CHUNKS) / 1e6):.0f} MB"
+            f"max_memory is {max_memory / 1e6:.0f} MB; pictures of {width}×{height} need "
+            f"{np.ceil((a_light + rounded + packed) / 1e6):.0f} MB"
         )
     return int(depth)
 
 
+@contextmanager
+def writing(path: Path | str) -> Iterator[None]:
+    """What a URL's storage says inside, as an OutputNotWritten of one line; a folder's errors stay what they are."""
+    try:
+        with reading(path) if is_url(path) else nullcontext():
+            yield
+    except UnreadableFile as error:
+        if not is_url(path):
+            raise
+        raise OutputNotWritten(str(error)) from error
+
+
+@dataclass(frozen=True, eq=False)
+class _Group:
+    """A group of lights to be written.
+
+    field : all of it
+    path : of the store that was begun
+    number : of the group
+    """
+
+    field: ReflectanceField
+    path: Path | str
+    number: int
+
+
 def _fill(
-    root: Any, values: Any, path: Path, field: ReflectanceField, max_memory: int, progress: Progress | None
+    root: Any,
+    path: Path | str,
+    field: ReflectanceField,
+    max_memory: int,
+    progress: Progress | None,
+    cluster: Cluster,
 ) -> None:
     """Write the groups that are not finished, each with its sizes last, and see that all are there."""
-    sizes = root["sizes"]
+    values, sizes = root["values"], root["sizes"]
     depth, count = values.chunks[0], len(field.lights)
-    waiting = np.flatnonzero(unfinished(path, np.asarray(sizes)))
-    if len(waiting) == 0 and "rounding" in root.attrs:
+    waiting = np.flatnonzero(unfinished(path, np.asarray(sizes))).tolist()
+    if not waiting and "rounding" in root.attrs:
         raise OutputNotWritten(f"{path}: the store is whole already; delete it to import again")
     if depth > _depth(field, values.dtype, max_memory):
         raise ValueError(
             f"max_memory is {max_memory / 1e6:.0f} MB, less than what {path} was begun with; give more, or delete it"
         )
-    for done, group in enumerate(waiting):
-        lights = slice(int(group) * depth, min((int(group) + 1) * depth, count))
-        pictures = field.block(lights, slice(0, field.shape[0]))
-        names = field.lights.names[lights]
-        coded, steps, statistics = _coded(pictures, values.dtype, names)
-        del pictures
-        values[lights] = coded
-        root["scale"][lights], root["statistics"][lights] = steps, statistics
-        sizes[int(group)] = chunk_sizes(path, sizes.shape, range(int(group), int(group) + 1))[0]
-        del coded
-        if progress:
-            progress((done + 1) / len(waiting))
+    where = path if isinstance(path, str) else path.absolute()
+    ends = [(number * depth, min((number + 1) * depth, count) - 1) for number in waiting]
+    spread(
+        _write_group,
+        [_Group(field, where, number) for number in waiting],
+        [f"lights {first}…{last} ({field.lights.names[first]} …)" for first, last in ends],
+        cluster,
+        progress,
+        paths=[] if isinstance(where, str) else [where],
+    )
     lost = np.count_nonzero(unfinished(path, np.asarray(sizes)))
     if lost:
         raise OutputNotWritten(f"{path}: {lost} groups of lights were written and are not there; {RESUME}")
+
+
+def _write_group(group: _Group) -> None:
+    """Write a group's values, then what 1 stands for in each picture, and last the sizes, by which it counts."""
+    zarr, field, path = required_zarr(), group.field, group.path
+    with writing(path):
+        root = opened_group(zarr, path, "r+")
+        with zarr.config.set({"array.write_empty_chunks": True}):
+            # An array that is opened again has forgotten that its chunks of nothing but zeros are to be written.
+            values = root["values"]
+    depth, sizes = values.chunks[0], root["sizes"]
+    lights = slice(group.number * depth, min((group.number + 1) * depth, len(field.lights)))
+    pictures = field.block(lights, slice(0, field.shape[0]))
+    coded, steps, statistics = _coded(pictures, values.dtype, field.lights.names[lights])
+    del pictures
+    with writing(path):
+        for rows in cut(field.shape[0], values.shards[1] if values.shards else field.shape[0]):
+            values[lights, rows] = coded[:, rows]
+        root["scale"][lights], root["statistics"][lights] = steps, statistics
+        sizes[group.number] = chunk_sizes(path, sizes.shape, range(group.number, group.number + 1))[0]
 
 
 def _coded(pictures: np.ndarray, kind: np.dtype, names: tuple[str, ...]) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
@@ -225,7 +295,7 @@ def _coded(pictures: np.ndarray, kind: np.dtype, names: tuple[str, ...]) -> tupl
     return coded, steps, statistics
 
 
-def _rounding(path: Path, root: Any) -> list[float]:
+def _rounding(path: Path | str, root: Any) -> list[float]:
     """Variance of what rounding added, constant and slope.
 
     A step s of 8 bits adds s²/12, here the mean over the lights, black pictures adding nothing. A half is off by at

@@ -11,12 +11,24 @@ pixel depend on the field alone, so a picture is linear in the light of given di
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from functools import cached_property
+from pathlib import Path
 from time import perf_counter
 
 import numpy as np
 
+from relume.cluster.attempt import threads as worker_threads
+from relume.lightstage.blocks import Cluster, by_bands
 from relume.lightstage.direct_light.light_directions import DirectedLight
-from relume.lightstage.direct_light.model import DirectLightSettings, direct_model, direct_picture, left_over
+from relume.lightstage.direct_light.model import (
+    DirectLightSettings,
+    DirectModel,
+    direct_model,
+    direct_picture,
+    left_over,
+)
+from relume.lightstage.direct_light.surface import Geometry
 from relume.lightstage.field.field import ReflectanceField
 from relume.lightstage.relighting.relighting import MEMORY, Progress, cut
 from relume.scene.shapes.shapes import Mesh
@@ -35,6 +47,8 @@ def relight_with_mesh(
     *,
     threads: int | None = None,
     memory: int = MEMORY,
+    cluster: Cluster = None,
+    place: Path | str | None = None,
 ) -> np.ndarray:
     """The picture (H, W, 3) float32 under light from many directions, with direct light computed on a mesh.
 
@@ -44,6 +58,7 @@ def relight_with_mesh(
     geometry : meshes of the subject in the stage's frame
     threads : every core unless given
     memory : bytes that a block of rows may take; they change no more than the last bits
+    cluster, place : whose workers do the blocks, and where these lie (`blocks.by_bands`)
     Raises ValueError for a mesh without a camera or outside the picture, and for less memory than a row takes.
     """
     # For what direct light leaves over.
@@ -52,16 +67,45 @@ def relight_with_mesh(
         for by in (settings.remainder, settings.spike_interpolation)
     )
     blocks = row_blocks(source, memory)
-    model = direct_model(source, geometry, settings, threads)
-    picture = np.empty((*source.shape, 3), np.float32)
-    for rows in blocks:
-        wide, samples = model.samples(rows)
-        left, scales = left_over(model, samples, wide, rows, irradiances, spike_irradiances)
-        direct = np.einsum("bkc,kbc->kc", direct_picture(model, samples, wide, rows, light), scales)
-        picture[rows] = (left + direct).reshape(-1, source.shape[1], 3)
-        if progress:
-            progress(rows.stop / source.shape[0])
-    return picture
+    alpha = direct_model(source, geometry, settings, threads).alpha
+    shared = _OnMesh(
+        source, light, tuple(geometry), replace(settings, alpha=alpha), threads, irradiances, spike_irradiances
+    )
+    made = by_bands(_lit_rows, shared, blocks, cluster=cluster, place=place, progress=progress, memory=memory)
+    return made.whole("radiance")
+
+
+@dataclass(frozen=True, eq=False)
+class _OnMesh:
+    """What every block of rows needs: the arguments of `relight_with_mesh`, and the irradiances of what is left over.
+
+    settings : with the width of gloss that was found in all of the field
+    """
+
+    source: ReflectanceField
+    light: DirectedLight
+    geometry: tuple[Mesh, ...]
+    settings: DirectLightSettings
+    threads: int | None
+    irradiances: np.ndarray
+    spike_irradiances: np.ndarray
+
+    @cached_property
+    def model(self) -> DirectModel:
+        """Made once in each process."""
+        own = self.threads if self.threads is not None else worker_threads()
+        camera, alpha = self.source.camera, self.settings.alpha
+        assert camera is not None and alpha is not None
+        return DirectModel(self.source, Geometry.of(self.geometry), camera, self.settings, alpha, own)
+
+
+def _lit_rows(shared: _OnMesh, rows: slice) -> dict[str, np.ndarray]:
+    """The rows of the picture."""
+    model = shared.model
+    wide, samples = model.samples(rows)
+    left, scales = left_over(model, samples, wide, rows, shared.irradiances, shared.spike_irradiances)
+    direct = np.einsum("bkc,kbc->kc", direct_picture(model, samples, wide, rows, shared.light), scales)
+    return {"radiance": (left + direct).reshape(-1, shared.source.shape[1], 3).astype(np.float32)}
 
 
 def row_blocks(source: ReflectanceField, memory: int) -> tuple[slice, ...]:

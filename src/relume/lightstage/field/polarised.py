@@ -11,6 +11,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from relume.errors import warn
+from relume.lightstage.blocks import sum_of_lights
 from relume.lightstage.field.field import Derived, Noise, ReflectanceField
 
 SAME_DIRECTION = 1e-3
@@ -60,7 +61,7 @@ class PolarisedPair:
                 f'the light "{first.lights.names[odd]}" of the parallel take is "{second.lights.names[odd]}" of the '
                 f"crossed one, {np.degrees(apart[odd]):.2f}° away; give both takes the same lights in the same order"
             )
-        bright, dark = _sum_of_lights(first), _sum_of_lights(second)
+        bright, dark = sum_of_lights(first), sum_of_lights(second)
         if DARKER * dark.sum() > bright.sum():
             raise ValueError("the crossed take is brighter than the parallel one; swap the two")
         if dark.sum() >= DARKER * bright.sum():
@@ -105,14 +106,6 @@ class PolarisedPart(Derived):
     def block(self, lights: slice, rows: slice) -> np.ndarray:
         crossed = self.crossed.block(lights, rows)
         return self.field.block(lights, rows) - crossed if self.specular else 2 * crossed
-
-
-def _sum_of_lights(field: ReflectanceField) -> np.ndarray:
-    """Brightness (H, W) under all lights at once, read light by light."""
-    total = np.zeros(field.shape, np.float64)
-    for light in range(len(field.lights)):
-        total += field.block(slice(light, light + 1), slice(0, field.shape[0]))[0].mean(axis=-1)
-    return total
 
 
 def _alike(bright: np.ndarray, dark: np.ndarray) -> str:

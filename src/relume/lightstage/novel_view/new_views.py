@@ -16,9 +16,11 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 
+from relume.lightstage.blocks import Cluster, by_bands
 from relume.lightstage.direct_light.light_directions import DirectedLight
 from relume.lightstage.direct_light.model import (
     DirectLightSettings,
@@ -38,6 +40,8 @@ from relume.scene.shapes.shapes import Mesh
 PIXELS = 8192
 """Pixels worked on at once: with 300 lights a block of one part is 30 MB."""
 _ROWS = 32
+_BESIDE = 8
+"""Rows beside those of the mesh that are looked at too: its background, and what a pixel gathers."""
 
 
 def measured_view(
@@ -107,6 +111,8 @@ def _shaded(source: SourceView, irradiance: np.ndarray, sight: Sight, wanted: np
     way = camera.position - sight.points
     new_view = way / np.linalg.norm(way, axis=-1, keepdims=True)
     for rows in cut(field.shape[0], max(1, PIXELS // field.shape[1])):
+        if not _near(sight.met, rows):
+            continue
         result[rows] = np.einsum("nrwc,nc->rwc", field.block(every, rows), irradiance, optimize=True)
         if parts is None:
             continue
@@ -141,10 +147,13 @@ def direct_light_view(
     *,
     settings: DirectLightSettings = DirectLightSettings(),
     blending: Blending = Blending(),
+    cluster: Cluster = None,
+    place: Path | str | None = None,
 ) -> NewView:
     """The subject under light from many directions, seen by a new camera.
 
     light : as `quadtree_lights` makes it from a map
+    cluster, place : whose workers do bands of rows, and where these lie (`blocks.by_bands`)
     The sources' parts and chromaticity ramps are not used.
     Raises ValueError for a mesh that does not match a source's picture, and a new camera that sees nothing of it.
     """
@@ -155,37 +164,61 @@ def direct_light_view(
     models = [direct_model(source.field, several, settings) for source in given]
 
     def layers(index: int, edges: Outline) -> tuple[np.ndarray, Outline]:
-        left, scales = _layers_under(models[index], light)
+        left, scales = _layers_under(models[index], light, edges.sight.met, cluster, place)
         left, usable = without_background(left, edges)
         return np.concatenate([left, scales], axis=-1), usable
 
     def shading(index: int, visible: np.ndarray, found: np.ndarray) -> np.ndarray:
-        direct = _direct(models[index], camera, light)[:, rays.pixels()[visible]]
+        direct = _direct(models[index], camera, light, cluster, place)[:, rays.pixels()[visible]]
         return found[:, :3] + np.einsum("bkc,kbc->kc", direct, found[:, 3:].reshape(-1, 2, 3))
 
     return blend_sources(given, subject, rays, layers, shading, blending)
 
 
-def _layers_under(model: DirectModel, light: DirectedLight) -> tuple[np.ndarray, np.ndarray]:
-    """What direct light leaves over under this light, (H, W, 3), and the scales of its two parts, (H, W, 6)."""
+def _layers_under(
+    model: DirectModel, light: DirectedLight, met: np.ndarray, cluster: Cluster, place: Path | str | None
+) -> tuple[np.ndarray, np.ndarray]:
+    """What direct light leaves over under this light, (H, W, 3), and the scales of its two parts, (H, W, 6).
+
+    met : (H, W) bool, where the source sees the mesh; far from it nothing is read, and both are 0
+    """
     field = model.source
     amounts, spike_irradiances = (
         by.gathered(field.lights, light.directions, light.irradiances)
         for by in (model.settings.remainder, model.settings.spike_interpolation)
     )
     left, scales = np.zeros((*field.shape, 3)), np.zeros((*field.shape, 6))
-    for rows in cut(field.shape[0], _ROWS):
-        wide, samples = model.samples(rows)
-        over, found = left_over(model, samples, wide, rows, amounts, spike_irradiances)
-        scales[rows] = found.reshape(-1, field.shape[1], 6)
-        left[rows] = over.reshape(-1, field.shape[1], 3)
+    bands = [rows for rows in cut(field.shape[0], _ROWS) if _near(met, rows)]
+    shared = model, amounts, spike_irradiances
+    made = by_bands(_layers_of_rows, shared, bands, cluster=cluster, place=place)
+    for number, rows in enumerate(bands):
+        left[rows], scales[rows] = made.of("left", number), made.of("scales", number)
     return left, scales
 
 
-def _direct(model: DirectModel, camera: Camera, light: DirectedLight) -> np.ndarray:
+def _layers_of_rows(shared: tuple[DirectModel, np.ndarray, np.ndarray], rows: slice) -> dict[str, np.ndarray]:
+    model, amounts, spike_irradiances = shared
+    wide, samples = model.samples(rows)
+    over, found = left_over(model, samples, wide, rows, amounts, spike_irradiances)
+    columns = model.source.shape[1]
+    return {"left": over.reshape(-1, columns, 3), "scales": found.reshape(-1, columns, 6)}
+
+
+def _near(met: np.ndarray, rows: slice) -> bool:
+    """Whether the mesh is seen (H, W) in these rows or close to them."""
+    return bool(met[max(0, rows.start - _BESIDE) : rows.stop + _BESIDE].any())
+
+
+def _direct(
+    model: DirectModel, camera: Camera, light: DirectedLight, cluster: Cluster, place: Path | str | None
+) -> np.ndarray:
     """Direct light (2, H · W, 3) as the pixels of a new camera gather it."""
-    seen, parts = replace(model, camera=camera), []
-    for rows in cut(camera.height, _ROWS):
-        wide, samples = seen.samples(rows)
-        parts.append(direct_picture(seen, samples, wide, rows, light))
-    return np.concatenate(parts, axis=1)
+    bands, shared = cut(camera.height, _ROWS), (replace(model, camera=camera), light)
+    made = by_bands(_direct_rows, shared, bands, cluster=cluster, place=place)
+    return np.concatenate(made.each("direct"), axis=1)
+
+
+def _direct_rows(shared: tuple[DirectModel, DirectedLight], rows: slice) -> dict[str, np.ndarray]:
+    model, light = shared
+    wide, samples = model.samples(rows)
+    return {"direct": direct_picture(model, samples, wide, rows, light)}

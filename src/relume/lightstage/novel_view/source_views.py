@@ -13,6 +13,7 @@ import numpy as np
 
 from relume.errors import warn
 from relume.image.radiance import OUTSIDE, RadianceMap
+from relume.lightstage.blocks import sum_of_lights
 from relume.lightstage.field.field import ReflectanceField
 from relume.lightstage.novel_view.projection import Outline, Subject, check_mesh_matches, outline, sampled
 from relume.lightstage.surface.separation import Separated
@@ -176,7 +177,7 @@ def blend_sources(
     values, weights = np.zeros((len(sources), len(rays.place), 3)), np.zeros((len(sources), len(rays.place)))
     for index, source in enumerate(sources):
         edges = outline(subject, source.camera, source.matte)
-        check_mesh_matches(_brightness(source.field), edges.sight, source.name)
+        check_mesh_matches(sum_of_lights(source.field) / len(source.field.lights), edges.sight, source.name)
         values_of_source, edges = layers(index, edges)
         visible = np.flatnonzero(subject.visible(rays.points, rays.facets, source.camera))
         # Pixels to where the source's sight of the surface ends; 0 where it has none.
@@ -192,14 +193,6 @@ def blend_sources(
     total = weights.sum(axis=0)
     mean = np.einsum("kn,knc->nc", weights, values) / np.maximum(total, 1e-300)[:, None]
     return _assembled(mean, total > 0, rays.place, rays.camera)
-
-
-def _brightness(field: ReflectanceField) -> np.ndarray:
-    """The mean (H, W) of all values of each pixel, read light by light."""
-    total = np.zeros(field.shape)
-    for light in range(len(field.lights)):
-        total += field.block(slice(light, light + 1), slice(0, field.shape[0]))[0].mean(axis=-1)
-    return total / len(field.lights)
 
 
 def _assembled(values: np.ndarray, seen: np.ndarray, place: np.ndarray, camera: Camera) -> NewView:

@@ -19,6 +19,7 @@ e_i = o_i = 1, and R_i comes back. Directions are of the world, towards the ligh
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -69,12 +70,16 @@ class DiffuseFit:
     strengths : (N, 3, 3), g by light, term and channel, how many times stronger each of the field's lights was than
         its neighbours: at the picture's middle (1 where unknown), and what is added to that from there to the right
         and downwards, over half the picture's longer side
+    first_row : of the whole picture's, where these are some of its rows
+    whole : rows and columns of that picture; the shape of these unless given
     """
 
     lobes: np.ndarray
     constants: np.ndarray
     colours: np.ndarray
     strengths: np.ndarray
+    first_row: int = 0
+    whole: tuple[int, int] | None = None
 
     def lit(self, directions: np.ndarray, irradiances: np.ndarray) -> np.ndarray:
         """The picture (H, W, 3) float32 of the fit in light from M directions (M, 3) of irradiances (M, 3).
@@ -91,7 +96,8 @@ class DiffuseFit:
             pixels = shown[part]
             shading = np.maximum(lobes[pixels].astype(np.float64) @ towards, 0)
             terms = (shading @ light + constants[pixels, None] * total).reshape(len(pixels), -1, 3)
-            picture[pixels] = np.einsum("pt,ptc->pc", _plane(pixels, shape)[:, : terms.shape[1]], terms)
+            places = _plane(pixels + self.first_row * shape[1], self.whole or shape)
+            picture[pixels] = np.einsum("pt,ptc->pc", places[:, : terms.shape[1]], terms)
         return picture.reshape(*shape, 3) * self.colours
 
     def added(self, light: StageLighting, lights: StageLights, given: np.ndarray) -> np.ndarray:
@@ -99,15 +105,22 @@ class DiffuseFit:
 
         given : (N, 3), e_i, the light gathered by `Remainder`
         """
-        directed = light.directed(LEAVES)
-        directions = np.concatenate([directed.directions, lights.directions])
-        own = light.irradiances(lights, Remainder().of_each_alone(lights))
-        irradiances = np.zeros((len(directions), 3, 3))
-        irradiances[: len(directed.directions), 0] = directed.irradiances
-        # g e − (g − 1) o, with g a plane: o stands at the middle alone.
-        irradiances[len(directed.directions) :] = -self.strengths * (given - own)[:, None]
-        irradiances[len(directed.directions) :, 0] -= own
-        return self.lit(directions, irradiances)
+        return self.lit(*terms(self.strengths, light, lights, given))
+
+
+def terms(
+    strengths: np.ndarray, light: StageLighting, lights: StageLights, given: np.ndarray
+) -> tuple[np.ndarray, np.ndarray]:
+    """Directions (M, 3) and irradiances (M, 3, 3) by which a fit of these strengths is lit in `DiffuseFit.added`."""
+    directed = light.directed(LEAVES)
+    directions = np.concatenate([directed.directions, lights.directions])
+    own = light.irradiances(lights, Remainder().of_each_alone(lights))
+    irradiances = np.zeros((len(directions), 3, 3))
+    irradiances[: len(directed.directions), 0] = directed.irradiances
+    # g e − (g − 1) o, with g a plane: o stands at the middle alone.
+    irradiances[len(directed.directions) :] = -strengths * (given - own)[:, None]
+    irradiances[len(directed.directions) :, 0] -= own
+    return directions, irradiances
 
 
 def needs_fit(lights: StageLights) -> bool:
@@ -118,28 +131,52 @@ def needs_fit(lights: StageLights) -> bool:
 def fit_diffuse(field: ReflectanceField, memory: int, progress: Progress | None = None) -> DiffuseFit:
     """The fit of each of a field's pixels; the field is read once, in bands of rows of so many bytes, one at least."""
     (height, width), count = field.shape, len(field.lights)
-    rows = max(1, memory // 2 // (count * width * 3 * 4))
-    apart = -(-height * width // _SAMPLE)
-    found, sample = [], []
+    rows, found = max(1, memory // 2 // (count * width * 3 * 4)), []
     for band in cut(height, rows):
-        values = field.block(slice(0, count), band).reshape(count, -1, 3)
-        step = max(1, min(_PIXELS, memory // 2 // (count * _BYTES)))
-        found += [fitted(values[:, part], field.lights.directions) for part in cut(values.shape[1], step)]
-        # A copy: a view would keep the whole band.
-        sample.append(values[:, -(band.start * width) % apart :: apart].copy())
+        found.append(fitted_rows(field, band, memory))
         if progress:
             progress(band.stop / height)
+    lobes, constants, colours = (np.concatenate([each[name] for each in found]) for name in FIT_MAPS)
+    return DiffuseFit(lobes, constants, colours, strengths_in([each["sample"] for each in found], field))
+
+
+FIT_MAPS = ("lobes", "constants", "colours")
+
+
+def fitted_rows(field: ReflectanceField, band: slice, memory: int) -> dict[str, np.ndarray]:
+    """The fit's maps in a band of rows, and "sample" (N + 3, P, 3): values of some of its pixels, and their fit.
+
+    The fit's rows are b, a three times and the colours.
+    """
+    (height, width), count = field.shape, len(field.lights)
+    apart = -(-height * width // _SAMPLE)
+    values = field.block(slice(0, count), band).reshape(count, -1, 3)
+    step = max(1, min(_PIXELS, memory // 2 // (count * _BYTES)))
+    found = [fitted(values[:, part], field.lights.directions) for part in cut(values.shape[1], step)]
     lobes, constants, colours = (np.concatenate(each) for each in zip(*found, strict=True))
-    shape = (height, width)
-    places = _plane(np.arange(0, height * width, apart), shape)
-    values = np.concatenate(sample, axis=1)
-    chosen = lobes[::apart], constants[::apart], colours[::apart], places
-    strengths = strengths_of(values, field.lights.directions, *chosen)
+    chosen = slice(-(band.start * width) % apart, None, apart)
+    fit = np.stack([lobes[chosen], np.repeat(constants[chosen, None], 3, axis=1), colours[chosen]])
+    sample = np.concatenate([values[:, chosen], fit]).astype(np.float32)
+    shape = (band.stop - band.start, width)
+    return {
+        "lobes": lobes.reshape(*shape, 3),
+        "constants": constants.reshape(shape),
+        "colours": colours.reshape(*shape, 3),
+        "sample": sample,
+    }
+
+
+def strengths_in(samples: Sequence[np.ndarray], field: ReflectanceField) -> np.ndarray:
+    """The lights' strengths (N, 3, 3) as of `DiffuseFit`, from the samples of a field's bands in their order."""
+    (height, width), count = field.shape, len(field.lights)
+    apart = -(-height * width // _SAMPLE)
+    sample = np.concatenate(samples, axis=1)
+    values, (lobes, constants, colours) = sample[:count], sample[count:]
+    places = _plane(np.arange(0, height * width, apart), (height, width))
+    strengths = strengths_of(values, field.lights.directions, lobes, constants[:, 0], colours, places)
     # What neighbours share is no lamp's own, as where a fit is too bright on one side.
-    strengths = _EVEN + Remainder().own_part((strengths - _EVEN).reshape(count, -1), field.lights, _OWN).reshape(
-        strengths.shape
-    )
-    return DiffuseFit(lobes.reshape(*shape, 3), constants.reshape(shape), colours.reshape(*shape, 3), strengths)
+    own = Remainder().own_part((strengths - _EVEN).reshape(count, -1), field.lights, _OWN)
+    return _EVEN + own.reshape(strengths.shape)
 
 
 def _plane(pixels: np.ndarray, shape: tuple[int, int]) -> np.ndarray:

@@ -106,7 +106,7 @@ def weighted_sum_per_pixel(
     """
     from relume.lightstage.relighting.sum_kernel import add_labelled
 
-    numbers, weights = _labelled(field, labels, irradiances)
+    numbers, weights = labelled(field, labels, irradiances)
     (rows, columns), noise = field.shape, field.noise
     radiance = np.zeros((rows, columns, 3), np.float32)
     variance = None if noise is None else np.zeros_like(radiance)
@@ -240,7 +240,7 @@ def checked(lights: StageLights, irradiances: np.ndarray) -> np.ndarray:
     return given
 
 
-def _labelled(field: ReflectanceField, labels: np.ndarray, irradiances: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+def labelled(field: ReflectanceField, labels: np.ndarray, irradiances: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """Labels (H, W) int64 and weights (N, K, 3), checked."""
     numbers, given = np.asarray(labels), np.asarray(irradiances, np.float64)
     if numbers.shape != field.shape or numbers.dtype.kind not in "iu":

@@ -106,12 +106,29 @@ def _passes(
     progress: Progress | None,
     added: Iterable[np.ndarray] | None,
 ) -> Iterator[RadianceMap]:
+    below = 0.0
+    for index, picture in enumerate(spiky_pictures(field, smooth, barycentric, threads, memory, progress, added)):
+        below = max(below, share_below(picture.radiance))
+        if index == len(smooth) - 1:
+            warn_below(below)
+        yield picture
+
+
+def spiky_pictures(
+    field: ReflectanceField,
+    smooth: np.ndarray,
+    barycentric: np.ndarray,
+    threads: int | None,
+    memory: int,
+    progress: Progress | None,
+    added: Iterable[np.ndarray] | None,
+) -> Iterator[RadianceMap]:
+    """The pictures of `relight_spiky_sequence`, whose arguments these are, without its checks and its warning."""
     extras = None if added is None else iter(added)
     count, together = len(smooth), max(1, (pictures_at_once(field, memory) - 2) // 2)
     peak = np.full((*field.shape, 3), -np.inf, np.float32)
     even = np.repeat(shares_of_what_is_known(field.lights)[:, None], 3, axis=1)[None]
     spiky: np.ndarray | None = None
-    below = 0.0
 
     def seen(rows: slice, values: np.ndarray, scale: np.ndarray | None) -> None:
         """Keep the greatest of each pixel's values while the sum reads them."""
@@ -141,11 +158,7 @@ def _passes(
             smooth_one = pictures[index]
             if extras is not None:
                 smooth_one = replace(smooth_one, radiance=smooth_one.radiance + next(extras))
-            picture = chosen(spiky, pictures[half + index], smooth_one)
-            below = max(below, share_below(picture.radiance))
-            if part.start + index == count - 1:
-                warn_below(below)
-            yield picture
+            yield chosen(spiky, pictures[half + index], smooth_one)
 
 
 def chosen(where: np.ndarray, first: RadianceMap, other: RadianceMap) -> RadianceMap:

@@ -107,14 +107,17 @@ def _least_squares(values: np.ndarray, weights: np.ndarray, directions: np.ndarr
     return np.where(known[:, None], np.linalg.solve(matrices, sides[..., None])[..., 0], 0).astype(np.float32)
 
 
-def towards_camera(camera: Camera | None, shape: tuple[int, int]) -> np.ndarray:
-    """Unit directions (H, W, 3) float32, world, from what each pixel shows to the camera.
+def towards_camera(camera: Camera | None, shape: tuple[int, int], rows: slice = slice(None)) -> np.ndarray:
+    """Unit directions (rows, W, 3) float32, world, from what each pixel of some rows shows to the camera.
 
     Without a camera the view is that of one far away on +Z: (0, 0, 1) everywhere.
     """
+    chosen = range(shape[0])[rows]
     if camera is None:
-        return np.broadcast_to(np.array([0, 0, 1], np.float32), (*shape, 3))
-    return (-camera.rays()).astype(np.float32)
+        return np.broadcast_to(np.array([0, 0, 1], np.float32), (len(chosen), shape[1], 3))
+    x, y = np.arange(shape[1]) + 0.5, np.asarray(chosen) + 0.5
+    through = camera.rays_through(np.stack(np.broadcast_arrays(x[None, :], y[:, None]), axis=-1))
+    return (-through).astype(np.float32)
 
 
 def brightness(values: np.ndarray) -> np.ndarray:
@@ -133,8 +136,13 @@ def shows_surface(level: np.ndarray) -> np.ndarray:
 
     The field's own level decides, so that it does not matter in what unit the lights' irradiance was given.
     """
+    return np.asarray(level > darkest_level(level))
+
+
+def darkest_level(level: np.ndarray) -> float:
+    """The bright level above which pixels of a field show a surface, for those (…) of all its pixels."""
     above = level[level > 0]
-    return np.asarray(level > DARKEST * (np.quantile(above, FIELD) if above.size else 0))
+    return float(DARKEST * (np.quantile(above, FIELD) if above.size else 0))
 
 
 def lit(values: np.ndarray) -> np.ndarray:

@@ -12,9 +12,10 @@ from typing import Literal, Protocol
 
 import numpy as np
 
+from relume.lightstage.blocks import RowsOf, bands_of, by_bands
 from relume.lightstage.field.field import Derived, ReflectanceField
 from relume.lightstage.field.lights import StageLights
-from relume.lightstage.relighting.relighting import cut
+from relume.lightstage.relighting.relighting import MEMORY, Progress, cut
 from relume.lightstage.surface.chromaticity import amounts, fitted_ramp, median_chromaticity, ramp, ramped
 from relume.lightstage.surface.photometric_stereo import (
     bright_level,
@@ -85,7 +86,7 @@ class Separation:
 
     def specular_block(self, values: np.ndarray, lights: slice, rows: slice) -> np.ndarray:
         """S (lights, rows, W, 3) of the field's own values there, in the lights' colour."""
-        view = towards_camera(self.field.camera, self.field.shape)[rows].reshape(-1, 3)
+        view = view_of(self.field, rows).reshape(-1, 3)
         flat = values.reshape(len(values), -1, 3)
         normal, alpha = self.normal[rows].reshape(-1, 3), self.alpha[rows].reshape(-1, 2)
         cosines = facing(self.field.lights.directions[lights], normal, view)
@@ -116,7 +117,13 @@ class Part(Derived):
         return specular if self.kind == "specular" else values - specular
 
 
-def separate(field: ReflectanceField, light: tuple[float, float, float] = (1.0, 1.0, 1.0)) -> Separation:
+def separate(
+    field: ReflectanceField,
+    light: tuple[float, float, float] = (1.0, 1.0, 1.0),
+    *,
+    memory: int = MEMORY,
+    progress: Progress | None = None,
+) -> Separation:
     """Separate a reflectance field's specular from its diffuse part, by colour.
 
     The field is read in rows, once; the parts are worked out from it again when they are asked for, so a field larger
@@ -124,22 +131,72 @@ def separate(field: ReflectanceField, light: tuple[float, float, float] = (1.0, 
     polarised pair (`PolarisedPair`) for them.
 
     light : colour of the lights, linear Rec. 709; white, since a field is per unit of irradiance
+    memory : bytes for a band of rows
     Raises ValueError for fewer than four lights.
     Source: Debevec et al. 2000, §4.2, §4.4.
     """
+    require_separable(field, light)
+    colour = normalised(light).astype(np.float32)
+    made = by_bands(analysed_rows, (field, colour), bands_for_pixels(field, memory), progress=progress)
+    level = made.whole("level")
+    known = shows_surface(level)[..., None]
+    maps = [np.where(known, map_, map_.dtype.type(0)) for map_ in (made.whole(name) for name in ANALYSED)]
+    normal, alpha, chromaticity, separable = maps
+    return Separation(field, normal, alpha, chromaticity, separable[..., 0], colour)
+
+
+def require_separable(field: ReflectanceField, light: tuple[float, float, float]) -> None:
+    """Raises ValueError for fewer than four lights, and for no colour."""
     if not all(0 < value < np.inf for value in light):
         raise ValueError(f"the light's colour is {light}; expected three numbers above 0")
     if len(field.lights) < 4:
         raise ValueError(f"a field of {len(field.lights)} lights; a separation needs four or more")
-    view, colour = towards_camera(field.camera, field.shape), normalised(light).astype(np.float32)
-    parts = []
-    for rows in row_blocks(field.shape):
-        values = field.block(slice(0, len(field.lights)), rows)
-        parts.append(_analysed(values.reshape(len(values), -1, 3), view[rows].reshape(-1, 3), field.lights, colour))
-    maps = [np.concatenate(kind).reshape(*field.shape, -1) for kind in zip(*parts, strict=True)]
-    known = shows_surface(maps.pop())
-    normal, alpha, chromaticity, separable = (np.where(known, map_, map_.dtype.type(0)) for map_ in maps)
-    return Separation(field, normal, alpha, chromaticity, separable[..., 0], colour)
+
+
+ANALYSED = ("normal", "alpha", "chromaticity", "separable")
+"""What a separation finds for each pixel, beside its bright level."""
+
+
+def analysed_rows(shared: tuple[ReflectanceField, np.ndarray], rows: slice) -> dict[str, np.ndarray]:
+    """The maps `ANALYSED` of some rows and their "level" (rows, W), for a field and the lights' chromaticity (3,)."""
+    field, colour = shared
+    part, found = RowsOf(field, rows).read(), []
+    every = slice(0, len(field.lights))
+    for inner in row_blocks(part.shape):
+        values, view = part.block(every, inner), view_of(part, inner)
+        found.append(_analysed(values.reshape(len(values), -1, 3), view.reshape(-1, 3), field.lights, colour))
+    maps = [np.concatenate(kind).reshape(*part.shape, -1) for kind in zip(*found, strict=True)]
+    return dict(zip((*ANALYSED, "level"), (*maps[:-1], maps[-1][..., 0]), strict=True))
+
+
+def separated_rows(
+    field: ReflectanceField, rows: slice, maps: dict[str, np.ndarray], darkest: float, colour: np.ndarray
+) -> Separation:
+    """The separation of some rows, read into memory, from what `analysed_rows` made of them.
+
+    darkest : bright level of the field above which a pixel shows its surface (`darkest_level`)
+    """
+    known = (maps["level"] > darkest)[..., None]
+    normal, alpha, chromaticity, separable = (
+        np.where(known, maps[name], maps[name].dtype.type(0)) for name in ANALYSED
+    )
+    return Separation(RowsOf(field, rows).read(), normal, alpha, chromaticity, separable[..., 0], colour)
+
+
+def bands_for_pixels(field: ReflectanceField, memory: int) -> tuple[slice, ...]:
+    """Bands of rows whose values, twice, fit into so many bytes, each of whole `row_blocks` where they do."""
+    height, width = field.shape
+    bands = bands_of(field, len(field.lights) * width * 3 * 4 * 3, memory)
+    step, size = max(1, PIXELS // width), bands[0].stop
+    return cut(height, size // step * step) if size >= step else bands
+
+
+def view_of(field: ReflectanceField, rows: slice) -> np.ndarray:
+    """`towards_camera` for some rows of a field, or of a part of one."""
+    if isinstance(field, RowsOf):
+        start = field.rows.start
+        return view_of(field.field, slice(start + rows.start, start + rows.stop))
+    return towards_camera(field.camera, field.shape, rows)
 
 
 def row_blocks(shape: tuple[int, int]) -> tuple[slice, ...]:

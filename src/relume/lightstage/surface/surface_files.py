@@ -19,10 +19,11 @@ from relume.errors import OutputNotWritten, warn
 from relume.image import files
 from relume.image.colour import encode_srgb
 from relume.image.photograph import Photograph
+from relume.lightstage.blocks import Cluster, scratch_if
 from relume.lightstage.field.field import ReflectanceField
 from relume.lightstage.field.polarised import PolarisedPair
-from relume.lightstage.surface.separation import separate
-from relume.lightstage.surface.surface_maps import DIELECTRIC, MAPS, SurfaceMaps, surface_maps
+from relume.lightstage.relighting.relighting import MEMORY, Progress
+from relume.lightstage.surface.surface_maps import DIELECTRIC, MAPS, SurfaceMaps, surface_maps, surface_maps_by_colour
 from relume.scene.cameras.camera import Camera
 from relume.scene.gltf.writing import write_glb
 from relume.scene.materials.materials import Material
@@ -31,6 +32,8 @@ from relume.surface.projection import projected
 
 SOOT = 0.01
 """An albedo below that of soot and black velvet."""
+MAP_BYTES = 80
+"""Bytes a pixel of the maps, and of those that a separation needs for them."""
 LEAST_OVERLAP = 0.5
 """Share of the mesh's seen surface, as the picture shows it, that must lie on known pixels of the maps; less, and the
 mesh is that of another subject, pose or camera."""
@@ -40,16 +43,35 @@ LARGEST_TURN = np.pi / 3
 """Radians between the normal of the maps and the mesh's beyond which the mesh's stands."""
 
 
-def measure_surface(field: ReflectanceField, crossed: ReflectanceField | None = None) -> SurfaceMaps:
+def measure_surface(
+    field: ReflectanceField,
+    crossed: ReflectanceField | None = None,
+    *,
+    cluster: Cluster = None,
+    memory: int = MEMORY,
+    scratch: str | os.PathLike[str] | None = None,
+    progress: Progress | None = None,
+) -> SurfaceMaps:
     """Normals, albedo, specular energy and reflectance, and roughness of a subject (Debevec et al. 2000, §4.2).
 
     Diffuse and specular reflection are separated by the colour of the light, or from a pair of polarised stages, which
     grey and black subjects need.
 
     crossed : the same stage through a crossed polariser; `field` is then the parallel one
+    cluster : whose workers take bands of rows, as `relume.cluster.run_tasks` takes it; this process for None, with the
+        same bytes. Incomplete names the rows that failed
+    memory : bytes for a band of rows, of each worker
+    scratch : a folder, or an fsspec URL, that every worker sees, for what bands write until it is put together; the
+        system's temporary folder unless given
     Warns of an albedo that no subject has. Raises ValueError where no pixel can be explained.
     """
-    maps = surface_maps(separate(field) if crossed is None else PolarisedPair(field, crossed))
+    large = field.shape[0] * field.shape[1] * MAP_BYTES > memory // 2
+    with scratch_if(large, scratch, cluster) as place:
+        if crossed is None:
+            maps = surface_maps_by_colour(field, cluster=cluster, place=place, memory=memory, progress=progress)
+        else:
+            pair = PolarisedPair(field, crossed)
+            maps = surface_maps(pair, cluster=cluster, place=place, memory=memory, progress=progress)
     known = maps.weight > 0
     if not known.any():
         raise ValueError(

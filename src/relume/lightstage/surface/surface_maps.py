@@ -11,19 +11,34 @@ F(v·h) D(h) G / (4 n·v).
 from __future__ import annotations
 
 from dataclasses import dataclass
+from pathlib import Path
 
 import numpy as np
 
+from relume.lightstage.blocks import Cluster, Made, by_bands
+from relume.lightstage.field.field import ReflectanceField
 from relume.lightstage.field.lights import StageLights
+from relume.lightstage.relighting.relighting import MEMORY, Progress, within
 from relume.lightstage.surface.photometric_stereo import (
     bright_level,
     brightness,
+    darkest_level,
     lambertian_lobes,
     lit,
     shows_surface,
-    towards_camera,
 )
-from relume.lightstage.surface.separation import Separated, row_blocks
+from relume.lightstage.surface.separation import (
+    ANALYSED,
+    Separated,
+    Separation,
+    analysed_rows,
+    bands_for_pixels,
+    require_separable,
+    row_blocks,
+    separated_rows,
+    view_of,
+)
+from relume.sphere.directions import normalised
 
 LOWEST, HIGHEST = 0.03, 1.0
 """Bounds of α, the square of the perceptual roughness. Narrower lobes than half the lights' spacing are never resolved
@@ -65,27 +80,93 @@ class SurfaceMaps:
         return shown
 
 
-def surface_maps(parts: Separated) -> SurfaceMaps:
+def surface_maps(
+    parts: Separated,
+    *,
+    cluster: Cluster = None,
+    place: Path | str | None = None,
+    memory: int = MEMORY,
+    progress: Progress | None = None,
+) -> SurfaceMaps:
     """The maps of a subject's surface, from a separation by colour or a polarised pair.
 
     The albedo is π times the length of each channel's Lambertian lobe, so that it holds the foreshortening of every
     light and neither shadows nor light from neighbours, which the fit leaves out. The specular energy is the sum of
     the specular values over the solid angles of the lights that reach the pixel.
+
+    cluster, place : whose workers take bands of rows, and where these lie (`blocks.by_bands`)
+    memory : bytes for a band
     Source: Debevec et al. 2000, §4.2, §4.4.
     """
-    diffuse, specular = parts.diffuse, parts.specular
-    view = towards_camera(diffuse.camera, diffuse.shape)
-    every = slice(0, len(diffuse.lights))
-    found = []
-    for rows in row_blocks(diffuse.shape):
-        below, above = diffuse.block(every, rows), brightness(specular.block(every, rows))
-        pixels = below.reshape(len(below), -1, 3), above.reshape(len(below), -1)
-        found.append(_maps(*pixels, view[rows].reshape(-1, 3), diffuse.lights))
-    maps = [np.concatenate(kind).reshape(*diffuse.shape, *kind[0].shape[1:]) for kind in zip(*found, strict=True)]
-    known = shows_surface(maps.pop())
+    bands = bands_for_pixels(parts.diffuse, memory)
+    return _joined(by_bands(_mapped_rows, parts, bands, cluster=cluster, place=place, memory=memory, progress=progress))
+
+
+def surface_maps_by_colour(
+    field: ReflectanceField,
+    light: tuple[float, float, float] = (1.0, 1.0, 1.0),
+    *,
+    cluster: Cluster = None,
+    place: Path | str | None = None,
+    memory: int = MEMORY,
+    progress: Progress | None = None,
+) -> SurfaceMaps:
+    """`surface_maps` of `separate`, whose maps are never together in memory where there is a place for them.
+
+    light : colour of the lights, as of `separate`, which raises the same
+    """
+    require_separable(field, light)
+    bands, colour = bands_for_pixels(field, memory), normalised(light).astype(np.float32)
+    first, second = within(progress, slice(0, 1), 2), within(progress, slice(1, 2), 2)
+    analysed = by_bands(
+        analysed_rows, (field, colour), bands, cluster=cluster, place=place, memory=memory, progress=first
+    )
+    darkest = darkest_level(np.concatenate([level.ravel() for level in analysed.each("level")]))
+    shared = _ByColour(field, analysed, darkest, colour)
+    return _joined(by_bands(_mapped_rows, shared, bands, cluster=cluster, place=place, memory=memory, progress=second))
+
+
+def _joined(made: Made) -> SurfaceMaps:
+    """The bands' maps, without the pixels that show no surface."""
+    known = shows_surface(made.whole("bright"))
+    maps = [made.whole(name) for name in MAPS]
     for map_ in maps:
         map_[~known] = 0
     return SurfaceMaps(*maps)
+
+
+@dataclass(frozen=True, eq=False)
+class _ByColour:
+    """A separation by colour, whose maps lie with the bands they were made in."""
+
+    field: ReflectanceField
+    analysed: Made
+    darkest: float
+    colour: np.ndarray
+
+    def of(self, rows: slice) -> Separation:
+        """One of the bands, with its values in memory."""
+        number = self.analysed.bands.index(rows)
+        maps = {name: np.asarray(self.analysed.of(name, number)) for name in (*ANALYSED, "level")}
+        return separated_rows(self.field, rows, maps, self.darkest, self.colour)
+
+
+def _mapped_rows(shared: _ByColour | Separated, rows: slice) -> dict[str, np.ndarray]:
+    """The maps of some rows, and their "bright" level (rows, W)."""
+    if isinstance(shared, _ByColour):
+        parts, first = shared.of(rows), 0
+        seen: ReflectanceField = parts.field
+    else:
+        parts, first, seen = shared, rows.start, shared.diffuse
+    shape = rows.stop - rows.start, seen.shape[1]
+    found, every = [], slice(0, len(seen.lights))
+    for inner in row_blocks(shape):
+        part = slice(first + inner.start, first + inner.stop)
+        below, above = parts.diffuse.block(every, part), brightness(parts.specular.block(every, part))
+        pixels = below.reshape(len(below), -1, 3), above.reshape(len(below), -1)
+        found.append(_maps(*pixels, view_of(seen, part).reshape(-1, 3), seen.lights))
+    maps = [np.concatenate(kind).reshape(*shape, *kind[0].shape[1:]) for kind in zip(*found, strict=True)]
+    return dict(zip((*MAPS, "bright"), maps, strict=True))
 
 
 def _maps(diffuse: np.ndarray, specular: np.ndarray, view: np.ndarray, lights: StageLights) -> tuple[np.ndarray, ...]:
