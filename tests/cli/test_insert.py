@@ -19,6 +19,12 @@ ROOM = Path(__file__).parents[2] / "examples" / "room"
 OBJECT = ROOM / "objects" / "cube_gold.glb"
 
 
+@pytest.fixture
+def no_forecast(monkeypatch):
+    """How long a render would take is not measured, by rendering a part: the first test below does."""
+    monkeypatch.setattr("relume.report.shot_check.forecast", lambda *_: None)
+
+
 def test_a_dry_run_looks_at_the_board_the_balls_and_the_times(tmp_path, capsys):
     facts = reported(["insert", ROOM / "shot.toml", "-o", tmp_path / "out", "--dry-run"], capsys)
     assert facts["plate"] == {
@@ -38,6 +44,7 @@ def test_a_dry_run_looks_at_the_board_the_balls_and_the_times(tmp_path, capsys):
     assert any("0.2" in size for size in facts["objects"].values()) and not (tmp_path / "out").exists()
 
 
+@pytest.mark.usefixtures("no_forecast")
 def test_a_shot_in_words_is_looked_at_without_being_written(tmp_path, capsys):
     plates, balls = sorted((ROOM / "plate").glob("*.jpg")), sorted((ROOM / "ball_0").glob("*_000[567].jpg"))
     words = ["insert", "--plate", *plates, "--ball", *balls, "--object", OBJECT, "-o", tmp_path / "out", "--dry-run"]
@@ -66,6 +73,7 @@ def test_two_ways_to_say_a_shot_and_none_are_refused(tmp_path, capsys):
     assert (tmp_path / "shot.toml").read_text() == "# mine\n"
 
 
+@pytest.mark.usefixtures("no_forecast")
 def test_a_map_and_a_reflectance_are_options(tmp_path, capsys):
     plate = sorted((ROOM / "plate").glob("*.jpg"))[2]
     light = tmp_path / "light.hdr"
@@ -148,6 +156,7 @@ def test_stages_are_printed_with_their_seconds(capsys):
     assert capsys.readouterr().err == ""
 
 
+@pytest.mark.usefixtures("no_forecast")
 def test_a_rim_that_is_given_is_not_sought(monkeypatch):
     import relume.report.shot_check as shot_check
 

@@ -371,6 +371,7 @@ def test_a_coloured_backdrop_does_not_make_a_neutral_ball_coloured():
 BANDED = ((151.4, 148.6), 100.0)
 
 
+@lru_cache
 def banded() -> np.ndarray:
     """A ball whose rim hardly differs from its ground, and in it a bright ceiling whose edge touches the rim below."""
     (cx, cy), radius = BANDED

@@ -1,7 +1,8 @@
-"""What the tests of the pages share: a browser for each file."""
+"""What the tests of the pages share: one browser for each process of the suite."""
 
 from __future__ import annotations
 
+import asyncio
 from collections.abc import Iterator
 from typing import Any
 
@@ -10,12 +11,25 @@ import pytest
 from browsing import CHROMIUM, FLAGS
 
 
-@pytest.fixture(scope="module")
-def browser() -> Iterator[Any]:
+@pytest.fixture(scope="session")
+def started_browser() -> Iterator[tuple[Any, asyncio.AbstractEventLoop]]:
+    """The browser, which takes three seconds to begin and to draw its first page, and Playwright's event loop."""
     playwright = pytest.importorskip("playwright.sync_api", reason="playwright is not installed")
     if CHROMIUM is None:
         pytest.skip("no Chromium here; on Debian: apt-get install chromium")
     with playwright.sync_playwright() as started:
+        loop = asyncio.get_running_loop()
         running = started.chromium.launch(executable_path=CHROMIUM, args=FLAGS)
-        yield running
+        asyncio._set_running_loop(None)
+        yield running, loop
+        asyncio._set_running_loop(loop)
         running.close()
+
+
+@pytest.fixture(scope="module")
+def browser(started_browser: tuple[Any, asyncio.AbstractEventLoop]) -> Iterator[Any]:
+    """That browser; Playwright's loop is this thread's only in files that use it, others run loops of their own."""
+    running, loop = started_browser
+    asyncio._set_running_loop(loop)
+    yield running
+    asyncio._set_running_loop(None)

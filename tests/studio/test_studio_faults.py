@@ -49,11 +49,12 @@ def test_a_server_killed_while_a_job_runs_loses_nothing_and_the_next_goes_on(tmp
         os.kill(server.process.pid, signal.SIGKILL)
     finally:
         server.process.kill()
-        server.process.communicate(timeout=20)
+        server.process.wait(timeout=60)
     # Every act is in the file, whole; the worker finds its server gone and ends; what it kept can be read.
     assert shot.read_text(encoding="utf-8") == text
     assert 'reflectance = "recover"' in text and "samples = 100000" in text
     until(lambda: not _runs(worker), "the worker's end")
+    server.process.communicate(timeout=60)  # the worker had its pipes too: they end with it
     assert not (out / "composite.exr").exists()
     kept = sorted(path.name for path in (out / "stages").rglob("*") if path.is_file())
     assert any("reflectance" in name for name in kept)

@@ -93,6 +93,6 @@ def serving(files: Sequence[Path | str], command: str = "view") -> Iterator[Serv
         yield server
     finally:
         server.process.send_signal(signal.SIGINT)
-        _, said = server.process.communicate(timeout=20)
+        _, said = server.process.communicate(timeout=120)  # machines may be busy
     assert server.process.returncode == 0, said
     assert "Traceback" not in said, said
