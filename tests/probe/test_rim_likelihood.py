@@ -128,16 +128,6 @@ def test_a_blurred_rim_before_a_dark_ground_does_not_lean_outward(taken, monkeyp
     assert growth() > 0.02
 
 
-def test_a_rim_is_where_it_is_whatever_fraction_of_a_pixel_it_is_sought_from(taken):
-    radiance, true = taken
-    pyramid = Pyramid.of(radiance, LENS)
-    starts = [outline_of_circle(true.centre[0] + by, true.centre[1], true.radius + by) for by in (-0.2, -0.1, 0.1, 0.2)]
-    rims = [likeliest_rim(pyramid, each) for each in starts]
-    places = [(*rim.outline.centre, rim.outline.radius) for rim in rims if rim is not None]
-    # Measured: 0.013 pixels; 0.13 where places between those tried were taken for means.
-    assert len(places) == 4 and np.ptp(places, axis=0).max() < 0.05
-
-
 def test_white_before_white_does_not_draw_the_rim_inward(taken, monkeypatch):
     radiance, true = taken
     y, x = np.mgrid[: radiance.shape[0], : radiance.shape[1]] + 0.5

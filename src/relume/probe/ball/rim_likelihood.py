@@ -17,7 +17,6 @@ from dataclasses import replace
 from functools import lru_cache
 
 import numpy as np
-from scipy.interpolate import CubicSpline
 
 from relume.probe.ball.edge_tracking import profiles
 from relume.probe.ball.mirror_edge import Part, Rim, best_move, reduced_radii, white, window_about
@@ -38,8 +37,6 @@ PIXEL = 0.5
 """The same of what a pixel, and looking up between pixels, blur by themselves: √(1/12 + 1/6)."""
 RAY_COUNT, STEP, MOVED = 240, 0.5, 0.25
 """Rays; pixels between the samples of a profile, and between the places of the rim that are tried."""
-BETWEEN = 5
-"""Places to which each of those is divided by a cubic spline."""
 FINE = 0.1
 """Pixels between the steps of the walk."""
 OUTSIDES = ((1e-3, 0.0), (3e-2, 0.0), (3e-2, 0.5), (1.0, 0.5))
@@ -134,10 +131,10 @@ def _placed(
     for blur in blurs:
         kinds = _kinds(seen, visible, (round_radius, blur, low, reach, len(moves)))
         likelihood = _hidden(_mixed(kinds, _USUAL), behind)
-        by, cost = _likeliest_move(likelihood, moves, normals, reach)
+        by, cost = best_move(-likelihood, moves, normals, 0.9 * reach)
         for _ in range(2 if learn else 0):
             likelihood = _hidden(_mixed(kinds, _learnt(kinds, moves, normals, by)), behind)
-            by, cost = _likeliest_move(likelihood, moves, normals, reach)
+            by, cost = best_move(-likelihood, moves, normals, 0.9 * reach)
         if best is None or cost < best[0]:
             worse = max(float(likelihood[:, end].sum()) for end in (0, -1))
             best = cost, part.moved(cone, by), blur, (-cost - worse) / RAY_COUNT
@@ -156,17 +153,6 @@ def _hidden(likelihood: np.ndarray, behind: np.ndarray) -> np.ndarray:
     most = np.where(behind, likelihood, -np.inf).max(1, keepdims=True)
     anywhere = np.where(behind, most + np.log(MIRRORED / likelihood.shape[1]), -np.inf)
     return np.where(behind.any(1, keepdims=True), np.logaddexp(likelihood + np.log(1 - MIRRORED), anywhere), likelihood)
-
-
-def _likeliest_move(
-    likelihood: np.ndarray, moves: np.ndarray, normals: np.ndarray, reach: float
-) -> tuple[np.ndarray, float]:
-    """By how many pixels an ellipse moves to where the sum of a log-likelihood (N, M) is greatest, and minus that sum.
-
-    Straight lines between its places lie below it, and hold an ellipse where all of its rays meet one at once.
-    """
-    fine = np.linspace(moves[0], moves[-1], BETWEEN * (len(moves) - 1) + 1)
-    return best_move(-CubicSpline(moves, likelihood, axis=1)(fine), fine, normals, 0.9 * reach)
 
 
 def _near(part: Part, one: Cone, other: Cone) -> bool:
