@@ -48,6 +48,9 @@ ROUNDS = 4
 GAP, DEPTH, LEAST_DEPTH = 0.5, 0.05, 5.0
 """Pixels beside the rim that are of neither kind, and how far inside it, in radii and at least in pixels, changes are
 of the ball's kind."""
+WHITE, LEAST_WHITE, HIDDEN = 0.98, 0.01, 0.05
+"""Share of the most light from which on a place is white, the share of a window that must be as white for that to be a
+white that was cut off, and how much of a sample may be."""
 LEVELS = 24
 """Classes of change, each of as many samples."""
 LEAST_EVIDENCE = 12.0
@@ -62,8 +65,7 @@ AS_WELL = 0.98
 
 @dataclass(frozen=True, eq=False)
 class Part:
-    """A window of a picture: `light`, (h, w) or its channels (h, w, C); `size`, twice its principal point, and focal
-    length, pixels."""
+    """A window of a picture: `light` (h, w) luminance; `size`, twice its principal point, and focal length, pixels."""
 
     light: np.ndarray
     size: tuple[float, float]
@@ -165,11 +167,17 @@ def window_about(pyramid: Pyramid, outline: Outline, radius: float) -> tuple[Win
     return window, light / (float(np.median(light[light > 0])) if np.any(light > 0) else 1.0)
 
 
+def white(light: np.ndarray) -> np.ndarray:
+    """Where a window (h, w) is white, as far as it is one tone: what changes there is not known."""
+    found = light >= WHITE * float(light.max(initial=0.0))
+    return found if found.mean() >= LEAST_WHITE else np.zeros_like(found)
+
+
 def _divided(part: Part, cone: Cone, blur: float) -> tuple[Cone, float]:
     """The cone whose silhouette best divides change of the ball's kind from that of what is behind it; the evidence."""
     picture = evened(part.light)
     picture = gaussian_filter(picture, blur) if blur else picture
-    evidence = 0.0
+    evidence, hidden = 0.0, white(part.light).astype(np.float64)
     for attempt in range(ROUNDS):
         rim, normals = cone.silhouette(part.size, part.focal_length)
         radius = float(np.sqrt(np.prod(np.ptp(rim, axis=0)))) / 2
@@ -177,13 +185,14 @@ def _divided(part: Part, cone: Cone, blur: float) -> tuple[Cone, float]:
         beyond = reach + max(6.0, 0.06 * radius)
         steps = np.arange(-beyond, beyond + SPACING / 2, SPACING)
         change, shown = changes(picture, rim, normals, steps)
-        # How often change of each class is met inside and outside.
-        edges = np.quantile(change[shown], np.linspace(0, 1, LEVELS + 1)[1:-1])
-        level = np.searchsorted(edges, change)
+        shown &= profiles(hidden, rim, normals, steps) < HIDDEN
         within = (steps > -max(LEAST_DEPTH, DEPTH * radius)) & (steps < -GAP)
         without = (steps > GAP) & (steps < beyond - 1)
         if shown[:, without].mean() < LEAST_AROUND:
             return cone, 0.0
+        # How often change of each class is met inside and outside.
+        edges = np.quantile(change[shown], np.linspace(0, 1, LEVELS + 1)[1:-1])
+        level = np.searchsorted(edges, change)
         inside, outside = (
             np.bincount(level[:, part][shown[:, part]], minlength=LEVELS) + 5.0 for part in (within, without)
         )

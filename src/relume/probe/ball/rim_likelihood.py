@@ -17,12 +17,11 @@ from dataclasses import replace
 from functools import lru_cache
 
 import numpy as np
-from scipy.interpolate import CubicSpline
 
 from relume.probe.ball.edge_tracking import profiles
-from relume.probe.ball.mirror_edge import SHOWN, Part, Rim, best_move, reduced_radii, window_about
+from relume.probe.ball.mirror_edge import Part, Rim, best_move, reduced_radii, white, window_about
 from relume.probe.ball.silhouette import Cone, Outline, cone_through, outline_of
-from relume.probe.ball.windows import Pyramid, Window, outline_within, outline_without
+from relume.probe.ball.windows import Pyramid, outline_within, outline_without
 
 LOOKED_AT = (80.0, 56.0, 40.0, 28.0, 20.0)
 """Radius of the ball, in pixels, of the pictures that are tried: the next where the last is blurred."""
@@ -38,8 +37,6 @@ PIXEL = 0.5
 """The same of what a pixel, and looking up between pixels, blur by themselves: √(1/12 + 1/6)."""
 RAY_COUNT, STEP, MOVED = 240, 0.5, 0.25
 """Rays; pixels between the samples of a profile, and between the places of the rim that are tried."""
-BETWEEN = 5
-"""Places to which each of those is divided by a cubic spline."""
 FINE = 0.1
 """Pixels between the steps of the walk."""
 OUTSIDES = ((1e-3, 0.0), (3e-2, 0.0), (3e-2, 0.5), (1.0, 0.5))
@@ -49,6 +46,8 @@ NOISES = (1e-4, 1e-3, 1e-2, 1e-1, 1.0)
 USUAL, LIKE_USUAL = (0.5, 0.1, 0.3, 0.1), 0.5
 """Shares of the rays for each of `OUTSIDES`, as they come out on photographs (uiuc, xu, pietka, the room),
 and how much that counts against the picture's own, or wrong rims are explained by lively surroundings."""
+MIRRORED = 0.5
+"""Share of the rays before white that meet white in the ball too."""
 DEPTH, LEAST_DEPTH, AROUND, LEAST_AROUND = 0.12, 6.0, 0.08, 4.0
 """How much is looked at inside and outside the rim, in radii and at least in pixels."""
 REACHES, LEAST_REACH, LAST_REACH = (0.02, 0.05), 2.0, 1.5
@@ -61,16 +60,15 @@ was right to a per cent, in photographs and traced, 0.1 to 1 where a band beside
 ball is there: a place without one may give as much."""
 
 
-def likeliest_rim(pyramid: Pyramid, outline: Outline, radiance: np.ndarray | None = None) -> Rim | None:
+def likeliest_rim(pyramid: Pyramid, outline: Outline) -> Rim | None:
     """The rim near an outline at which the profiles across it are likeliest; None where none is plainly so.
 
     pyramid : of the whole picture; its focal length is taken
     outline : within a few per cent of the rim
-    radiance : (H, W, 3) of the whole picture, whose colours then decide the last place too
     """
     found, at = None, 0.0
     for reach in REACHES:
-        found, at = _sharpest(pyramid, outline, reach, LOOKED_AT if found is None else (at,), radiance)
+        found, at = _sharpest(pyramid, outline, reach, LOOKED_AT if found is None else (at,))
         if found.evidence >= PLAIN:
             return found
     return None
@@ -81,9 +79,7 @@ def sharpest_rim(pyramid: Pyramid, outline: Outline) -> Rim:
     return _sharpest(pyramid, outline, REACHES[0], LOOKED_AT)[0]
 
 
-def _sharpest(
-    pyramid: Pyramid, outline: Outline, reach: float, radii: Sequence[float], radiance: np.ndarray | None = None
-) -> tuple[Rim, float]:
+def _sharpest(pyramid: Pyramid, outline: Outline, reach: float, radii: Sequence[float]) -> tuple[Rim, float]:
     """The same whatever the evidence, in the first picture that is sharp, and the radius that the ball has there."""
     found, at = Rim(outline, 0.0), np.inf
     for at in reduced_radii(outline.radius, radii):
@@ -95,64 +91,20 @@ def _sharpest(
         wide = float(np.ceil(max(reach * rough.radius, LEAST_REACH)))
         cone, blur, _ = _placed(part, cone, rough.radius, wide, BLURS[2:3], learn=False)
         cone, blur, evidence = _placed(part, cone, rough.radius, LAST_REACH, BLURS)
-        sharp = blur < BLURS[-1]
-        if sharp or at == radii[-1]:
+        if blur < BLURS[-1] or at == radii[-1]:
             cone, _, evidence = _placed(part, cone, rough.radius, LAST_REACH, (blur,))
-        found = _whole(pyramid, window, cone, outline, evidence)
-        if sharp or at == radii[-1]:
-            coloured = None if radiance is None else _coloured_about(pyramid, outline, at, radiance)
-            window, channels = coloured or (window, light[..., None])
-            cone = _last(window, channels, outline_within(window, found.outline), blur)
-            found = _whole(pyramid, window, cone, outline, evidence)
-        if sharp:
+            # A lens blurs light and not its root, in which a blurred rim leans towards the darker side.
+            linear = replace(part, light=light)
+            nearer = tuple(each for each in (blur - NEARER, blur, blur + NEARER) if each >= 0)
+            sharper, _, sure = _placed(linear, cone, rough.radius, LAST_REACH, nearer)
+            # Where little is blurred little leans, and lamps may say more than the rim.
+            believed = blur >= LEANING or sure > AS_SURE * evidence
+            cone = sharper if believed and _near(part, cone, sharper) else cone
+        placed = outline_of(cone, part.size, part.focal_length, coverage=outline.coverage)
+        found = Rim(replace(outline_without(window, placed, pyramid), rivals=outline.rivals), evidence)
+        if blur < BLURS[-1]:
             break
     return found, at
-
-
-def _whole(pyramid: Pyramid, window: Window, cone: Cone, outline: Outline, evidence: float) -> Rim:
-    """The rim that a cone draws in a window, in the whole picture, with what is known of the outline it came from."""
-    placed = outline_of(cone, window.size, window.focal_length, coverage=outline.coverage)
-    return Rim(replace(outline_without(window, placed, pyramid), rivals=outline.rivals), evidence)
-
-
-def _last(window: Window, channels: np.ndarray, outline: Outline, blur: float) -> Cone:
-    """The last place of a rim that was found in the root of light: in its colours, and in linear light if that sees it.
-
-    channels : the window's, (h, w, C)
-    outline : the rim, pixels of the window
-    blur : as it was found, pixels
-    """
-    linear = Part(_opponents(channels), window.size, window.focal_length)
-    root = replace(linear, light=_opponents(np.sqrt(channels)))
-    cone = cone_through(outline.points, window.size, window.focal_length)
-    cone, _, first = _placed(root, cone, outline.radius, LAST_REACH, (blur,))
-    # A lens blurs light and not its root, in which a blurred rim leans towards the darker side.
-    nearer = tuple(each for each in (blur - NEARER, blur, blur + NEARER) if each >= 0)
-    sharper, _, sure = _placed(linear, cone, outline.radius, LAST_REACH, nearer)
-    # Where little is blurred little leans, and lamps may say more than the rim.
-    believed = blur >= LEANING or sure > AS_SURE * first
-    return sharper if believed and _near(root, cone, sharper) else cone
-
-
-def _coloured_about(
-    pyramid: Pyramid, outline: Outline, radius: float, radiance: np.ndarray
-) -> tuple[Window, np.ndarray]:
-    """The channels (h, w, 3) about a ball, in which its radius is so many pixels, each against its own median."""
-    window = pyramid.coloured(radiance, outline.centre, SHOWN * outline.radius, radius / outline.radius)
-    light = np.nan_to_num(np.asarray(window.light, np.float64))
-    usual = [float(np.median(each[each > 0])) if np.any(each > 0) else 1.0 for each in np.moveaxis(light, -1, 0)]
-    return window, light / np.array(usual)
-
-
-def _opponents(channels: np.ndarray) -> np.ndarray:
-    """What channels (h, w, C) share and what they do not, (h, w, C): their mean, red − blue, and both − 2·green.
-
-    A thing as bright as what it stands before is still of another colour, and the three have little in common.
-    """
-    if channels.shape[-1] == 1:
-        return channels
-    red, green, blue = np.moveaxis(channels, -1, 0)
-    return np.stack([(red + green + blue) / 3, red - blue, red + blue - 2 * green], axis=-1)
 
 
 def _placed(
@@ -166,24 +118,23 @@ def _placed(
     low = -float(np.ceil(max(DEPTH * radius, LEAST_DEPTH))) - reach
     high = float(np.ceil(max(AROUND * radius, LEAST_AROUND))) + reach
     steps = np.arange(low, high + STEP / 2, STEP)
-    planes = np.moveaxis(np.atleast_3d(part.light), -1, 0)
-    seen = [profiles(plane, rim, normals, steps) for plane in planes]
-    shown = profiles(np.ones_like(planes[0]), rim, normals, steps, mode="constant") > 0.99
+    seen = profiles(part.light, rim, normals, steps)
+    shown = profiles(np.ones_like(part.light), rim, normals, steps, mode="constant") > 0.99
     # Of a ball that the picture cuts, or that fills it, the part up to the picture's edge.
     whole = int(VISIBLE / STEP)
     visible = np.where(shown.all(1), len(steps), np.argmin(shown, axis=1) // whole * whole)
     # Radii much alike share their models.
     round_radius = float(np.exp(np.round(20 * np.log(radius)) / 20))
     moves = np.arange(-reach, reach + MOVED / 2, MOVED)
+    behind = profiles(white(part.light).astype(np.float64), rim, normals, moves) > 0.5
     best: tuple[float, Cone, float, float] | None = None
     for blur in blurs:
-        place = round_radius, blur, low, reach, len(moves)
-        kinds = [_kinds(each, visible, place) for each in seen]
-        likelihood = np.sum([_mixed(each, _USUAL) for each in kinds], axis=0)
-        by, cost = _likeliest_move(likelihood, moves, normals, reach)
+        kinds = _kinds(seen, visible, (round_radius, blur, low, reach, len(moves)))
+        likelihood = _hidden(_mixed(kinds, _USUAL), behind)
+        by, cost = best_move(-likelihood, moves, normals, 0.9 * reach)
         for _ in range(2 if learn else 0):
-            likelihood = np.sum([_mixed(each, _learnt(each, moves, normals, by)) for each in kinds], axis=0)
-            by, cost = _likeliest_move(likelihood, moves, normals, reach)
+            likelihood = _hidden(_mixed(kinds, _learnt(kinds, moves, normals, by)), behind)
+            by, cost = best_move(-likelihood, moves, normals, 0.9 * reach)
         if best is None or cost < best[0]:
             worse = max(float(likelihood[:, end].sum()) for end in (0, -1))
             best = cost, part.moved(cone, by), blur, (-cost - worse) / RAY_COUNT
@@ -191,15 +142,17 @@ def _placed(
     return best[1:]
 
 
-def _likeliest_move(
-    likelihood: np.ndarray, moves: np.ndarray, normals: np.ndarray, reach: float
-) -> tuple[np.ndarray, float]:
-    """By how many pixels an ellipse moves to where the sum of a log-likelihood (N, M) is greatest, and minus that sum.
+def _hidden(likelihood: np.ndarray, behind: np.ndarray) -> np.ndarray:
+    """The log-likelihood (N, M) of rays of which each may have its rim anywhere in the white that it meets.
 
-    Straight lines between its places lie below it, and hold an ellipse where all of its rays meet one at once.
+    behind : (N, M) whether a place is white. Where the ball mirrors white before white the rim is not seen, and what is
+    seen begins where the white ends
     """
-    fine = np.linspace(moves[0], moves[-1], BETWEEN * (len(moves) - 1) + 1)
-    return best_move(-CubicSpline(moves, likelihood, axis=1)(fine), fine, normals, 0.9 * reach)
+    if not behind.any():
+        return likelihood
+    most = np.where(behind, likelihood, -np.inf).max(1, keepdims=True)
+    anywhere = np.where(behind, most + np.log(MIRRORED / likelihood.shape[1]), -np.inf)
+    return np.where(behind.any(1, keepdims=True), np.logaddexp(likelihood + np.log(1 - MIRRORED), anywhere), likelihood)
 
 
 def _near(part: Part, one: Cone, other: Cone) -> bool:

@@ -205,19 +205,19 @@ def placed_rim(
     # Where the picture plainly stops being squeezed another curve is no likelier.
     alike = max(ALIKE, LEAST_ALIKE / followed.radius) if seen else ALIKE
     elsewhere = alike if seen else ELSEWHERE
-    return _likelier(pyramid, radiance, followed, outline, lens or TELEPHOTO * width, expected, alike, elsewhere)
+    return _likelier(pyramid, followed, outline, lens or TELEPHOTO * width, expected, alike, elsewhere)
 
 
 def _likelier(
-    pyramid: Pyramid, radiance: np.ndarray, followed: Outline, start: Outline, lens: float, expected: float | None,
-    alike: float, elsewhere: float,
+    pyramid: Pyramid, followed: Outline, start: Outline, lens: float, expected: float | None, alike: float,
+    elsewhere: float,
 ) -> Outline:  # fmt: skip
     """A rim that was followed, moved to where whole profiles are likeliest if those see it too.
 
     start : from which it was followed
     alike, elsewhere : radii up to which the mean of the two is taken, and from which on the likeliest is another curve
     """
-    size, rim = pyramid.size, likeliest_rim(replace(pyramid, focal_length=lens), start, radiance)
+    size, rim = pyramid.size, likeliest_rim(replace(pyramid, focal_length=lens), start)
     if rim is None:
         return followed
     likeliest = rim.outline

@@ -23,7 +23,7 @@ SMALLEST, MOST_ENLARGED = 48.0, 4.0
 class Window:
     """A part of a picture, reduced or enlarged.
 
-    light : (h, w) luminance, or (h, w, 3) of a `coloured` one
+    light : (h, w) luminance
     corner : (x, y) of its upper left corner in the whole picture
     scale : (across, down) its pixels for each of the whole picture's
     size, focal_length : what its principal point and its focal length would be a whole picture's of; see `Cone`
@@ -83,14 +83,14 @@ class Pyramid:
         while level + 1 < len(self.levels) and self._scale(level + 1)[0] >= factor:
             level += 1
         across, down = self._scale(level)
-        height, width = self.levels[level].shape[:2]
+        height, width = self.levels[level].shape
         left, right = (int(np.clip(round((centre[0] + s * reach) * across), 0, width)) for s in (-1, 1))
         top, bottom = (int(np.clip(round((centre[1] + s * reach) * down), 0, height)) for s in (-1, 1))
         part = self.levels[level][top : max(bottom, top + 2), left : max(right, left + 2)]
         size = (max(round(part.shape[1] * factor / across), 2), max(round(part.shape[0] * factor / down), 2))
         smaller = size[0] <= part.shape[1] and size[1] <= part.shape[0]
         how = cv2.INTER_AREA if smaller else cv2.INTER_CUBIC
-        light = part if size == part.shape[1::-1] else cv2.resize(part, size, interpolation=how)
+        light = part if size == part.shape[::-1] else cv2.resize(part, size, interpolation=how)
         scale = (across * size[0] / part.shape[1], down * size[1] / part.shape[0])
         corner = (left / across, top / down)
         # Twice the principal point, as a whole picture would have it in the middle.
@@ -98,12 +98,8 @@ class Pyramid:
         focal_length = self.focal_length * float(np.sqrt(scale[0] * scale[1]))
         return Window(np.maximum(light, 0), corner, scale, virtual, focal_length)
 
-    def coloured(self, radiance: np.ndarray, centre: tuple[float, float], reach: float, factor: float) -> Window:
-        """The same of the picture's own radiance (H, W, 3), whose channels `light` (h, w, 3) then holds."""
-        return replace(self, levels=(radiance,)).window(centre, reach, factor)
-
     def _scale(self, level: int) -> tuple[float, float]:
-        height, width = self.levels[level].shape[:2]
+        height, width = self.levels[level].shape
         return width / self.size[0], height / self.size[1]
 
     def about(self, circle: tuple[float, float, float], radius: float, reach: float = 1.75) -> Window:
