@@ -67,7 +67,7 @@ def connect(
 
 def _dashboard(client: Any) -> str:
     """The address of the scheduler's page, "" where it has none."""
-    return str(client.dashboard_link) if "dashboard" in client.scheduler_info()["services"] else ""
+    return str(client.dashboard_link) if "dashboard" in client.scheduler_info().get("services", {}) else ""
 
 
 def _client(cluster: Any, stack: ExitStack) -> Client:
