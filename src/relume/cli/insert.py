@@ -13,8 +13,8 @@ from cyclopts import Parameter
 from cyclopts.validators import Number
 
 import relume as rl
-from relume.cli.arguments import Accept, DryRun, Threads, require_files
-from relume.cli.console import OutputOptions, finish, force, print_facts, progress, warnings_as_doubts
+from relume.cli.arguments import Accept, ClusterWord, DryRun, Threads, require_files
+from relume.cli.console import OutputOptions, finish, force, print_facts, progress, spread, warnings_as_doubts
 from relume.cli.option_types import Seconds, TimesFromNames, numbers
 from relume.cli.stage_lines import FarmLines
 
@@ -134,6 +134,7 @@ class FarmOptions:
     chunk: Annotated[
         int | None, Parameter(validator=Number(gte=1), help=f"With --job: frames a task, {CHUNK} unless given.")
     ] = None
+    cluster: ClusterWord = None
     progress: Annotated[
         Literal["openjd"] | None,
         Parameter(help="Print progress for a farm on standard output: openjd_progress and openjd_status lines."),
@@ -238,6 +239,8 @@ def insert(
             raise ValueError("no -o; give the folder for the pictures")
         read = rl.read_shot(shot) if shot is not None else new.shot(None if dry_run else out / SHOT_FILE)
         table = read.with_render(samples=samples, seed=seed, noise=noise)
+        if farm.cluster is not None and table.sequence is None:
+            raise ValueError("--cluster makes the frames of a shot's [sequence], and this shot has none; leave it out")
         # The job.
         if dry_run:
             found = _dry_run(table, out, output)
@@ -320,10 +323,10 @@ def _sequence(
     shot: rl.Shot, out: Path, output: OutputOptions, threads: int | None, restart: bool, farm: FarmOptions
 ) -> Sequence[rl.errors.Doubt]:
     """Make every frame that is not there yet, or those that are asked for."""
-    with farm.watching(output) as report:
+    with spread(farm.cluster, output, farm.watching) as (workers, report):
         made = rl.insert_frames(
             shot, out, frames=farm.frames, assemble=farm.assemble, threads=threads, progress=report, restart=restart,
-            force=force, finished=rl.write_report,
+            force=force, finished=rl.write_report, cluster=workers,
         )  # fmt: skip
     whole = farm.frames is None or farm.assemble
     if whole:

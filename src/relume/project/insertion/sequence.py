@@ -19,15 +19,11 @@ from relume.errors import Doubt, GatheredDoubts, IncompleteSequence, ranked
 from relume.image import files
 from relume.project.claims import Claimed, claim
 from relume.project.insertion.frame_shots import at_frame, frames_of
-from relume.project.insertion.insert import insert
-from relume.project.insertion.outcome import Inserted, require_folder
-from relume.project.insertion.render_change import Motion
+from relume.project.insertion.outcome import require_folder
 from relume.project.shot_file.sequence_table import frames_as_text, frames_in
 from relume.project.shot_file.shot import Shot
 from relume.project.stages import Progress
 from relume.renderers.progressive.fingerprint import fingerprint, program
-from relume.renderers.renderer import Renderer
-from relume.scene.motion.keyframes import Shutter
 
 MakeFrame = Callable[[Shot, Path, tuple[Path, ...]], Sequence[Doubt]]
 """Inserts one frame's shot into its folder and returns doubts. The last are folders of stages of earlier frames, which
@@ -75,48 +71,6 @@ class SequenceMade:
     def notes(self) -> tuple[str, ...]:
         """The doubts, a line each."""
         return tuple(doubt.line for doubt in self.doubts)
-
-
-def insert_frames(
-    shot: Shot, out: str | Path, *, frames: str | Iterable[int] | None = None, assemble: bool = False,
-    renderer: Renderer | None = None, threads: int | None = None, progress: Progress = lambda step, share: None,
-    restart: bool = False, force: Callable[[int, str], None] | None = None,
-    finished: Callable[[Inserted, Path], None] = lambda result, folder: None,
-) -> SequenceMade:  # fmt: skip
-    """Insert the objects into every frame of the shot's sequence, with what moves blurred while the shutter is open.
-
-    out : folder for frame_0001 and so on, and a movie; frames that are complete there are kept. Many processes may make
-        frames of one folder at once: each frame is made by one of them. What `prepare_shot` kept there is used
-    frames : these alone, as "1-9x2,12" or by their numbers; then no movie is written, which is of all frames
-    assemble : make no frame, and write what all frames share: the movie. Raises IncompleteSequence where one is missing
-    finished : called with each frame's result and folder before the frame counts as made; `write_report` fits
-
-    The other arguments are those of `insert`. Raises RelumeError; ValueError for frames that the sequence has not.
-    """
-    if assemble:
-        return assemble_frames(shot, out, frames)
-    table = shot.sequence
-    shutter = None if table is None or table.shutter is None else Shutter(*table.shutter)
-    count, begun = len(chosen_frames(shot, frames)), [0.0]
-
-    def share_of_all(step: str, share: float) -> None:
-        progress(step, share)
-        if step == "frames":
-            begun[0] = share
-        if step == "render":
-            progress("frames", begun[0] + share / count)
-
-    def make(frame: Shot, folder: Path, others: tuple[Path, ...]) -> Sequence[Doubt]:
-        number = int(folder.name.rpartition("_")[2])
-        motion = None if shutter is None else Motion(lambda time: at_frame(shot, number + time), shutter)
-        result = insert(
-            frame, folder, renderer=renderer, threads=threads, progress=share_of_all, others=others, motion=motion,
-            restart=restart, force=force,
-        )  # fmt: skip
-        finished(result, folder)
-        return result.doubts
-
-    return make_frames(shot, out, make, frames=frames, progress=share_of_all)
 
 
 def make_frames(
