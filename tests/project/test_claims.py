@@ -12,6 +12,7 @@ from pathlib import Path
 import pytest
 
 from relume.errors import OutputNotWritten
+from relume.project import claims
 from relume.project.claims import Claimed, claim
 
 pytestmark = pytest.mark.skipif(sys.platform == "win32", reason="Windows has no such locks; all go on there")
@@ -48,7 +49,7 @@ def ended(children: Sequence[subprocess.Popen[str]]) -> None:
         child.communicate()
 
 
-def test_of_many_processes_one_at_a_time_does_it(tmp_path, monkeypatch):
+def test_of_many_processes_one_at_a_time_does_it(tmp_path):
     (tmp_path / "count").write_text("0")
     code = COUNT.replace("folder = Path", "import relume.project.claims as claims\nclaims.POLL = 0.003\nfolder = Path")
     children = [begun(code, tmp_path) for _ in range(3)]
@@ -94,6 +95,21 @@ def test_one_that_waits_is_given_the_holder_and_then_goes_on(tmp_path, monkeypat
     finally:
         ended([child])
     assert len(holders) >= 3 and holders[0].endswith(f", process {child.pid}")
+
+
+def test_a_file_that_its_holder_removed_meanwhile_is_no_claim(tmp_path, monkeypatch):
+    lock, calls = claims._lock, []
+
+    def removed_first(file: int) -> bool:
+        if not calls:
+            (tmp_path / "lock").unlink()
+        calls.append(file)
+        return lock(file)
+
+    monkeypatch.setattr(claims, "_lock", removed_first)
+    with claim(tmp_path / "lock"):
+        # Another that comes now must meet it.
+        assert (tmp_path / "lock").exists() and len(calls) == 2
 
 
 def test_a_failure_gives_the_claim_back(tmp_path):

@@ -16,7 +16,8 @@ from relume.errors import Doubt, IncompleteSequence
 from relume.image import files
 from relume.image.photograph import Photograph
 from relume.project.claims import claim
-from relume.project.insertion.sequence import chosen_frames, insert_frames, make_frames
+from relume.project.insertion.insert_frames import insert_frames
+from relume.project.insertion.sequence import chosen_frames, make_frames
 from relume.project.shot_file.sequence_table import frames_as_text, frames_in
 from relume.project.shot_file.shot import Shot
 from toml_files import shot_of
@@ -162,7 +163,7 @@ def test_a_movie_shows_frames_that_other_processes_made_since(shot, tmp_path):
     make_frames(shot, out, Maker())
     assert (out / "sequence.mp4").stat().st_mtime_ns == written
     # Another shot, its frames made one by one, put together by a run that makes none.
-    another = shot_of(tmp_path, SHOT.replace("[0, 0, 0] }, {", "[0, 1, 0] }, {"))
+    another = shot_of(tmp_path, SHOT.replace("focal_length = 100", "focal_length = 101"))
     make_frames(another, out, Maker(brightness=20), frames="1-8")
     assert make_frames(another, out, Maker()).movie is not None
     assert brightness() == pytest.approx([20 * n for n in range(1, 9)], abs=3)
