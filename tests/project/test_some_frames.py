@@ -16,7 +16,8 @@ from relume.errors import Doubt, IncompleteSequence
 from relume.image import files
 from relume.image.photograph import Photograph
 from relume.project.claims import claim
-from relume.project.insertion.sequence import chosen_frames, insert_frames, make_frames
+from relume.project.insertion.insert_frames import insert_frames
+from relume.project.insertion.sequence import chosen_frames, make_frames
 from relume.project.shot_file.sequence_table import frames_as_text, frames_in
 from relume.project.shot_file.shot import Shot
 from toml_files import shot_of

@@ -81,13 +81,13 @@ def once(task: tuple[str, int]) -> int:
     if recorded(target, key) is None:
         slow(task)
         target.write_text("done")
-        record(target, key, None)
+        record(target, key, [])
     return task[1]
 
 
 def begun(folder: str | Path, number: int) -> list[Path]:
     """The files that a task left, one for every time it was begun."""
-    return sorted(Path(folder).glob(f"{number}.*"))
+    return sorted(Path(folder).glob(f"{number}.*.*"))
 
 
 def in_main_thread(task: Task) -> bool:

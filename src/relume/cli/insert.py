@@ -151,6 +151,8 @@ class FarmOptions:
             raise ValueError(f"{given[0]} and {given[1]} are different jobs; give one of them")
         if self.frames is not None and given and given[0] not in ("--assemble", "--job"):
             raise ValueError(f"--frames makes frames, and {given[0]} does not; leave one of them out")
+        if self.cluster is not None and given:
+            raise ValueError(f"--cluster makes frames, and {given[0]} does not; leave one of them out")
         if self.chunk is not None and self.job is None:
             raise ValueError("--chunk is for --job; leave it out")
         if self.progress is not None and output.json:

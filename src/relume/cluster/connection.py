@@ -67,7 +67,7 @@ def connect(
 
 def _dashboard(client: Any) -> str:
     """The address of the scheduler's page, "" where it has none."""
-    return str(client.dashboard_link) if "dashboard" in client.scheduler_info()["services"] else ""
+    return str(client.dashboard_link) if "dashboard" in client.scheduler_info().get("services", {}) else ""
 
 
 def _client(cluster: Any, stack: ExitStack) -> Client:
@@ -143,10 +143,13 @@ def _local(count: int | None, stack: ExitStack) -> Client:
         # Who waited behind one that kills workers is tried again by itself in any case; see `spreading`.
         "distributed.scheduler.allowed-failures": 1,
     }
-    with config.set(settings):
-        local = LocalCluster(
-            n_workers=workers, threads_per_worker=1, processes=True, dashboard_address="127.0.0.1:0",
-            silence_logs=logging.CRITICAL,
-        )  # fmt: skip
+    try:
+        with config.set(settings):
+            local = LocalCluster(
+                n_workers=workers, threads_per_worker=1, processes=True, dashboard_address="127.0.0.1:0",
+                silence_logs=logging.CRITICAL,
+            )  # fmt: skip
+    except (RuntimeError, OSError) as error:
+        raise ClusterUnusable(f"{workers} workers could not be started on this machine: {error}") from error
     stack.enter_context(local)
     return stack.enter_context(Client(local, set_as_default=False))
