@@ -132,7 +132,7 @@ def test_the_demos_composite_is_made_by_the_pointer_and_is_the_commands_to_the_b
         page.settle()
         page.click('button:text-is("Render the composite")')
         finished(page, server, "insert")
-        page.until(lambda: page.text("#caption") == "composite.exr", "the composite", 60)
+        page.until(lambda: page.text("#caption") == "composite.png", "the composite", 60)
         record("9 delivered")
         page.press("w")
         record("10 wiped")

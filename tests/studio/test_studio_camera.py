@@ -161,10 +161,10 @@ def test_the_wipe_shows_the_composite_on_one_side_and_the_plate_on_the_other(pag
     page.press("Alt+8")
     page.click('button:text-is("Render the composite")')
     done(page, server, "insert")
-    page.until(lambda: page.text("#caption") == "composite.exr", "the composite")
-    page.press("r", "f", "w")
+    page.until(lambda: page.text("#caption") == "composite.png", "the composite")
+    page.press("f", "w")
     page.until(lambda: page.tab.evaluate("() => relume.canvas.view.mode") == "wipe", "the wipe")
-    page.settle()
+    page.press("r")
     composite, plate = (
         rl.read_radiance(path).radiance.astype(np.float64)
         for path in (small / "out" / "composite.exr", small / "plate.exr")

@@ -409,11 +409,17 @@ def test_the_composite_is_rendered_shown_and_listed_with_what_one_would_type(
     done(page, small_server, "insert")
     for name in ("composite.exr", "composite.png", "layers.exr", "light.exr", "report.html"):
         assert name in page.text(".files") and (small / "out" / name).is_file()
-    page.until(lambda: page.text("#caption") == "composite.exr", "the composite")
+    page.until(lambda: page.text("#caption") == "composite.png", "the composite")
+    page.press("r")
+    codes = rl.read_photograph(small / "out" / "composite.png").pixels[40, 50].tolist()
+    page.until(lambda: page.shown(50.5, 40.5) == pytest.approx(codes, abs=1.01), "its pixels")
+    # Its radiance is one click away, as bright as the plate.
+    page.click('.files button:text-is("composite.exr")')
+    page.until(lambda: page.text("#caption") == "composite.exr", "its radiance")
     page.press("r")
     linear = rl.read_radiance(small / "out" / "composite.exr").radiance[40, 50].astype(np.float64)
     code = 255 * (1.055 * np.clip(linear, 0, 1) ** (1 / 2.4) - 0.055)
-    page.until(lambda: page.shown(50.5, 40.5) == pytest.approx(code, abs=1.01), "its pixels")
+    page.until(lambda: page.shown(50.5, 40.5) == pytest.approx(code, abs=1.01), "its radiance's pixels")
     page.tab.locator("summary").click()
     assert page.text('[data-typed="command"]') == "relume insert shot.toml -o out"
     exec(page.text('[data-typed="Python"]').split("\n\n")[0], {})

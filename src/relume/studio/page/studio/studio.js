@@ -133,7 +133,7 @@ export class Studio {
       this.canvas.open(facts.layers[0], this.tilesOf(number, 0));
       if (fit || !before || !this.keepPlace(before, facts.size)) this.canvas.fit();
       // Kept as it is set while pictures of one kind are looked at.
-      const ofPlate = where === "results" && /^(composite|preview)\./.test(path), kind = ofPlate ? "over the plate" : facts.kind;
+      const ofPlate = where === "results" && /^(composite|preview)\./.test(path) && facts.kind === "radiance map", kind = ofPlate ? "over the plate" : facts.kind;
       if (this.exposedFor !== kind) {
         const stops = facts.kind !== "radiance map" ? 0 : (ofPlate ? await this.plateStops(number) : null) ?? (await this.greyStops(number));
         if (turn === this.turn && stops !== null) this.canvas.set({ stops });

@@ -5,7 +5,7 @@ import { choiceField, make, numberField, typed } from "../fields.js";
 /** @param {import("../studio.js").Studio} studio @returns {import("../studio.js").Pane} */
 export function deliverPane(studio) {
   function show() {
-    const { results } = studio.state, name = ["composite.exr", "preview.exr"].find((each) => results.includes(each));
+    const { results } = studio.state, name = ["composite.png", "preview.png"].find((each) => results.includes(each));
     if (name) studio.show(name, "results");
     else if (studio.platePath) studio.show(studio.platePath);
   }
@@ -16,9 +16,8 @@ export function deliverPane(studio) {
     build() {
       const { job, results, out, fault } = studio.state, going = studio.going;
       const result = job.status === "done" ? job.result : null;
-      const open = (/** @type {string} */ name) => (["report.html", "composite.png", "preview.png"].includes(name)
-        ? make("a", { href: `/results/${name}`, target: "_blank", rel: "noopener" }, name)
-        : /\.(exr|hdr)$/.test(name) ? make("button", { type: "button", onclick: () => studio.show(name, "results") }, name) : name);
+      const open = (/** @type {string} */ name) => (name === "report.html" ? make("a", { href: `/results/${name}`, target: "_blank", rel: "noopener" }, name)
+        : /\.(exr|hdr|png|jpg)$/.test(name) ? make("button", { type: "button", onclick: () => studio.show(name, "results") }, name) : name);
       return [
         make("h2", {}, "Render"),
         numberField(studio, "Rays a pixel", ["render", "samples"], { otherwise: 256, whole: true, min: 2, step: 1 }),
@@ -37,7 +36,7 @@ export function deliverPane(studio) {
         ...(result?.doubts?.length ? [make("h2", {}, "To doubt"), ...result.doubts.map((/** @type {string} */ each) => make("p", { className: "doubt" }, each))] : []),
         make("h2", {}, `In ${out}`),
         ...(results.length ? [make("ul", { className: "files" }, ...results.map((/** @type {string} */ each) => make("li", {}, open(each))))] : [make("p", {}, "Nothing yet.")]),
-        make("div", { className: "row" }, make("button", { type: "button", disabled: !results.includes("composite.exr"), onclick: () => studio.compare("composite.exr") }, "Wipe against the plate")),
+        make("div", { className: "row" }, make("button", { type: "button", disabled: !results.includes("composite.exr"), onclick: () => studio.compare("composite.png") }, "Wipe against the plate")),
         typed(`relume insert ${studio.state.name} -o ${out}`,
           `import relume as rl\n\nresult = rl.insert(rl.read_shot("${studio.state.name}"), "${out}")\nrl.write_report(result, "${out}")`),
       ];
