@@ -28,12 +28,21 @@ LONGEST = [
     *("test_insert.py", "test_reflection.py", "test_control_variate.py", "test_mitsuba_insert.py"),
     *("test_capture_report.py", "test_gloss.py", "test_page.py", "test_mitsuba_repeats.py", "test_glossy.py"),
     *("test_studio_camera.py", "test_studio_radiance.py", "test_studio_faults.py", "test_patches.py"),
-    *("test_resampling.py", "test_studio_light_edits.py"),
+    *("test_resampling.py", "test_studio_light_edits.py", "test_farm_job.py"),
 ]
 # What `make quick` leaves out: what renders with Mitsuba, runs whole commands and shots, or takes more than 5 s.
 LONG = (
     *("studio/test_*page.py", "studio/test_shot_server.py", "studio/test_ray_trees.py", "studio/test_studio_*.py"),
-    *("cli/*", "project/*", "report/*", "physics/*", "image/test_corpus*", "test_examples.py", "test_architecture.py"),
+    *(
+        "cli/*",
+        "export/*",
+        "project/*",
+        "report/*",
+        "physics/*",
+        "image/test_corpus*",
+        "test_examples.py",
+        "test_architecture.py",
+    ),
     *("renderers/*mitsuba*", "renderers/test_renderer.py", "renderers/test_environment.py", "renderers/test_sheet.py"),
     *("renderers/test_accumulation.py", "renderers/test_allocation.py", "renderers/test_filters.py"),
     *("renderers/test_mapped.py", "renderers/test_whitted_paper.py", "renderers/test_whitted_materials.py"),

@@ -54,7 +54,13 @@ IMAGE_FILE_CALLS = {"imread", "imwrite", "imdecode", "imencode", "imsave"}  # cv
 MAY_OPEN_IMAGES: dict[str, str] = {}  # path in the package → the reason why it may, beside image/files/
 RENDERERS = {"mitsuba", "drjit", "mitsuba_oidn"}
 # Where import and distribution differ in name.
-INSTALLED_AS = {"PIL": "pillow", "cv2": "opencv-python-headless", "PyOpenColorIO": "opencolorio", "pxr": "usd-core"}
+INSTALLED_AS = {
+    "PIL": "pillow",
+    "cv2": "opencv-python-headless",
+    "PyOpenColorIO": "opencolorio",
+    "pxr": "usd-core",
+    "openjd": "openjd-cli",
+}
 NAMES_WITHOUT_MEANING = {"utils", "util", "common", "core", "helpers", "types"}
 LONGEST = 400
 MOST_PUBLIC_NAMES = 80

@@ -32,7 +32,7 @@ from .project.developing.develop_files import develop_sequence as develop_sequen
 from .project.developing.develop_files import undevelop_file as undevelop_file
 from .project.insertion.insert import insert as insert
 from .project.insertion.insert import prepare_shot as prepare_shot
-from .project.insertion.sequence import insert_frames as insert_frames
+from .project.insertion.insert_frames import insert_frames as insert_frames
 from .project.presets.preset import CameraPreset as CameraPreset
 from .project.scene_file.rendering import RenderSettings as RenderSettings
 from .project.scene_file.rendering import render_environment as render_environment

@@ -18,6 +18,7 @@
     ├── Interrupted         a long job was stopped from outside; what was done is kept
     ├── ClusterUnusable     no scheduler answers, or its workers cannot do the work
     ├── Incomplete          some of many tasks failed, and the others are done; it names them
+    ├── IncompleteSequence  frames of a sequence are missing; the message names them
     ├── DoubtfulResult      all was done and written, but the result should not be used unseen
     └── OutputNotWritten    a file or folder could not be written
 
@@ -187,6 +188,10 @@ class Incomplete(RelumeError):
 
 class DoubtfulResult(RelumeError):
     """All was done and written, but something makes the result worse than it looks; the message names it."""
+
+
+class IncompleteSequence(RelumeError):
+    """Frames of a sequence are not there, or were made from something else; the message names them."""
 
 
 class OutputNotWritten(RelumeError):

@@ -51,7 +51,7 @@ def test_a_task_that_kills_every_worker_is_named_and_the_others_are_done(folders
 def test_a_worker_that_joins_late_takes_its_share(folders):
     cluster, tasks = folders
     with by_hand(cluster, workers=1) as started:
-        late = threading.Timer(2.0, started.start_worker)
+        late = threading.Thread(target=lambda: (some_are_begun(tasks), started.start_worker()))
         late.start()
         pids = run_tasks(cluster_tasks.slow, given(tasks, 60), cluster=cluster / "scheduler.json")
         late.join()
@@ -60,11 +60,21 @@ def test_a_worker_that_joins_late_takes_its_share(folders):
     assert all(len(begun(tasks, number)) == 1 for number in range(60))
 
 
+def some_are_begun(folder: Path) -> None:
+    while len(list(folder.iterdir())) < 2:
+        time.sleep(0.05)
+
+
+def some_are_done(folder: Path) -> None:
+    while len(list(folder.glob("*.result"))) < 4:
+        time.sleep(0.05)
+
+
 def test_after_a_scheduler_is_restarted_the_job_redoes_what_is_not_there(folders, monkeypatch):
     monkeypatch.setattr("relume.cluster.spreading.LOST", 3.0)
     cluster, tasks = folders
     with by_hand(cluster, workers=2) as started:
-        threading.Timer(4.0, started.scheduler.kill).start()
+        threading.Thread(target=lambda: (some_are_done(tasks), started.scheduler.kill())).start()
         with pytest.raises(Incomplete, match="the scheduler was lost") as raised:
             run_tasks(cluster_tasks.once, given(tasks, 40), cluster=started.address)
         before = {number for number in range(40) if begun(tasks, number)}
@@ -79,7 +89,7 @@ def test_after_a_scheduler_is_restarted_the_job_redoes_what_is_not_there(folders
         started.start_worker()
         started.start_worker()
         assert run_tasks(cluster_tasks.once, given(tasks, 40), cluster=started.address) == list(range(40))
-    assert all(len(begun(tasks, number)) == 1 for number in whole)
+    assert {number: len(begun(tasks, number)) for number in whole} == dict.fromkeys(whole, 1)
     assert all((tasks / f"{number}.result").is_file() for number in range(40))
 
 
@@ -102,12 +112,14 @@ def test_another_relume_that_joins_late_is_given_nothing_to_do(folders, tmp_path
     (other / "relume" / "errors.py").write_text((other / "relume" / "errors.py").read_text() + "\n# changed\n")
     cluster, tasks = folders
     with by_hand(cluster, workers=1) as started:
-        late = threading.Timer(1.0, lambda: started.start_worker(source=other))
+        late = threading.Thread(target=lambda: (some_are_begun(tasks), started.start_worker(source=other)))
         late.start()
-        assert run_tasks(cluster_tasks.slow, given(tasks, 40), cluster=started.address) == list(range(40))
+        assert run_tasks(cluster_tasks.slow, given(tasks, 60), cluster=started.address) == list(range(60))
         late.join()
         assert started.processes[-1].poll() is None
-    assert len({path.name.split(".")[1] for number in range(40) for path in begun(tasks, number)}) == 1
+        assert len(started.processes) == 3
+    assert (cluster / "log.txt").read_text().count("Registered to") == 2
+    assert len({path.name.split(".")[1] for number in range(60) for path in begun(tasks, number)}) == 1
 
 
 def test_workers_with_too_little_memory_are_refused(folders):

@@ -164,8 +164,15 @@ def test_files_that_workers_do_not_see_are_refused_before_anything_starts(two, n
     assert not list(tmp_path.iterdir())
 
 
+def test_a_function_that_workers_cannot_import_is_one_line(two):
+    with pytest.raises(Incomplete, match=r"ModuleNotFoundError.*the worker lacks what the task is made of"):
+        run_tasks(double, [4], cluster=two)
+    with pytest.raises(ValueError, match="a task cannot be sent to a worker"):
+        run_tasks(print, [(each for each in ())], cluster=two)
+
+
 def test_a_client_that_is_given_stays_open(two):
-    assert run_tasks(double, [4], cluster=two.client) == [8]
+    assert run_tasks(cluster_tasks.in_main_thread, [("", 1)], cluster=two.client) == [False]
     assert two.client.status == "running"
 
 
@@ -182,7 +189,7 @@ def test_what_a_dead_process_held_is_taken_over(tmp_path):
     import subprocess
     import sys
 
-    code = "import sys, os; from relume.cluster import held; held(sys.argv[1]).__enter__(); os._exit(9)"
+    code = "import sys, os; from relume.cluster import held; h = held(sys.argv[1]); h.__enter__(); os._exit(9)"
     subprocess.run([sys.executable, "-c", code, str(tmp_path)], env=cluster_tasks.environment(), check=False)
     assert len(list(tmp_path.iterdir())) == 1
     with held(tmp_path):

@@ -212,7 +212,7 @@ def test_every_frame_is_made_once_and_a_second_run_makes_none(folder, tmp_path):
                             (out / "frame_0001" / "stages", out / "frame_0002" / "stages"),
                             (out / "frame_0001" / "stages", out / "frame_0003" / "stages")]  # fmt: skip
     assert sorted(p.name for p in out.iterdir()) == [
-        "frame_0001", "frame_0002", "frame_0003", "frame_0004", "sequence.mp4",
+        "frame_0001", "frame_0002", "frame_0003", "frame_0004", "sequence.json", "sequence.mp4",
     ]  # fmt: skip
     assert first.notes == ("the same everywhere", "frame 1: dark")
     again = make_frames(shot, out, Maker())

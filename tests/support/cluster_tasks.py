@@ -22,10 +22,11 @@ Task = tuple[str, int]
 
 def noise(task: Task) -> bytes:
     """A picture of noise of the task's own seed, blurred by relume's kernels."""
-    from relume.image.blurring import gaussian_blur
+    from relume.image.blurring import motion_blurred
+    from relume.image.radiance import RadianceMap
 
-    picture = np.random.default_rng(task[1]).random((24, 32, 3), np.float32)
-    return np.ascontiguousarray(gaussian_blur(picture, 1.5)).tobytes()
+    picture = RadianceMap(np.random.default_rng(task[1]).random((24, 32, 3), np.float32))
+    return motion_blurred(picture, 5.0, 0.3).radiance.tobytes()
 
 
 def count(task: Task) -> int:
@@ -80,13 +81,13 @@ def once(task: tuple[str, int]) -> int:
     if recorded(target, key) is None:
         slow(task)
         target.write_text("done")
-        record(target, key, None)
+        record(target, key, [])
     return task[1]
 
 
 def begun(folder: str | Path, number: int) -> list[Path]:
     """The files that a task left, one for every time it was begun."""
-    return sorted(Path(folder).glob(f"{number}.*"))
+    return sorted(Path(folder).glob(f"{number}.*.*"))
 
 
 def in_main_thread(task: Task) -> bool:

@@ -52,7 +52,7 @@ def refuse_error(error: Exception, *, verbose: bool) -> int:
     """Turn any error into one line and its exit code; with `verbose` where a fault of relume arose comes before."""
     if isinstance(error, rl.errors.OutputNotWritten):
         return refuse(str(error), 3)
-    if isinstance(error, rl.errors.DoubtfulResult):
+    if isinstance(error, rl.errors.DoubtfulResult | rl.errors.IncompleteSequence):
         return refuse(str(error), 4)
     if isinstance(error, rl.errors.Incomplete):
         for name, why in error.failed if len(error.failed) > 1 else ():
@@ -195,17 +195,20 @@ def progress(output: OutputOptions) -> Iterator[Callable[[str, float], None]]:
 
 
 @contextmanager
-def spread(word: str | None, output: OutputOptions) -> Iterator[tuple[Cluster | None, Callable[[str, float], None]]]:
-    """What --cluster asks for, connected, and a callback for stages; without it None, and that of `progress`.
+def spread(
+    word: str | None, output: OutputOptions, plain: Callable[..., Any] = progress
+) -> Iterator[tuple[Cluster | None, Callable[[str, float], None]]]:
+    """What --cluster asks for, connected, and a callback for stages; without it None, and the callback of `plain`.
 
     On a cluster one bar counts the tasks of all workers, and the callback of stages does nothing.
     """
     if word is None:
-        with progress(output) as advance:
+        with plain(output) as advance:
             yield None, advance
         return
     with _counted(output) as count, connect(word, progress=count) as cluster:
-        note(output, f"{cluster.address}; what each worker does: {cluster.dashboard}")
+        shown = f"; what each worker does: {cluster.dashboard}" if cluster.dashboard else ""
+        note(output, f"the scheduler is {cluster.address}{shown}")
         yield cluster, lambda stage, share: None
 
 

@@ -11,8 +11,8 @@ from cyclopts import Parameter, Token
 from cyclopts.validators import Number
 
 import relume as rl
-from relume.cli.arguments import DryRun, Threads, require_files, require_suffix
-from relume.cli.console import OutputOptions, print_facts, progress, warnings_as_notes
+from relume.cli.arguments import ClusterWord, DryRun, Threads, require_files, require_suffix
+from relume.cli.console import OutputOptions, print_facts, progress, spread, warnings_as_notes
 from relume.cli.option_types import Pixel, Point, Size, numbers
 
 FILTERS = Literal["plain", "subdivision", "quadrilateral", "preintegrated", "mip"]
@@ -161,6 +161,7 @@ def render(
         ),
     ] = 0.0,
     threads: Threads = None,
+    cluster: ClusterWord = None,
     dry_run: DryRun = False,
     output: OutputOptions = OutputOptions(),
 ) -> None:
@@ -177,6 +178,8 @@ def render(
             require_suffix(out, ".png", ".svg")
         else:
             _check_output(out, moving)
+        if cluster is not None and (moving.frames is None or environment is not None or tree is not None):
+            raise ValueError("--cluster makes the frames of a motion; give --frames N too, or leave it out")
         require_files([each for each in (scene, light, plate) if each is not None])
         # Read what the options name.
         read = rl.read_scene(scene, light, size if environment is None else None)
@@ -197,8 +200,8 @@ def render(
         elif tree is not None:
             facts = _tree(read, out, tree, settings, dry_run)
         else:
-            with progress(output) as report:
-                made = rl.render_scene(read, out, settings, dry_run=dry_run, report=report)
+            with spread(None if dry_run else cluster, output) as (workers, report):
+                made = rl.render_scene(read, out, settings, dry_run=dry_run, report=report, cluster=workers)
             facts = {"renderer": made.renderer, "shapes": made.shapes, "size": f"{made.size[0]}×{made.size[1]}"}
             facts["exposure"] = made.film.exposure
         print_facts(output, {"would write" if dry_run else "written": str(out), **facts})

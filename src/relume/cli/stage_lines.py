@@ -1,4 +1,4 @@
-"""Lines that say how far a long job is, for a log: the stage, its share, and the time left as it was measured."""
+"""Lines that say how far a long job is: for a log the stage, its share and the time left; for a farm its own form."""
 
 from __future__ import annotations
 
@@ -98,6 +98,35 @@ class StageLines:
         if last - first < ENOUGH or high <= low:
             return None
         return max(0.0, (last - first) * (1 - high) / (high - low) - (now - last))
+
+
+class FarmLines:
+    """How far a job is, for a render farm: of all frames where there are several, else of the render.
+
+    A farm that follows Open Job Description takes lines of standard output that begin with `openjd_progress:`,
+    `openjd_status:` and `openjd_fail:` ("How Jobs Are Run", stdout messages).
+
+    say : takes a line
+    """
+
+    def __init__(self, say: Callable[[str], None]) -> None:
+        self._say = say
+        self._said = -1
+        self._stage = ""
+        self._frames = False
+
+    def __call__(self, stage: str, share: float) -> None:
+        """A stage is as far as this."""
+        if stage == "frames":
+            self._frames = True
+        elif stage != self._stage and share < 1:
+            self._stage = stage
+            self._say(f"openjd_status: {stage}")
+        if stage == "frames" or (stage == "render" and not self._frames):
+            percent = int(100 * share)
+            if percent > self._said:
+                self._said = percent
+                self._say(f"openjd_progress: {min(percent, 100)}")
 
 
 def in_words(seconds: float) -> str:

@@ -6,6 +6,7 @@ and a task takes the worker's share of the machine's cores, `threads`.
 
 from __future__ import annotations
 
+import pickle
 import threading
 import warnings
 from collections.abc import Callable
@@ -74,6 +75,16 @@ def attempt(function: Callable[[Any], Any], task: Any, needs: Needs | None = Non
             result, failed, again = None, reason(error), may_go_elsewhere(error)
         doubts = [doubt_of(each.message) for each in caught if issubclass(each.category, UserWarning)]
     return Outcome(result, failed, again, False, tuple((each.line, each.effect) for each in doubts), worker)
+
+
+def attempt_packed(packed: bytes, program: str, memory: int | None) -> Outcome:
+    """`attempt` of a pickled (function, task), in a worker."""
+    try:
+        function, task = pickle.loads(packed)
+    except Exception as error:
+        here = f"{reason(error)}: the worker lacks what the task is made of"
+        return Outcome(failed=here, again=True, worker=_address())
+    return attempt(function, task, Needs(program, memory))
 
 
 def reason(error: BaseException) -> str:

@@ -31,7 +31,7 @@ class Cluster:
     """A scheduler with its workers, as `run_tasks` and every `cluster=` take it.
 
     client : Dask's own
-    dashboard : the address of the page that shows what each worker does
+    dashboard : the address of the page that shows what each worker does; "" where there is none
     progress : called after every task of every run, beside the run's own
     """
 
@@ -62,7 +62,12 @@ def connect(
     with ExitStack() as stack:
         client = _client(cluster, stack)
         check_workers(client)
-        yield Cluster(client, str(client.dashboard_link), progress)
+        yield Cluster(client, _dashboard(client), progress)
+
+
+def _dashboard(client: Any) -> str:
+    """The address of the scheduler's page, "" where it has none."""
+    return str(client.dashboard_link) if "dashboard" in client.scheduler_info().get("services", {}) else ""
 
 
 def _client(cluster: Any, stack: ExitStack) -> Client:
@@ -135,11 +140,16 @@ def _local(count: int | None, stack: ExitStack) -> Client:
         "distributed.nanny.pre-spawn-environ": {f"{name}_NUM_THREADS": share for name in _LIBRARIES},
         # A task waits at the scheduler and not behind another, so that a worker's death concerns its own task alone.
         "distributed.scheduler.worker-saturation": 1.0,
+        # Who waited behind one that kills workers is tried again by itself in any case; see `spreading`.
+        "distributed.scheduler.allowed-failures": 1,
     }
-    with config.set(settings):
-        local = LocalCluster(
-            n_workers=workers, threads_per_worker=1, processes=True, dashboard_address="127.0.0.1:0",
-            silence_logs=logging.CRITICAL,
-        )  # fmt: skip
+    try:
+        with config.set(settings):
+            local = LocalCluster(
+                n_workers=workers, threads_per_worker=1, processes=True, dashboard_address="127.0.0.1:0",
+                silence_logs=logging.CRITICAL,
+            )  # fmt: skip
+    except (RuntimeError, OSError) as error:
+        raise ClusterUnusable(f"{workers} workers could not be started on this machine: {error}") from error
     stack.enter_context(local)
     return stack.enter_context(Client(local, set_as_default=False))

@@ -24,7 +24,7 @@ def key_of(files: Sequence[Path], *settings: object) -> str:
     return hashlib.sha256(repr([program(), facts, settings]).encode()).hexdigest()
 
 
-def recorded(target: Path, key: str) -> Any | None:
+def recorded(target: Path, key: str) -> Any:
     """The facts of a task whose file is there as an earlier run with this key left it; None for any other."""
     try:
         record = json.loads(_path(target).read_bytes())
@@ -34,7 +34,7 @@ def recorded(target: Path, key: str) -> Any | None:
         return None
 
 
-def record(target: Path, key: str, facts: object) -> None:
+def record(target: Path, key: str, facts: list[Any] | dict[str, Any]) -> None:
     """Take down what was written, once it is; facts are of JSON. Raises OutputNotWritten."""
     path = _path(target)
     text = json.dumps({"key": key, "size": target.stat().st_size, "facts": facts})

@@ -14,7 +14,7 @@ from collections.abc import Callable, Sequence
 from contextlib import suppress
 from typing import TYPE_CHECKING, Any
 
-from relume.cluster.attempt import Needs, Outcome, attempt, reason
+from relume.cluster.attempt import Outcome, reason
 from relume.cluster.program import program
 from relume.cluster.tally import Tally
 from relume.cluster.workers import share_cores
@@ -31,6 +31,23 @@ UNFIT = 20
 """How often a task may meet a worker that is not fit for it."""
 
 
+def _carrier() -> Callable[..., Any]:
+    """What is sent with every task. It travels as code, since it is defined in another function: a scheduler needs no
+    relume, and a worker without it says so, where it would else go down over a message that it cannot read.
+    """
+
+    def relume_task(packed: bytes, program: str, memory: int | None) -> Any:
+        try:
+            from relume.cluster.attempt import attempt_packed
+        except ImportError as error:
+            from distributed import get_worker
+
+            return get_worker().address, f"a worker has no relume that can be used ({error}); install {program} there"
+        return attempt_packed(packed, program, memory)
+
+    return relume_task
+
+
 class Spreading:
     """One run of many tasks on a cluster."""
 
@@ -39,7 +56,7 @@ class Spreading:
         tally: Tally,
     ) -> None:  # fmt: skip
         self.client, self.function, self.tasks, self.tries, self.tally = client, function, tasks, tries, tally
-        self.needs = Needs(program(), memory)
+        self.carried, self.needs = _carrier(), (program(), memory)
         self.run_name = f"{getattr(function, '__name__', 'task').strip('_')}-{secrets.token_hex(4)}"
         self.waiting = deque(range(len(tasks)))
         self.suspects: deque[int] = deque()
@@ -110,11 +127,19 @@ class Spreading:
         avoided = self.unfit | set(self.tried.get(index, ()))
         others = [address for address in self.workers if address not in avoided] if avoided else []
         future = self.client.submit(
-            attempt, self.function, self.tasks[index], self.needs, key=(self.run_name, index, count), pure=False,
+            self.carried, self._packed(index), *self.needs, key=(self.run_name, index, count), pure=False,
             workers=others or None, allow_other_workers=bool(others),
         )  # fmt: skip
         self.flying[index] = future
         future.add_done_callback(lambda done: self.landed.put((index, done)))
+
+    def _packed(self, index: int) -> bytes:
+        import cloudpickle
+
+        try:
+            return cloudpickle.dumps((self.function, self.tasks[index]))
+        except Exception as error:
+            raise ValueError(f"a task cannot be sent to a worker: {reason(error)}; give values that pickle") from error
 
     def _take(self) -> None:
         """Settle what came back, or wait for it a moment."""
@@ -133,6 +158,8 @@ class Spreading:
         except Exception as error:
             outcomes = [Outcome(failed=reason(error), again=True)] * len(finished)
         for (index, _), outcome in zip(finished, outcomes, strict=True):
+            if isinstance(outcome, tuple):
+                outcome = Outcome(failed=outcome[1], again=True, unfit=True, worker=outcome[0])
             self._settle(index, outcome)
         for index, future in landed:
             if index in self.flying:

@@ -27,7 +27,7 @@ def check_workers(client: Any, *, memory: int | None = None, paths: Sequence[Pat
     workers = _workers(client)
     # Python first: what it compiled cannot be sent to another.
     mine = f"{sys.version_info[0]}.{sys.version_info[1]}"
-    for address, facts in client.get_versions(check=False)["workers"].items():
+    for address, facts in (client.get_versions(check=False)["workers"] or {}).items():
         theirs = ".".join(str(facts["host"]["python"]).split(".")[:2])
         if theirs != mine:
             raise ClusterUnusable(
@@ -73,14 +73,22 @@ def _share_cores(client: Any, answers: dict[str, Any]) -> None:
 def _workers(client: Any) -> dict[str, Any]:
     """The workers that are there, once there is one."""
     end = time.monotonic() + PATIENCE
-    while not (workers := client.scheduler_info(n_workers=-1)["workers"]):
+    while not (workers := _info(client)["workers"]):
         if time.monotonic() > end:
             raise ClusterUnusable(
-                f"the scheduler at {client.scheduler_info()['address']} has no workers after {PATIENCE:.0f} s; start "
-                "some with dask worker"
+                f"the scheduler at {_info(client)['address']} has no workers after {PATIENCE:.0f} s; start some with "
+                "dask worker"
             )
         time.sleep(0.2)
     return dict(workers)
+
+
+def _info(client: Any) -> dict[str, Any]:
+    """What the scheduler knows of its workers."""
+    info = client.scheduler_info(n_workers=-1)
+    if "workers" not in info:
+        raise ClusterUnusable("the scheduler went away as its workers were asked; start it and give the command again")
+    return dict(info)
 
 
 def _question(paths: list[str]) -> Callable[[], dict[str, Any]]:

@@ -74,7 +74,7 @@ def export_shot(shot: PreparedShot, folder: str | os.PathLike[str], program: Pro
     if program not in SHOT_FORMATS:
         raise ValueError(f'program is "{program}"; choose one of {", ".join(SHOT_FORMATS)}')
     form = SHOT_FORMATS[program]
-    with _complete_folder(folder, form.main) as temporary:
+    with complete_folder(folder, form.main) as temporary:
         notes = tuple(dict.fromkeys(form.write(shot, temporary)))
         written = sorted(path.name for path in temporary.iterdir())
         files.write_text(temporary / "README.txt", _readme(form, written, notes))
@@ -94,7 +94,7 @@ def _readme(form: ShotFormat, written: list[str], notes: tuple[str, ...]) -> str
 
 
 @contextmanager
-def _complete_folder(folder: str | os.PathLike[str], last: str) -> Iterator[Path]:
+def complete_folder(folder: str | os.PathLike[str], last: str) -> Iterator[Path]:
     """A temporary folder to write to; when the block ends well its files are in `folder`, when it fails none is.
 
     last : name of the file that names the others; in a folder that exists already it is put there last

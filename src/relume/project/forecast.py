@@ -16,7 +16,7 @@ from shutil import disk_usage
 import numpy as np
 
 from relume.errors import GatheredDoubts, OutputNotWritten, RelumeError
-from relume.project.insertion.render_tiles import is_large, shares_of_tiles
+from relume.project.insertion.render_tiles import VIEWED, is_large, shares_of_tiles
 from relume.project.shot_file.shot import Shot
 from relume.renderers.mitsuba.differential import Differential
 from relume.scene.cameras.camera import Camera
@@ -70,11 +70,16 @@ def forecast(shot: Shot, camera: Camera, meshes: Sequence[Mesh], threads: int | 
     except (RelumeError, ValueError):
         return None
     total = rays * megapixels * 1e6
-    fixed, each = LARGE_MEMORY if is_large(camera) else SMALL_MEMORY
     return Forecast(
         rays, total, START + A_MEGAPIXEL * megapixels + total / speed,
-        1e9 * (fixed + each * megapixels), DISK * megapixels * 1e6,
+        memory_for(camera.width * camera.height), DISK * megapixels * 1e6,
     )  # fmt: skip
+
+
+def memory_for(pixels: int) -> float:
+    """Bytes of memory that an insertion into a plate of so many pixels takes."""
+    fixed, each = LARGE_MEMORY if pixels > VIEWED else SMALL_MEMORY
+    return 1e9 * (fixed + each * pixels / 1e6)
 
 
 def _probed(shot: Shot, camera: Camera, meshes: Sequence[Mesh], threads: int | None) -> tuple[float, float]:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -51,13 +51,16 @@ class Turntable:
         return camera, rotation_about(UP, self.angle * share)
 
 
-def frames(prepared: Prepared, camera: Camera, motion: Orbit | Turntable, count: int) -> Iterator[Render]:
+def frames(
+    prepared: Prepared, camera: Camera, motion: Orbit | Turntable, count: int, only: Sequence[int] | None = None
+) -> Iterator[Render]:
     """Pictures of a motion, one after the other; tables and tree are those of `prepared`, made once.
 
+    only : these frames, from 0; all unless given
     Raises ValueError for less than one frame.
     """
     _check(count)
-    for index in range(count):
+    for index in range(count) if only is None else only:
         moved, turn = motion.at(camera, index / count)
         yield prepared.render(moved, turn=turn, about=motion.centre)
 
@@ -72,17 +75,19 @@ def traced_frames(
     seed: int = 0,
     region: tuple[int, int, int, int] | None = None,
     progress: Progress | None = None,
+    only: Sequence[int] | None = None,
 ) -> Iterator[Render]:
     """Pictures of a scene that changes, by Whitted's tree; tables are made anew only where the scene is another.
 
     scene_at : the scene after a share of the way, 0 to 1; the very same one where nothing has moved
     motion : on top of that; on a turntable stand the objects, the real surfaces stay
     region : left, top, right and bottom, pixels
+    only : these frames, from 0; all unless given
     Raises ValueError for less than one frame.
     """
     _check(count)
     prepared: PreparedWhitted | None = None
-    for index in range(count):
+    for index in range(count) if only is None else only:
         scene, seen_from = scene_at(index / count), camera
         if motion is not None:
             seen_from, turn = motion.at(camera, index / count)

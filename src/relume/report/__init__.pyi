@@ -18,6 +18,9 @@ from .shot_check import check_shot as check_shot
 from .shot_check import placed_meshes as placed_meshes
 from .shot_radiance import ShotRadiance as ShotRadiance
 from .shot_radiance import merge_shot as merge_shot
+from .shots.farm_job import JobSettings as JobSettings
+from .shots.farm_job import WrittenJob as WrittenJob
+from .shots.farm_job import write_job as write_job
 from .shots.light_placing import MirroredLight as MirroredLight
 from .shots.light_placing import mirrored_light as mirrored_light
 from .shots.material_balls import MaterialBall as MaterialBall

@@ -109,13 +109,7 @@ def composited(
     """The change, matched to the plate's look, over the plate; scene-linear and developed. Raises InvalidShot."""
     plate = calibrated.plate
     # What the objects are given of the plate's look.
-    bracket = development.bracket
-    made_from = [
-        plate, development.index, calibrated.cameras,
-        None if bracket is None else [bracket.exposures, [each.pixels for each in bracket.photographs]],
-        shot.match.sharpness, shot.match.grain, shot.plate.denoise,
-    ]  # fmt: skip
-    look = steps.keep("match", made_from, lambda: _look(shot, calibrated, development))
+    look = plate_look(shot, calibrated, development, steps)
     match = Match(
         place.vignetting, look.sharpness, look.radiance_grain, look.photograph_grain, shot.match.seed
     )  # fmt: skip
@@ -143,6 +137,17 @@ def composited(
             picture = _in_photograph(photograph, film, composite, plate.radiance, change.matte, match)
             before = photograph
     return Composite(grainy, picture, before, change, without, match)
+
+
+def plate_look(shot: Shot, calibrated: Calibrated, development: Development, steps: Steps) -> Look:
+    """The plate's sharpness and grain, which the objects are given; measured once."""
+    bracket = development.bracket
+    made_from = [
+        calibrated.plate, development.index, calibrated.cameras,
+        None if bracket is None else [bracket.exposures, [each.pixels for each in bracket.photographs]],
+        shot.match.sharpness, shot.match.grain, shot.plate.denoise,
+    ]  # fmt: skip
+    return steps.keep("match", made_from, lambda: _look(shot, calibrated, development))
 
 
 def _in_photograph(

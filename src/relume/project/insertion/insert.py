@@ -13,8 +13,9 @@ from pathlib import Path
 from relume.errors import GatheredDoubts, ranked, warn
 from relume.project.forecast import require_room
 from relume.project.insertion.agreement import on_one_scale
-from relume.project.insertion.composite import composited, development_of
+from relume.project.insertion.composite import composited, development_of, plate_look
 from relume.project.insertion.doubts import doubts_on
+from relume.project.insertion.frame_shots import at_frame
 from relume.project.insertion.outcome import Inserted, require_folder, write_outcome, write_picture
 from relume.project.insertion.photographs import calibrate, plate_size, read_photographs
 from relume.project.insertion.place import find_camera, find_place
@@ -130,20 +131,28 @@ def _quick_look(shot: Shot, out: Path, steps: Steps, renderer: Renderer | None, 
     return replace(result, doubts=ranked([*gathered.doubts, *doubts]))
 
 
-def prepare_shot(shot: Shot, out: str | Path, *, progress: Progress = lambda step, share: None) -> PreparedShot:
+def prepare_shot(
+    shot: Shot, out: str | Path, *, frame: int | None = None, progress: Progress = lambda step, share: None
+) -> PreparedShot:
     """The shot ready to be rendered, for another program: all but the render is done, its stages kept in `out`.
 
+    frame : of the shot's sequence. What all frames share, `insert_frames` then takes from `out`, in however many
+        processes; each frame still has to measure a plate of its own. Unless given, the shot as if it had no sequence
     Raises RelumeError. Warns of doubtful measurements, and of objects that hover, sink or are far too large or small.
     """
     out = Path(out)
     require_folder(out)
     steps = Steps(Stages(out / "stages"), progress)
+    if frame is not None:
+        shot = at_frame(shot, frame)
     meshes = placed_meshes(shot)
     calibrated = calibrate(shot, read_photographs(shot), steps)
     fit = find_camera(shot, calibrated, steps)
     calibrated = on_one_scale(shot, calibrated, fit.camera)
     place = find_place(shot, calibrated, fit, meshes, None, steps)
     development = development_of(shot, calibrated)
+    if frame is not None:
+        plate_look(shot, calibrated, development, steps)
     for doubt in (*doubts_about(meshes, place.camera, place.bare.local), *doubts_on(calibrated, place, None)):
         warn(doubt.line, doubt.effect)
     scene = place.relit(shot).adding(*meshes)

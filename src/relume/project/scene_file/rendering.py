@@ -3,18 +3,21 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterator
+import os
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
+from functools import lru_cache, partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal
 
 import numpy as np
 from numpy.typing import ArrayLike
 
-from relume.errors import OutputNotWritten, warn
+from relume.errors import warn
 from relume.image import files
 from relume.image.radiance import RadianceMap
 from relume.project.scene_file.lights import metered_scene
+from relume.project.scene_file.pictures import spread_frames, write_frames, write_picture
 from relume.project.scene_file.scene_file import SceneFile
 from relume.renderers.results import Render
 from relume.scene.materials.whitted import WhittedMaterial
@@ -23,8 +26,11 @@ from relume.sphere.environment_map import EnvironmentMap
 from relume.virtual_camera.film.film import Film
 
 if TYPE_CHECKING:
+    from distributed import Client
+
+    from relume.cluster.connection import Cluster
     from relume.renderers.mitsuba.path_tracer import Mitsuba
-    from relume.renderers.prefiltered.prefiltered import Prefiltered
+    from relume.renderers.prefiltered.prefiltered import Prefiltered, Prepared
     from relume.renderers.turntable import Orbit, Turntable
     from relume.renderers.whitted.whitted import Whitted
 
@@ -110,12 +116,15 @@ class RenderedScene:
 def render_scene(
     read: SceneFile, out: str | Path, settings: RenderSettings = RenderSettings(), *,
     dry_run: bool = False, report: Report = lambda name, share: None,
+    cluster: str | os.PathLike[str] | Client | Cluster | None = None,
 ) -> RenderedScene:  # fmt: skip
     """Render a scene file into one picture (.exr with matte, depth and normals, .hdr, .png, .jpg), a folder or an .mp4.
 
     out : the picture; with `settings.frames` a folder for numbered pictures, or an .mp4
     dry_run : check everything and render nothing
-    Raises ValueError for settings that do not go together, UnsupportedScene, OutputNotWritten.
+    cluster : workers that make the frames, as `run_tasks` takes them; None makes them here
+    Raises ValueError for settings that do not go together, UnsupportedScene, OutputNotWritten; Incomplete for frames
+    that failed on a cluster, while the others were written.
     """
     out, name = Path(out), renderer_name(read, settings)
     # Refuse what cannot be before any work.
@@ -131,11 +140,15 @@ def render_scene(
         return result
     # Render, and write each picture as soon as it is there.
     by = {"mitsuba": _by_mitsuba, "prefiltered": _by_maps, "whitted": _by_trees}[name]
-    pictures = by(read, settings, report)
+    unit = read.scene.light.unit
     if settings.frames is None:
-        write_picture(out, next(pictures), film, read.scene.light.unit)
+        if cluster is not None:
+            raise ValueError("cluster: its workers make the frames of a motion, and this is one picture; leave it out")
+        write_picture(out, next(by(read, settings, report)), film, unit)
+    elif cluster is None:
+        write_frames(out, by(read, settings, report), film, unit)
     else:
-        _write_frames(out, pictures, film, read.scene.light.unit)
+        spread_frames(out, partial(by, read, settings), settings.frames, film, unit, cluster, report)
     return result
 
 
@@ -215,23 +228,6 @@ def check_region(read: SceneFile, settings: RenderSettings) -> None:
             )
 
 
-def write_picture(out: Path, picture: Render, film: Film, unit: str) -> None:
-    """Write one picture in the format that its suffix names."""
-    from relume.virtual_camera.developing import develop
-
-    suffix = out.suffix.lower()
-    if suffix == ".exr":
-        layers: dict[str, np.ndarray] = {"radiance": picture.radiance, "matte": picture.matte}
-        layers |= {"depth": picture.depth, "normal": picture.normal}
-        if picture.rays is not None:
-            layers["rays"] = picture.rays.astype(np.float32)
-        files.write_layers(out, layers, unit=unit)
-    elif suffix == ".hdr":
-        files.write(out, RadianceMap(picture.radiance, unit=unit))
-    else:
-        files.write(out, develop(picture.radiance, film))
-
-
 def _allowed(settings: RenderSettings, shown: Shown) -> list[RendererName]:
     """The renderers that every given setting is for, the preferred one first."""
     left: list[RendererName] = list(ALL) if settings.renderer is None else [settings.renderer]
@@ -297,18 +293,29 @@ def _by_mitsuba(read: SceneFile, settings: RenderSettings, report: Report) -> It
     )
 
 
-def _by_maps(read: SceneFile, settings: RenderSettings, report: Report) -> Iterator[Render]:
+def _prepared_maps(read: SceneFile, settings: RenderSettings) -> Prepared:
+    return _prefiltered(settings).prepared(read.scene)
+
+
+_kept_maps = lru_cache(maxsize=1)(_prepared_maps)
+"""For single frames, whose tables are those of the frame before as long as scene and settings are the very same."""
+
+
+def _by_maps(
+    read: SceneFile, settings: RenderSettings, report: Report, only: Sequence[int] | None = None
+) -> Iterator[Render]:
     """One picture, or a motion's, by prefiltered environment maps."""
     from relume.composite.differential import over
     from relume.renderers.turntable import frames
 
     report("tables", 0.0)
-    prepared = _prefiltered(settings).prepared(read.scene)
+    make = _prepared_maps if only is None else _kept_maps
+    prepared = make(read, settings)
     report("tables", 1.0)
     if settings.frames is None:
         pictures = iter([prepared.render(read.camera)])
     else:
-        pictures = frames(prepared, read.camera, _motion(read, settings), settings.frames)
+        pictures = frames(prepared, read.camera, _motion(read, settings), settings.frames, only)
     for index, picture in enumerate(pictures):
         if settings.plate is not None:
             picture = replace(picture, radiance=over(picture.radiance, picture.matte, settings.plate.radiance))
@@ -316,7 +323,9 @@ def _by_maps(read: SceneFile, settings: RenderSettings, report: Report) -> Itera
         yield picture
 
 
-def _by_trees(read: SceneFile, settings: RenderSettings, report: Report) -> Iterator[Render]:
+def _by_trees(
+    read: SceneFile, settings: RenderSettings, report: Report, only: Sequence[int] | None = None
+) -> Iterator[Render]:
     """One picture, or a motion's, by Whitted's trees: the file's orbits, and a motion unless they are all there is."""
     from relume.renderers import turntable as motions
     from relume.scene.motion.moving_objects import left_in_space
@@ -338,8 +347,9 @@ def _by_trees(read: SceneFile, settings: RenderSettings, report: Report) -> Iter
     if left := left_in_space(moving):
         warn(f"checks and waves lie in space: {', '.join(left)} will move through them")
     yield from motions.traced_frames(
-        method, read.at, read.camera, motion, settings.frames, seed=seed, region=settings.region, progress=rendering
-    )
+        method, read.at, read.camera, motion, settings.frames, seed=seed, region=settings.region, progress=rendering,
+        only=only,
+    )  # fmt: skip
 
 
 def _warn_of_darkness(picture: Render, method: Whitted, read: SceneFile) -> None:
@@ -354,22 +364,3 @@ def _warn_of_darkness(picture: Render, method: Whitted, read: SceneFile) -> None
     unlit = not method.constellation and read.scene.light.radiance.any()
     reason = "the light map lights nothing while constellation is 0" if unlit else "is a lamp inside a shape, or below?"
     warn(f"no light reaches the surfaces that are seen, so they are black; {reason}")
-
-
-def _write_frames(out: Path, pictures: Iterator[Render], film: Film, unit: str) -> None:
-    """Write a movie, or numbered pictures into a folder, as they are rendered."""
-    from relume.virtual_camera.developing import develop
-
-    if out.suffix.lower() == ".mp4":
-        from relume.image.files.video import Movie
-
-        with Movie(out) as movie:
-            for picture in pictures:
-                movie.add(develop(picture.radiance, film).pixels)
-        return
-    try:
-        out.mkdir(parents=True, exist_ok=True)
-    except OSError as error:
-        raise OutputNotWritten(f"{out}: cannot be made a folder ({error.strerror}); choose another") from None
-    for index, picture in enumerate(pictures):
-        write_picture(out / f"frame_{index + 1:04d}.png", picture, film, unit)

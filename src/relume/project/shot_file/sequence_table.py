@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from itertools import pairwise
 from typing import Annotated, Literal
 
@@ -45,7 +45,7 @@ class LightKey(Table):
 class SequenceTable(Table):
     """Which frames are made, and how time goes in them.
 
-    frames : as "1-120", "1-120x2" for every second, "5,7,9", or a list of numbers
+    frames : as "1-120", "1-120x2" or "1-120:2" for every second, "5,7,9", or a list of numbers
     rate : a second
     interpolation : between keys
     shutter : when it opens and closes, shares of a frame's time about the frame's moment; without it nothing blurs
@@ -83,20 +83,37 @@ class SequenceTable(Table):
 def frames_in(text: str) -> tuple[int, ...]:
     """The frames that a text lists: numbers and ranges with commas between them; "1-9x2" is every second from 1.
 
-    Raises ValueError naming the part that is neither.
+    OpenJD writes "1-9:2" for the same, and ranges that fall have a step that does, as 9-1x-2. Raises ValueError naming
+    the part that is neither.
     """
     found: list[int] = []
     for part in text.split(","):
-        match = re.fullmatch(r"\s*(\d+)(?:\s*-\s*(\d+)(?:\s*x\s*(\d+))?)?\s*", part)
+        match = re.fullmatch(r"\s*(\d+)(?:\s*-\s*(\d+)(?:\s*[x:]\s*(-?\d+))?)?\s*", part, re.ASCII)
         if match is None or len(part) > 40:
             raise ValueError(f"{part.strip()[:40]!r} is no frame; give numbers and ranges, as 1-120, 1-120x2 or 5,7,9")
         first, last, step = int(match[1]), int(match[2] or match[1]), int(match[3] or 1)
-        if last < first or step < 1:
+        if step == 0 or (last - first) * step < 0:
             raise ValueError(f"{part.strip()!r} has no frames; the first comes first, and every step is 1 or more")
         if (last - first) // step + len(found) >= MOST:
             raise ValueError(f"{part.strip()!r} makes more than {MOST} frames; expected fewer")
-        found.extend(range(first, last + 1, step))
+        found.extend(range(first, last + (1 if step > 0 else -1), step))
     return tuple(found)
+
+
+def frames_as_text(frames: Iterable[int]) -> str:
+    """The shortest list of numbers and ranges that farms read, as 1-9:2,12: rising, each frame once."""
+    parts: list[str] = []
+    left = sorted(set(frames))
+    while left:
+        # As far as the step of the first two goes.
+        step = left[1] - left[0] if len(left) > 1 else 1
+        length = next((k for k in range(1, len(left)) if left[k] != left[0] + k * step), len(left))
+        run, left = left[:length], left[length:]
+        if len(run) < 3:
+            parts += map(str, run)
+        else:
+            parts.append(f"{run[0]}-{run[-1]}" + (f":{step}" if step > 1 else ""))
+    return ",".join(parts)
 
 
 def require_rising(keys: Sequence[ObjectKey] | Sequence[CameraKey] | Sequence[LightKey]) -> None:

@@ -1,0 +1,149 @@
+"""`insert_frames`: a shot inserted into every frame of its sequence, in this process or by the workers of a cluster."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Callable, Iterable, Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from relume.cluster.attempt import threads as worker_threads
+from relume.cluster.connection import connect
+from relume.cluster.folder_lock import held
+from relume.cluster.tasks import run_tasks
+from relume.errors import Doubt, Incomplete, IncompleteSequence, RelumeError
+from relume.project.forecast import memory_for
+from relume.project.insertion.frame_shots import at_frame
+from relume.project.insertion.insert import insert, prepare_shot
+from relume.project.insertion.outcome import Inserted
+from relume.project.insertion.photographs import plate_size, read_photographs
+from relume.project.insertion.render_change import Motion
+from relume.project.insertion.sequence import (
+    SequenceMade,
+    assemble_frames,
+    chosen_frames,
+    files_named_in,
+    make_frames,
+)
+from relume.project.shot_file.shot import Shot
+from relume.project.stages import Progress
+from relume.renderers.renderer import Renderer
+from relume.scene.motion.keyframes import Shutter
+
+if TYPE_CHECKING:
+    from distributed import Client
+
+    from relume.cluster.connection import Cluster
+
+
+def insert_frames(
+    shot: Shot, out: str | Path, *, frames: str | Iterable[int] | None = None, assemble: bool = False,
+    renderer: Renderer | None = None, threads: int | None = None, progress: Progress = lambda step, share: None,
+    restart: bool = False, force: Callable[[int, str], None] | None = None,
+    finished: Callable[[Inserted, Path], None] = lambda result, folder: None,
+    cluster: str | os.PathLike[str] | Client | Cluster | None = None,
+) -> SequenceMade:  # fmt: skip
+    """Insert the objects into every frame of the shot's sequence, with what moves blurred while the shutter is open.
+
+    out : folder for frame_0001 and so on, and a movie; frames that are complete there are kept. Many processes may make
+        frames of one folder at once: each frame is made by one of them. What `prepare_shot` kept there is used
+    frames : these alone, as "1-9x2,12" or by their numbers; then no movie is written, which is of all frames
+    assemble : make no frame, and write what all frames share: the movie. Raises IncompleteSequence where one is missing
+    finished : called with each frame's result and folder before the frame counts as made; `write_report` fits
+    cluster : workers that make the frames, as `run_tasks` takes them; one of them measures light, camera and
+        reflectance before. All see `out` and the shot's files by the same paths. None makes all here
+
+    The other arguments are those of `insert`. Raises RelumeError, of which Incomplete names frames that failed on a
+    cluster while the others were made; ValueError for frames that the sequence has not.
+    """
+    if assemble:
+        return assemble_frames(shot, out, frames)
+    if cluster is not None:
+        return _spread(FrameTask(shot, Path(out), 0, renderer, threads, restart, finished), frames, progress, cluster)
+    table = shot.sequence
+    shutter = None if table is None or table.shutter is None else Shutter(*table.shutter)
+    count, begun = len(chosen_frames(shot, frames)), [0.0]
+
+    def share_of_all(step: str, share: float) -> None:
+        progress(step, share)
+        if step == "frames":
+            begun[0] = share
+        if step == "render":
+            progress("frames", begun[0] + share / count)
+
+    def make(frame: Shot, folder: Path, others: tuple[Path, ...]) -> Sequence[Doubt]:
+        number = int(folder.name.rpartition("_")[2])
+        motion = None if shutter is None else Motion(lambda time: at_frame(shot, number + time), shutter)
+        result = insert(
+            frame, folder, renderer=renderer, threads=threads, progress=share_of_all, others=others, motion=motion,
+            restart=restart, force=force,
+        )  # fmt: skip
+        finished(result, folder)
+        return result.doubts
+
+    return make_frames(shot, out, make, frames=frames, progress=share_of_all)
+
+
+@dataclass(frozen=True, eq=False)
+class FrameTask:
+    """What a worker is given to make one frame of; the arguments of `insert_frames`."""
+
+    shot: Shot
+    out: Path
+    number: int
+    renderer: Renderer | None
+    threads: int | None
+    restart: bool
+    finished: Callable[[Inserted, Path], None]
+
+
+def _spread(task: FrameTask, frames: str | Iterable[int] | None, progress: Progress, cluster: Any) -> SequenceMade:
+    """The frames by the workers of a cluster, which coordinate by the files in the folder of results alone."""
+    # Workers begin in other folders than this process.
+    shot = task.shot.model_copy(update={"folder": task.shot.folder.absolute()})
+    out = task.out.absolute()
+    # All shots first, so that a wrong key is reported before hours of rendering.
+    numbers = chosen_frames(shot, frames)
+    shots = [at_frame(shot, number) for number in numbers]
+    tasks = [replace(task, shot=shot, out=out, number=number) for number in numbers]
+    width, height = plate_size(read_photographs(shots[0]))
+
+    def counted(done: int, failed: int, to_go: int, seconds_left: float | None) -> None:
+        progress("frames", (done + failed) / len(numbers))
+
+    with held(out) as lock, connect(cluster) as connected:
+        # What all frames share, once.
+        try:
+            run_tasks(
+                _prepared, tasks[:1], cluster=connected, memory=int(memory_for(width * height)),
+                paths=[lock, *files_named_in(shots[-1])],
+            )  # fmt: skip
+        except Incomplete as error:
+            raise RelumeError(error.failed[0][1]) from None
+        kept = run_tasks(
+            _frame_made, tasks, names=[f"frame {number}" for number in numbers], cluster=connected, progress=counted
+        )
+        # The frames as they lie there.
+        if frames is None:
+            made = assemble_frames(shot, out)
+        else:
+            made = make_frames(shot, out, _not_there, frames=numbers)
+    return replace(made, frames=tuple(replace(f, kept=k) for f, k in zip(made.frames, kept, strict=True)))
+
+
+def _prepared(task: FrameTask) -> None:
+    prepare_shot(task.shot, task.out, frame=task.number)
+
+
+def _frame_made(task: FrameTask) -> bool:
+    """Make a frame, unless that was done; whether it was."""
+    made = insert_frames(
+        task.shot, task.out, frames=[task.number], renderer=task.renderer, threads=task.threads or worker_threads(),
+        restart=task.restart, finished=task.finished,
+    )  # fmt: skip
+    return made.frames[0].kept
+
+
+def _not_there(shot: Shot, folder: Path, others: tuple[Path, ...]) -> Sequence[Doubt]:
+    raise IncompleteSequence(f"{folder}: made by a worker, and not seen from here; give all machines one folder")

@@ -1,0 +1,104 @@
+"""`relume insert` in parts: options that go together, lines for a farm, exit codes."""
+
+from __future__ import annotations
+
+import pytest
+
+from command_line import printed, refused, reported
+from relume.cli.stage_lines import FarmLines
+from small_shot import write_small_shot
+
+
+@pytest.fixture(scope="module")
+def shot(tmp_path_factory):
+    path = write_small_shot(tmp_path_factory.mktemp("shot"))
+    path.write_text(path.read_text() + '\n[sequence]\nframes = "1-6"\n')
+    return path
+
+
+@pytest.mark.parametrize(
+    ("words", "line"),
+    [
+        (["--prepare", "--assemble"], "--prepare and --assemble are different jobs; give one of them"),
+        (["--prepare", "--preview"], "--prepare and --preview are different jobs"),
+        (["--job", "job", "--to", "usd"], "--job and --to are different jobs"),
+        (["--frames", "1", "--dry-run"], "--frames makes frames, and --dry-run does not; leave one of them out"),
+        (["--frames", "1", "--prepare"], "--frames makes frames, and --prepare does not"),
+        (["--cluster", "local:1", "--job", "job"], "--cluster makes frames, and --job does not; leave one of them out"),
+        (["--chunk", "2"], "--chunk is for --job; leave it out"),
+        (["--progress", "openjd", "--json"], "--progress and --json both write to standard output"),
+        (["--frames", "0-3"], "frame 0 is not in the shot's [sequence], which has 1-6"),
+        (["--frames", "4-1"], "'4-1' has no frames"),
+        (["--frames", "two"], "'two' is no frame; give numbers and ranges, as 1-120, 1-120x2 or 5,7,9"),
+        (["--force"], "--force replaces a shot.toml that is written"),
+    ],
+)
+def test_options_that_contradict_one_another_are_refused_in_one_line(shot, tmp_path, capsys, words, line):
+    assert line in refused(["insert", shot, "-o", tmp_path / "out", *words], capsys)
+    assert not (tmp_path / "out").exists()
+
+
+def test_a_folder_is_needed_for_pictures_and_a_sequence_for_frames(shot, tmp_path, capsys):
+    assert "no -o; give the folder for the pictures" in refused(["insert", shot], capsys)
+    still = write_small_shot(tmp_path / "still")
+    for words in (["--frames", "1"], ["--assemble"]):
+        assert "sequence: missing; give the frames" in refused(
+            ["insert", still, "-o", tmp_path / "out", *words], capsys
+        )
+    assert "sequence: missing" in refused(["insert", still, "--job", tmp_path / "job"], capsys)
+    plate = shot.parent / "plate.exr"
+    assert "--job needs a shot file" in refused(["insert", "--plate", plate, "--job", tmp_path / "job"], capsys)
+
+
+def test_frames_that_are_missing_end_with_4_and_their_names(shot, tmp_path, capsys):
+    line = refused(["insert", shot, "-o", tmp_path / "out", "--assemble"], capsys, 4)
+    assert "frames 1-6 are missing or not whole; make them with --frames 1-6" in line
+
+
+def test_a_job_is_written_by_one_command_and_replaced_by_force(shot, tmp_path, capsys):
+    words = ["insert", shot, "--frames", "1-5x2", "--job", tmp_path / "job", "--chunk", "2", "--samples", "16"]
+    facts = reported(words, capsys)
+    assert facts["frames"] == "1-5:2" and facts["tasks"] == 2 and facts["memory a task"] == "0.92 GB"
+    assert "--samples 16 --frames 1,3" in (tmp_path / "job" / "commands.txt").read_text()
+    assert "a job is there already" in refused(words, capsys, 3)
+    assert reported([*words, "--force"], capsys) == facts
+    assert "holds other things than a job" in refused(["insert", shot, "--job", shot.parent], capsys, 3)
+
+
+def test_what_fails_is_said_to_the_farm(shot, tmp_path, capsys):
+    from relume.cli import main
+
+    code = main([str(w) for w in ("insert", shot, "-o", tmp_path / "out", "--frames", "9", "--progress", "openjd")])
+    said = capsys.readouterr()
+    assert code == 2 and said.out == "openjd_fail: frame 9 is not in the shot's [sequence], which has 1-6\n"
+    assert said.err == "relume: frame 9 is not in the shot's [sequence], which has 1-6\n"
+
+
+def test_a_farm_is_given_the_share_of_all_frames_once_a_percent_and_each_stage_by_its_name():
+    lines: list[str] = []
+    report = FarmLines(lines.append)
+    for step, share in [("frames", 0.0), ("light", 0.0), ("light", 1.0), ("render", 0.0), ("render", 0.5)]:
+        report(step, share)
+    for share in (0.251, 0.252, 0.26, 0.1, 1.0):
+        report("frames", share)
+    assert lines == [
+        "openjd_progress: 0", "openjd_status: light", "openjd_status: render", "openjd_progress: 25",
+        "openjd_progress: 26", "openjd_progress: 100",
+    ]  # fmt: skip
+
+
+def test_a_still_is_as_far_as_its_render():
+    lines: list[str] = []
+    report = FarmLines(lines.append)
+    for step, share in [("camera", 0.0), ("camera", 1.0), ("render", 0.0), ("render", 0.5), ("render", 1.0)]:
+        report(step, share)
+    assert lines == [
+        "openjd_status: camera", "openjd_status: render", "openjd_progress: 0", "openjd_progress: 50",
+        "openjd_progress: 100",
+    ]  # fmt: skip
+
+
+def test_what_was_prepared_is_said(shot, tmp_path, capsys):
+    said = printed(["insert", shot, "-o", tmp_path / "out", "--prepare"], capsys)
+    assert "prepared" in said.out and str(tmp_path / "out" / "stages") in said.out
+    assert sorted(p.name for p in (tmp_path / "out").iterdir()) == ["stages"]
