@@ -23,7 +23,6 @@ from relume.cli.stage.options import (
     work_facts,
 )
 
-
 Labels = Annotated[
     Path | None,
     Parameter(
