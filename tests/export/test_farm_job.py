@@ -193,17 +193,17 @@ def test_the_same_relume_in_another_place_finds_what_was_prepared(tmp_path):
 
 
 def test_openjd_runs_the_job_to_its_end_with_mapped_paths_and_the_same_bits(alone, tmp_path):
-    # The job is written where the shot is /elsewhere; the farm maps both folders.
-    shot, out = tmp_path / "farm" / "shot", tmp_path / "farm" / "pictures"
+    # Written by the paths of this machine; the farm has both folders elsewhere, and maps them.
+    shot, out, there = tmp_path / "farm" / "shot", tmp_path / "farm" / "pictures", tmp_path / "only" / "here"
     shutil.copytree(alone[0].parent, shot)
-    made = rl.report.write_job(alone[0], tmp_path / "job", out="/elsewhere/pictures", frames="1-2", chunk=1)
+    made = rl.report.write_job(alone[0], tmp_path / "job", out=there, frames="1-2", chunk=1)
     template = made.folder / "template.json"
     assert run([BIN / "openjd", "check", template]).returncode == 0
     rules = {
         "version": "pathmapping-1.0",
         "path_mapping_rules": [
             {"source_path_format": "POSIX", "source_path": str(source), "destination_path": str(destination)}
-            for source, destination in ((alone[0].parent, shot), ("/elsewhere/pictures", out))
+            for source, destination in ((alone[0].parent, shot), (there, out))
         ],
     }
     done = run(
@@ -215,7 +215,7 @@ def test_openjd_runs_the_job_to_its_end_with_mapped_paths_and_the_same_bits(alon
     assert {name: found[name] for name in found if name.startswith("frame_")} == {
         name: whole[name] for name in whole if name.startswith(("frame_0001/", "frame_0002/"))
     }
-    assert (out / "report.html").is_file() and "sequence.mp4" in found and not Path("/elsewhere").exists()
+    assert (out / "report.html").is_file() and "sequence.mp4" in found and not there.exists()
     # What the farm is given of how far it is: no step lacks it.
     assert re.findall(r"openjd_progress: (\d+)", done.stdout)[-1] == "100"
     assert len(re.findall(r"openjd_status: render", done.stdout)) == 2

@@ -17,8 +17,8 @@ from typing import Annotated, Any
 from cyclopts import Parameter
 
 import relume as rl
+import relume.cluster as machines
 from relume.cli.stage_lines import stage_lines
-from relume.cluster import Cluster, connect
 
 _LONG = 96
 """Characters of a fact that a terminal shows on one line, beside its name."""
@@ -197,7 +197,7 @@ def progress(output: OutputOptions) -> Iterator[Callable[[str, float], None]]:
 @contextmanager
 def spread(
     word: str | None, output: OutputOptions, plain: Callable[..., Any] = progress
-) -> Iterator[tuple[Cluster | None, Callable[[str, float], None]]]:
+) -> Iterator[tuple[machines.Cluster | None, Callable[[str, float], None]]]:
     """What --cluster asks for, connected, and a callback for stages; without it None, and the callback of `plain`.
 
     On a cluster one bar counts the tasks of all workers, and the callback of stages does nothing.
@@ -206,7 +206,7 @@ def spread(
         with plain(output) as advance:
             yield None, advance
         return
-    with _counted(output) as count, connect(word, progress=count) as cluster:
+    with _counted(output) as count, machines.connect(word, progress=count) as cluster:
         shown = f"; what each worker does: {cluster.dashboard}" if cluster.dashboard else ""
         note(output, f"the scheduler is {cluster.address}{shown}")
         yield cluster, lambda stage, share: None

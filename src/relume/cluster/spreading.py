@@ -134,10 +134,10 @@ class Spreading:
         future.add_done_callback(lambda done: self.landed.put((index, done)))
 
     def _packed(self, index: int) -> bytes:
-        import cloudpickle
+        from distributed.protocol.pickle import dumps
 
         try:
-            return cloudpickle.dumps((self.function, self.tasks[index]))
+            return dumps((self.function, self.tasks[index]))
         except Exception as error:
             raise ValueError(f"a task cannot be sent to a worker: {reason(error)}; give values that pickle") from error
 

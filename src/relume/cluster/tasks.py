@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import os
 from collections.abc import Callable, Sequence
+from contextlib import nullcontext, suppress
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, TypeVar
 
@@ -12,7 +13,7 @@ from relume.cluster.connection import Cluster, connect
 from relume.cluster.spreading import Spreading
 from relume.cluster.tally import Tally, TaskProgress
 from relume.cluster.workers import check_workers
-from relume.errors import Incomplete, warn
+from relume.errors import DoubtWarning, Incomplete, warn
 
 if TYPE_CHECKING:
     from distributed import Client
@@ -67,10 +68,12 @@ def run_tasks(
 def _results(tally: Tally, names: Sequence[str]) -> list[Any]:
     """The results in order; warns of what was warned of, and raises Incomplete."""
     outcomes = [tally.outcomes[index] for index in range(tally.count)]
-    for line, effect in dict.fromkeys(doubt for outcome in outcomes for doubt in outcome.doubts):
-        warn(line, effect)
     results = [outcome.result for outcome in outcomes]
     failed = [(name, outcome.failed) for name, outcome in zip(names, outcomes, strict=True) if outcome.failed]
+    # Where warnings are errors, a failure is the one to raise.
+    with suppress(DoubtWarning) if failed else nullcontext():
+        for line, effect in dict.fromkeys(doubt for outcome in outcomes for doubt in outcome.doubts):
+            warn(line, effect)
     if failed:
         raise Incomplete(failed, results)
     return results
