@@ -122,26 +122,30 @@ class CorrectionOptions:
         )
 
 
+Source = Annotated[
+    Path | str,
+    Parameter(
+        converter=place,
+        n_tokens=1,
+        help="A folder with stage.json or an .lp, such a file, a folder of pictures, or a film of a stage.",
+    ),
+]
+Store = Annotated[
+    Path | str,
+    Parameter(
+        alias="-o",
+        converter=place,
+        n_tokens=1,
+        help="The store to write, like cat.zarr or s3://bucket/cat.zarr; an incomplete store is resumed.",
+    ),
+]
+
+
 def import_stage(
-    source: Annotated[
-        Path | str,
-        Parameter(
-            converter=place,
-            n_tokens=1,
-            help="A folder with stage.json or an .lp, such a file, a folder of pictures, or a film of a stage.",
-        ),
-    ],
+    source: Source,
     /,
     *,
-    out: Annotated[
-        Path | str,
-        Parameter(
-            alias="-o",
-            converter=place,
-            n_tokens=1,
-            help="The store to write, like cat.zarr or s3://bucket/cat.zarr; an incomplete store is resumed.",
-        ),
-    ],
+    out: Store,
     ball: Annotated[
         list[tuple[Circle, float] | Circle | Literal["find"] | Path] | None,
         numbers(

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Annotated, Literal
+from typing import Annotated, Any, Literal
 
 from cyclopts import Parameter
 
@@ -22,6 +22,13 @@ from relume.cli.stage.options import (
     require_picture,
     work_facts,
 )
+
+Labels = Annotated[
+    Path | None,
+    Parameter(
+        help="A light for each pixel: a picture of as many grey levels as there are --light, the darkest for the first."
+    ),
+]
 
 
 def relight(
@@ -56,13 +63,7 @@ def relight(
             "basis. The error is measured and printed."
         ),
     ] = None,
-    labels: Annotated[
-        Path | None,
-        Parameter(
-            help="A light for each pixel: a picture of as many grey levels as there are --light, the darkest for the "
-            "first."
-        ),
-    ] = None,
+    labels: Labels = None,
     exposure: Exposure = 0.0,
     max_memory: MaxMemory = MEMORY,
     threads: Threads = None,
@@ -93,13 +94,8 @@ def relight(
             note(output, "sequences sum the stage's pictures alone; single pictures take the mesh's shadows too")
         if moving or light.nearest or labels:
             found = None
-        settings = rl.lightstage.RelightSettings(
-            nearest=light.nearest,
-            compression=compressed,
-            threads=threads,
-            memory=max_memory,
-            scratch=existing_parent(out),
-        )
+        own = {"threads": threads, "memory": max_memory, "scratch": existing_parent(out)}
+        settings = rl.lightstage.RelightSettings(nearest=light.nearest, compression=compressed, **own)
         if dry_run:
             usable = found is not None and field.camera is not None
             more = rl.lightstage.mesh_seconds(field, light.lighting(), found, settings) if usable and found else 0.0
@@ -122,9 +118,7 @@ def relight(
                         field, labels, each, settings, cluster=workers, progress=share
                     )
                 else:
-                    found = rl.lightstage.usable_mesh(field, found, settings, cluster=workers)
-                    if found is not None and not found.required:
-                        note(output, f"{found.name} gives the shadows between the lights; --no-mesh leaves it out")
+                    found = _usable(field, found, settings, workers, output)
                     picture = rl.lightstage.relight(
                         field, light.lighting(), found, settings, cluster=workers, progress=share
                     )
@@ -134,6 +128,20 @@ def relight(
         if found is not None:
             facts["mesh"] = found.name
         print_facts(output, {**facts, "size": list(field.shape[::-1]), "unit": unit})
+
+
+def _usable(
+    field: rl.lightstage.ReflectanceField,
+    mesh: rl.lightstage.SubjectMesh | None,
+    settings: rl.lightstage.RelightSettings,
+    cluster: Any,
+    output: OutputOptions,
+) -> rl.lightstage.SubjectMesh | None:
+    """The mesh where it can be used; one that the stage brought is named."""
+    found = rl.lightstage.usable_mesh(field, mesh, settings, cluster=cluster)
+    if found is not None and not found.required:
+        note(output, f"{found.name} gives the shadows between the lights; --no-mesh leaves it out")
+    return found
 
 
 def _check(

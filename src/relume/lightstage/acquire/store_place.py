@@ -75,13 +75,14 @@ def described(place: Place) -> str | None:
 
 def opened_group(zarr: Any, place: Place, mode: Any) -> Any:
     """The zarr group that lies there."""
-    return zarr.open_group(str(place) if is_url(place) else str(Path(place).absolute()), mode=mode)
+    where = str(place) if is_url(place) else str(Path(place).absolute())
+    return zarr.open_group(where, mode=mode, storage_options=_options(place) or None)
 
 
 def created_group(zarr: Any, place: Place, attributes: dict[str, Any]) -> Any:
     """A new zarr group, in the place of whatever lay there."""
     where = str(place) if is_url(place) else str(Path(place).absolute())
-    return zarr.create_group(where, attributes=attributes, overwrite=True)
+    return zarr.create_group(where, attributes=attributes, overwrite=True, storage_options=_options(place) or None)
 
 
 def chunk_sizes(place: Place, grid: tuple[int, ...], groups: range | None = None) -> np.ndarray:
@@ -114,7 +115,7 @@ def filesystem(place: Place) -> tuple[Any, str]:
     except ImportError:
         raise ValueError(f'{place}: a URL needs fsspec: pip install "relume[lightstage]"') from None
     try:
-        return fsspec.url_to_fs(os.fspath(place))
+        return fsspec.url_to_fs(os.fspath(place), **_options(place))
     except ImportError as error:
         raise ValueError(f"{place}: {_words(error)}; with pip, in the environment of relume") from None
     except ValueError as error:
@@ -142,6 +143,11 @@ def refusal(place: Place, error: Exception) -> str:
     if isinstance(error, FileNotFoundError):
         return f"{place}: there is no such place ({words}); check the name, and make the bucket first"
     return f"{place}: the storage does not answer as it should ({kind}: {words}); check the URL and the connection"
+
+
+def _options(place: Place) -> dict[str, Any]:
+    """What a file system of folders needs so that it makes them as object stores do."""
+    return {"auto_mkdir": True} if os.fspath(place).startswith(("file://", "local://")) else {}
 
 
 def _words(error: BaseException) -> str:
