@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import os
 from collections.abc import Iterator
-from contextlib import contextmanager, suppress
+from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
@@ -95,8 +95,7 @@ def chunk_sizes(place: Place, grid: tuple[int, ...], groups: range | None = None
     found = np.zeros((len(chosen), *grid[1:]), np.int64)
     if is_url(place):
         system, path = filesystem(place)
-        with suppress(NotImplementedError, AttributeError):
-            system.invalidate_cache()
+        system.invalidate_cache()  # workers wrote since it was listed
         for row, group in enumerate(chosen):
             for name, facts in system.find(f"{path}/values/c/{group}", detail=True).items():
                 down, across = (int(part) for part in name.split("/")[-3:-1])
