@@ -251,6 +251,18 @@ def test_a_fixed_white_balance_of_one_camera_is_left(tmp_path: Path) -> None:
     assert heard(shot_of(tmp_path, BALL), given)[0] @ [0.2126, 0.7152, 0.0722] == pytest.approx(1, abs=0.01)
 
 
+def test_a_white_that_differs_from_place_to_place_is_left(shot: Shot) -> None:
+    """Behind a ball the light is smeared: on a real desk a lamp over a cream wall made the light 0.8 stops redder."""
+    light, seen = painted(), seen_on_the_dome(painted())
+    for scatter, changed in ((0.1, True), (0.5, False)):
+        hues = np.random.default_rng(2).normal([0.15, 0, -0.15], scatter, (12, 16, 3))
+        plate = seen * np.exp(np.repeat(np.repeat(hues, 8, 0), 8, 1))
+        factors, lines = heard(shot, calibrated(plate, light, None))
+        assert bool(np.any(factors != 1)) is changed and any("white is another" in line for line in lines) is changed
+        if changed:
+            assert factors / factors[1] == pytest.approx(np.exp([0.15, 0, -0.15]), rel=0.05)
+
+
 def test_what_the_table_hides_from_the_ball_is_not_compared(tmp_path: Path) -> None:
     """The dome below the table's edge shines in another colour, and the ball sees the table instead."""
     light = painted()

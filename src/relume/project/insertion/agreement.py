@@ -64,6 +64,10 @@ class SeenByBoth:
     """Plate and light at the places that both show.
 
     ratio : (3,) the plate's radiance over the light's, median
+    white : (3,) the same of each place's colour alone: factors on the light's channels, of luminance 1, that give it the
+        plate's white
+    white_spread : standard deviation of the ln of the two channels' ratio that differ most in `white`, by its median
+        deviation
     spread : standard deviation of the ln of their luminances' ratio, by its median deviation
     likeness : correlation of their ln luminance; None where one of them is too even to say
     share : of the plate that was compared
@@ -71,6 +75,8 @@ class SeenByBoth:
     """
 
     ratio: np.ndarray
+    white: np.ndarray
+    white_spread: float
     spread: float
     likeness: float | None
     share: float
@@ -90,11 +96,6 @@ class SeenByBoth:
     def scale(self) -> float:
         """The factor on the light that makes both alike."""
         return float(luminance(self.ratio))
-
-    @property
-    def white(self) -> np.ndarray:
-        """(3,) the same without brightness: factors on the light's channels that give it the plate's white."""
-        return self.ratio / self.scale
 
 
 def on_one_scale(shot: Shot, calibrated: Calibrated, camera: Camera) -> Calibrated:
@@ -176,10 +177,21 @@ def seen_by_both(calibrated: Calibrated, camera: Camera, place: Scene) -> SeenBy
     ratios = np.log(colours[chosen] / shown[chosen])
     ratio = np.exp(np.median(ratios, axis=0))
     ours, theirs = (np.log(luminance(each[chosen])) for each in (colours, shown))
-    deviation = 1.4826 * float(np.median(np.abs(ours - theirs - np.median(ours - theirs))))
     even = min(ours.std(), theirs.std()) < CONTRAST
     likeness = None if even else float(np.corrcoef(ours, theirs)[0, 1])
-    return SeenByBoth(ratio, deviation, likeness, float(chosen.mean()), walls)
+    # Brightness differs more from place to place than colour does, and would take the channels' medians apart.
+    colour = ratios - (ours - theirs)[:, None]
+    white = np.exp(np.median(colour, axis=0))
+    extreme = colour[:, np.argmax(white)] - colour[:, np.argmin(white)]
+    return SeenByBoth(
+        ratio, white / luminance(white), _deviation(extreme), _deviation(ours - theirs), likeness,
+        float(chosen.mean()), walls,
+    )  # fmt: skip
+
+
+def _deviation(values: np.ndarray) -> float:
+    """The standard deviation by the median deviation from the median."""
+    return 1.4826 * float(np.median(np.abs(values - np.median(values))))
 
 
 def _coarse(plate: RadianceMap, step: int) -> tuple[np.ndarray, np.ndarray]:
@@ -242,12 +254,14 @@ def _white(calibrated: Calibrated, seen: SeenByBoth | None) -> np.ndarray:
     fixed = bracket is not None and all(each.settings.automatic_white is False for each in bracket.photographs)
     if fixed and len(calibrated.cameras) == 1 and calibrated.untied is None:
         return np.ones(3)
-    stops = np.log2(seen.white)
-    if np.ptp(stops) < WHITE:
+    stops, scatter = np.log2(seen.white), seen.white_spread / np.log(2)
+    # Where it differs more from place to place than in the middle, smeared light or other things are compared.
+    if np.ptp(stops) < max(WHITE, scatter):
         return np.ones(3)
     warn(
         f"light: the plate's white is another than the light's (red {stops[0]:+.2f}, green {stops[1]:+.2f}, blue "
         f"{stops[2]:+.2f} stops, by what both show), as automatic white balance or an unknown curve makes it; it is "
-        "given the plate's: photograph both with one camera and a fixed white balance"
+        "given the plate's: photograph both with one camera and a fixed white balance",
+        effect=float(np.exp2(scatter / 2) - 1),
     )
     return seen.white
