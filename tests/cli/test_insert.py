@@ -42,6 +42,8 @@ def test_a_dry_run_looks_at_the_board_the_balls_and_the_times(tmp_path, capsys):
     assert facts["rays a pixel"] == 64 and facts["rays"] == "25.2 million" and facts["quick look"] == "--preview"
     assert re.fullmatch(r"\d+ min on this machine .*, 1.3 GB of memory, 0.17 GB of disk", facts["estimate"])
     assert any("0.2" in size for size in facts["objects"].values()) and not (tmp_path / "out").exists()
+    # Below the middle of the picture, right of it: where the composite shows it.
+    assert facts["objects"]["cube_gold"].endswith("in the plate at 544,369")
 
 
 @pytest.mark.usefixtures("no_forecast")

@@ -95,7 +95,7 @@ def test_a_radius_that_is_guessed_is_said(place: Path) -> None:
 def test_what_is_not_there_is_refused(place: Path) -> None:
     with pytest.raises(UnreadableFile, match=r"nobody\.glb"):
         new(place, place / "shot.toml", place / "nobody.glb")
-    with pytest.raises(ValueError, match="no plate was given"):
+    with pytest.raises(ValueError, match=r"no plate was given.*`relume render` shows"):
         Shot.new(None, plate=[], balls=[place / "side"], objects=[CUBE])
     with pytest.raises(ValueError, match="radius is -1"):
         Shot.new(None, plate=[place / "plate.jpg"], balls=[place / "side"], objects=[CUBE], radius=-1.0)
@@ -161,3 +161,10 @@ def test_times_are_of_the_ball_or_of_plate_and_ball_or_in_the_names(place: Path)
         times_from_names=True,
     )  # fmt: skip
     assert times(named) == [None, [1 / 20, 1 / 5]]
+    # A plate whose name holds a time has that too: it was taken for 1 s, 4.3 stops off.
+    (place / "plate.jpg").rename(place / "cp_t80.jpg")
+    both = Shot.new(
+        None, plate=[place / "cp_t80.jpg"], balls=sorted((place / "ball [1]").iterdir()), objects=[CUBE], radius=0.06,
+        times_from_names=True,
+    )  # fmt: skip
+    assert times(both) == [[1 / 80], [1 / 20, 1 / 5]]

@@ -31,6 +31,7 @@ from relume.project.shot_file.camera_table import camera_fit
 from relume.project.shot_file.objects import doubts_about, placed_meshes
 from relume.project.shot_file.shot import Shot
 from relume.report.capture_report import seconds_in_words
+from relume.scene.cameras.camera import Camera
 from relume.scene.cameras.fit import CameraFit
 
 SIDE = 1000
@@ -110,7 +111,7 @@ def check_shot(shot: Shot, *, progress: Callable[[str, float], None] = lambda st
         across = shot.surfaces()[0].size
         assert across is not None
         facts["table"] = f"{across[0]:g} × {across[1]:g} m about the ball, a guess; [[local]] gives its size"
-    facts["objects"] = {mesh.name: _extent(mesh.vertices) for mesh in meshes}
+    facts["objects"] = {mesh.name: _extent(mesh.vertices, fit and fit.camera) for mesh in meshes}
     facts["pixels"], facts["samples"] = f"{size[0]} × {size[1]}", shot.render.samples
     if expected is not None:
         facts |= _in_words(expected)
@@ -221,9 +222,14 @@ def _camera(
     return camera_of_ball(shot, asked, plate, focal_length, balls, outlines[0] if outlines else None).fit
 
 
-def _extent(points: np.ndarray) -> str:
+def _extent(points: np.ndarray, camera: Camera | None) -> str:
+    """How large an object is and where it stands, also in the plate: beside a table's edge it hangs in the air."""
     across, up, along = np.ptp(points, axis=0).tolist()
     low, high = points.min(0), points.max(0)
     # To the hundredth of a millimetre: what is placed to be 0 is.
     foot, x, z = (round(value, 5) + 0.0 for value in (low[1], (low[0] + high[0]) / 2, (low[2] + high[2]) / 2))
-    return f"{across:.3g} × {up:.3g} × {along:.3g} m, foot at {foot:.3g} m over ({x:.3g}, {z:.3g})"
+    words = f"{across:.3g} × {up:.3g} × {along:.3g} m, foot at {foot:.3g} m over ({x:.3g}, {z:.3g})"
+    pixel = None if camera is None else camera.project(np.array([x, foot, z]))
+    if pixel is None or not np.isfinite(pixel).all():
+        return words
+    return f"{words}, in the plate at {pixel[0]:.0f},{pixel[1]:.0f}"

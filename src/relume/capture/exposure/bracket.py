@@ -152,8 +152,8 @@ def require_known_exposures(brackets: Iterable[Bracket]) -> None:
         for photograph in bracket.photographs:
             if photograph.exposure is not None and photograph.exposure.source == "estimated":
                 raise NotABracket(
-                    f"{photograph.name}: no exposure time in its EXIF, so its scale is not that of the others; "
-                    f"give the times of its bracket{read_like_times(bracket.photographs)}"
+                    f"{bracket.name}: no exposure times in the EXIF, so the scale of these photographs is not that of "
+                    f"the others; give their times{read_like_times(bracket.photographs)}"
                 )
 
 

@@ -64,8 +64,8 @@ class SeenByBoth:
     """Plate and light at the places that both show.
 
     ratio : (3,) the plate's radiance over the light's, median
-    white : (3,) the same of each place's colour alone: factors on the light's channels, of luminance 1, that give it the
-        plate's white
+    white : (3,) the same of each place's colour alone: factors on the light's channels, of luminance 1, that give it
+        the plate's white
     white_spread : standard deviation of the ln of the two channels' ratio that differ most in `white`, by its median
         deviation
     spread : standard deviation of the ln of their luminances' ratio, by its median deviation

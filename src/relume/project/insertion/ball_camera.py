@@ -172,7 +172,8 @@ def _on_its_stand(asked: BallOnTable, foot: tuple[float, float] | None) -> BallO
         return asked
     warn(
         f"camera.ball: the ball seems to stand on something that meets the table at {foot[0]:.0f},{foot[1]:.0f}, and "
-        "objects are stood there; give foot = [x, y] where that is not so, or raised = 0 for a ball on the table",
+        "objects are stood there; give foot = [x, y] (--foot X,Y) where that is not so, or raised = 0 for a ball on "
+        "the table",
         effect=STAND_FOUND,
     )
     return asked.model_copy(update={"foot": foot})
@@ -185,8 +186,8 @@ def _guessed_rim(plate: RadianceMap, name: str, ball: RadianceMap) -> np.ndarray
     warn(
         f"camera: {name} is not of the plate's size ({ball.size[0]}×{ball.size[1]} against "
         f"{width}×{height}), so where the ball stood in the plate is not known; x,y,radius {x:.0f},{y:.0f},{size:.0f} "
-        "are taken: give [camera] ball = { rim = [x, y, radius] }, as the plate would show a ball where "
-        "the objects shall stand",
+        "are taken: give [camera] ball = { rim = [x, y, radius] } (--rim X,Y,RADIUS), as the plate would show a ball "
+        "where the objects shall stand",
         effect=CROP_GUESSED,
     )
     return outline_of_circle(x, y, size).points

@@ -16,7 +16,7 @@ from pathlib import Path
 
 import numpy as np
 
-from relume.capture.exposure.named_times import seconds_in_names
+from relume.capture.exposure.named_times import seconds_in_names, times_in_names
 from relume.errors import NotABracket, OutputNotWritten, UnreadableFile, warn
 from relume.image import files
 from relume.probe.ball.view_files import find_ball_photographs
@@ -75,7 +75,9 @@ class NewShot:
         for name, given in needed.items():
             if not given:
                 or_light = " (or a finished map as light)" if name == "ball" else ""
-                raise ValueError(f"no {name} was given{or_light}; a shot needs plate, ball and object")
+                instead = "; without a photograph of the place `relume render` shows objects in a light alone"
+                instead = instead if name == "plate" else ""
+                raise ValueError(f"no {name} was given{or_light}; a shot needs plate, ball and object{instead}")
         if self.radius is not None and not 0 < self.radius < np.inf:
             raise ValueError(f"radius is {self.radius}; give the ball's in metres, like 0.05")
         if self.light is not None and (self.times is not None or self.times_from_names):
@@ -152,7 +154,9 @@ class NewShot:
         if self.times_from_names:
             if self.times is not None:
                 raise ValueError("times are given and are to be read from the names too; choose one of the two")
-            plate = list(seconds_in_names(self.plate)) if len(self.plate) > 1 else []
+            # The name of one photograph alone may hold no time, as plate.jpg; a bracket's all have to.
+            one = len(self.plate) == 1 and times_in_names([self.plate[0].name]) is None
+            plate = [] if one else list(seconds_in_names(self.plate))
             return plate, [list(seconds_in_names(view)) for view in views]
         if self.times is None:
             return [], [[] for _ in views]
