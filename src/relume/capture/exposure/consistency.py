@@ -7,6 +7,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
+from pathlib import Path
 
 import numpy as np
 
@@ -263,7 +264,7 @@ def _of_exposures(
     if turned is not None and not any(_believed(turned, i) for i in range(len(stated))):
         yield BracketDoubt(
             bracket.name,
-            "the exposures are in another order than the photographs' brightness",
+            f"the exposures are in another order than the photographs' brightness ({_pairs(photographs)})",
             "give the times in the order of the files, and as seconds: 1/30, not 30",
             True,
             1.0,
@@ -327,6 +328,12 @@ def _of_order(bracket: Bracket) -> Iterator[BracketDoubt]:
     if names not in (sorted(names), sorted(names, reverse=True)):
         what = "the files are not named in the order of their exposures; they were sorted by exposure"
         yield BracketDoubt(bracket.name, what, NOTHING_TO_DO, False, 0.0)
+
+
+def _pairs(photographs: Sequence[Photograph]) -> str:
+    """Which exposure each photograph is taken for; of many the first."""
+    words = [f"{Path(p.name).name} {_stated(p)}" for p in photographs[:5]]
+    return ", ".join(words) + ", …" * (len(photographs) > len(words))
 
 
 def _turned(pictures: Sequence[Reduced], stated: np.ndarray) -> bool:
