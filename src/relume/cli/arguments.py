@@ -147,6 +147,13 @@ def require_suffix(out: Path, *suffixes: str, option: str = "-o") -> None:
         raise rl.errors.OutputNotWritten(f"{option} {out}: no folder {out.parent}; make it first or choose another")
 
 
+def refuse_file_for_folder(out: Path) -> None:
+    """Refuse the name of a file where --each writes into a folder."""
+    if out.suffix and not out.is_dir():
+        raise ValueError(f"-o {out}: with --each it is a folder for a file of each; leave {out.suffix} away")
+    require_output_folder(out)
+
+
 def require_output_folder(out: Path) -> None:
     """Refuse a file where a folder is to be written."""
     if out.exists() and not out.is_dir():
