@@ -121,6 +121,15 @@ def require_files(paths: Sequence[Path]) -> None:
             raise rl.errors.UnreadableFile(f"{path}: no such file; check the path")
 
 
+def require_pictures(pictures: Sequence[Path], out: Path, *, each: bool) -> None:
+    """Refuse paths that cannot be read or written; with --each pictures may be folders, and -o is one."""
+    if each:
+        refuse_file_for_folder(out)
+    else:
+        require_files(pictures)
+        refuse_input(out, pictures)
+
+
 def made_folder(out: Path) -> Path:
     """The folder of -o, made where it is missing; raises OutputNotWritten."""
     try:

@@ -248,9 +248,7 @@ def convert(
     With none of the options about light, only the format changes, and pixels that cannot be light are kept too.
     """
     if each:
-        if labelled:
-            raise ValueError("--labelled is one map, and --each converts many; leave it out")
-        chosen = EachOptions(maps, views, painting, clamp, form, accepted, ending or ".exr")
+        chosen = EachOptions(maps, views, painting, clamp, form, accepted, ending or ".exr", labelled)
         _each(files_in or [], out, chosen, cluster, dry_run, output)
         return
     if cluster is not None or ending is not None:
@@ -338,6 +336,7 @@ class EachOptions:
     form: FormatOptions
     accepted: ReadingOptions
     ending: str
+    labelled: bool
 
     @property
     def untouched(self) -> bool:
@@ -347,6 +346,8 @@ class EachOptions:
 
     def conversion(self) -> rl.light.FormatChange | rl.light.MapConversion | rl.light.ViewOutOfMap:
         """What becomes of each; raises ValueError for what is of one file alone."""
+        if self.labelled:
+            raise ValueError("--labelled is one map, and --each converts many; leave it out")
         form, encoding = self.form, self.encoding()
         if self.untouched:
             return rl.light.FormatChange(encoding, form.float_, form.roi, self.painting.exposure, self.clamp)

@@ -11,15 +11,7 @@ from cyclopts import Parameter
 from cyclopts.validators import Number
 
 import relume as rl
-from relume.cli.arguments import (
-    ClusterWord,
-    DryRun,
-    ReadingOptions,
-    refuse_file_for_folder,
-    refuse_input,
-    require_files,
-    require_suffix,
-)
+from relume.cli.arguments import ClusterWord, DryRun, ReadingOptions, refuse_input, require_pictures, require_suffix
 from relume.cli.console import OutputOptions, print_facts, progress, spread, version, warnings_as_notes
 from relume.cli.option_types import numbers
 
@@ -354,11 +346,7 @@ def develop(
         # Refuse what contradicts, before any work is done.
         if not pictures or out is None:
             raise ValueError("give a radiance map and -o, a picture, like: relume develop room.exr -o room.png")
-        if each:
-            refuse_file_for_folder(out)
-        else:
-            require_files(pictures)
-            refuse_input(out, pictures)
+        require_pictures(pictures, out, each=each)
         sequence = not each and (len(pictures) > 1 or out.suffix.lower() == ".mp4" or out.is_dir())
         if cluster is not None and not (sequence or each or undo):
             raise ValueError("--cluster is for many pictures; give several, or leave it out")
@@ -384,10 +372,8 @@ def develop(
             if out.suffix and out.suffix.lower() != ".mp4" and not each:
                 raise ValueError(f"-o {out}: {len(pictures)} pictures are given; name a folder or an .mp4 for them")
             with spread(None if dry_run else cluster, output) as (workers, advance):
-                facts = rl.develop_sequence(
-                    pictures, out, settings, each=each, dry_run=dry_run, cluster=workers, progress=advance
-                )
-            print_facts(output, facts)
+                chosen: dict[str, Any] = {"each": each, "dry_run": dry_run, "cluster": workers, "progress": advance}
+                print_facts(output, rl.develop_sequence(pictures, out, settings, **chosen))
             return
         if not out.suffix:
             raise ValueError(f"-o {out}: name a picture, like {out}.png; several frames need a folder")

@@ -6,7 +6,7 @@ import math
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, Any
 
 from cyclopts import Parameter
 
@@ -201,21 +201,9 @@ def probe(
     )  # fmt: skip
     if each:
         _refuse_of_one_ball(second=views.second, view=views.view, pick=ball.pick, picture=picture, times=times)
-        shared = {"profile": profile, "times_from_names": times_from_names, "settings": settings, "dry_run": dry_run}
         turns = None if views.turn is None else [math.radians(angle) for angle in views.turn]
-        with warnings_as_doubts(output) as doubts:
-            refuse_file_for_folder(out)
-            with spread(None if dry_run else cluster, output) as (workers, advance):
-                made = rl.probe.probe_each(
-                    photographs or [],
-                    out,
-                    camera=views.camera,
-                    turns=turns,
-                    cluster=workers,
-                    progress=advance,
-                    **shared,
-                )
-            finish_each(output, made, out, "places", doubts, dry_run=dry_run, accept=accept)
+        chosen = {"camera": views.camera, "turns": turns, "profile": profile, "times_from_names": times_from_names}
+        _each(photographs or [], out, chosen | {"settings": settings}, cluster, accept, dry_run, output)
         return
     if cluster is not None:
         raise ValueError("--cluster is for many balls; give --each too, or leave it out")
@@ -263,3 +251,15 @@ def _refuse_of_one_ball(**given: object) -> None:
     for name, value in given.items():
         if value is not None:
             raise ValueError(f"--{name} is of one ball, and --each unwraps many; leave it out")
+
+
+def _each(
+    folders: list[Path], out: Path, chosen: dict[str, Any], cluster: str | None, accept: bool, dry_run: bool,
+    output: OutputOptions,
+) -> None:  # fmt: skip
+    """Unwrap the ball of every place by itself, or list what would be written."""
+    with warnings_as_doubts(output) as doubts:
+        refuse_file_for_folder(out)
+        with spread(None if dry_run else cluster, output) as (workers, advance):
+            made = rl.probe.probe_each(folders, out, **chosen, dry_run=dry_run, cluster=workers, progress=advance)
+        finish_each(output, made, out, "places", doubts, dry_run=dry_run, accept=accept)
