@@ -54,13 +54,14 @@ class FoundBrackets:
     failed: tuple[tuple[str, str], ...]
 
 
-def find_brackets(folders: Iterable[str | os.PathLike[str]], out: Path) -> FoundBrackets:
+def find_brackets(folders: Iterable[str | os.PathLike[str]], out: str | os.PathLike[str]) -> FoundBrackets:
     """Every bracket in folders and those inside them, sorted as `group_files` does, and the map of each in `out`.
 
     A photograph that cannot be read takes down the bracket in whose run of names it lies, or a whole folder where it
     lies in none: a bracket is never merged without one of its photographs. Beside camera raws encoded photographs are
     left out, with a warning. Raises NotABracket for a folder without photographs.
     """
+    out = Path(out)
     groups: list[tuple[Path, ...]] = []
     failed: list[tuple[str, str]] = []
     for _, members in groupby(expand(folders), key=lambda path: path.parent):
@@ -78,7 +79,7 @@ def find_brackets(folders: Iterable[str | os.PathLike[str]], out: Path) -> Found
 def merge_each(
     folders: Iterable[str | os.PathLike[str]], out: str | os.PathLike[str], *,
     times_from_names: bool = False, ignore: tuple[int, int, int] | None = None, true_shutter: bool = False,
-    profile: Path | None = None, settings: MergeSettings = MergeSettings(),
+    profile: str | os.PathLike[str] | None = None, settings: MergeSettings = MergeSettings(),
     cluster: str | os.PathLike[str] | Client | Cluster | None = None,
     progress: Callable[[str, float], None] = lambda step, share: None,
 ) -> tuple[MergedMap, ...]:  # fmt: skip
@@ -92,6 +93,7 @@ def merge_each(
     The other arguments are those of `plan_merge`. Warns of the doubts of each bracket, with its name. Raises
     Incomplete, with the others written, where brackets could not be merged; OutputNotWritten, NotABracket.
     """
+    profile = None if profile is None else Path(profile)
     # Workers begin elsewhere than here.
     out, folders = Path(out).absolute(), [Path(folder).absolute() for folder in folders]
     known = None if profile is None else read_profile(profile)

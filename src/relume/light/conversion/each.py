@@ -100,7 +100,7 @@ def convert_each(
         raise ValueError(f"ending {ending}: not a format for this; give one of {', '.join(dict.fromkeys(wanted))}")
     found = every_picture(paths, out)
     # Workers begin elsewhere than here.
-    reading = replace(reading, hot=tuple((mask.absolute(), stops) for mask, stops in reading.hot))
+    reading = replace(reading, hot=tuple((Path(mask).absolute(), stops) for mask, stops in reading.hot))
     value, masks = (conversion, reading, encoding, options), tuple(mask for mask, _ in reading.hot)
     tasks = [
         FileTask(path.name, (path, *masks), _targets(conversion, out / f"{_stem(path)}{ending}"), value)

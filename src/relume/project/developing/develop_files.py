@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
@@ -63,13 +64,13 @@ class DevelopSettings:
     preset: CameraPreset = field(default_factory=CameraPreset)
     field_of_view: float | None = None
     luminance: float | None = None
-    depth: Path | None = None
+    depth: str | os.PathLike[str] | None = None
     depth_along: Along | None = None
-    vectors: Path | None = None
+    vectors: str | os.PathLike[str] | None = None
     seed: int | None = None
-    response: Path | None = None
+    response: str | os.PathLike[str] | None = None
     exposure: float | None = None
-    match: Path | None = None
+    match: str | os.PathLike[str] | None = None
     options: ReadOptions = ReadOptions()
     repair: bool = False
     frames_per_second: float = 24.0
@@ -86,8 +87,8 @@ class DevelopSettings:
             picture,
             field_of_view=across,
             luminance_scale=preset_scale if self.luminance is None else self.luminance,
-            depth=None if self.depth is None else read_depth(self.depth, float(focal_length), self.depth_along),
-            motion=None if self.vectors is None else read_motion(self.vectors),
+            depth=None if self.depth is None else read_depth(Path(self.depth), float(focal_length), self.depth_along),
+            motion=None if self.vectors is None else read_motion(Path(self.vectors)),
             seed=preset.seed if self.seed is None else self.seed,
         )
 
@@ -134,8 +135,8 @@ class DevelopedFile:
 
 
 def develop_file(
-    path: Path,
-    out: Path | None,
+    path: str | os.PathLike[str],
+    out: str | os.PathLike[str] | None,
     settings: DevelopSettings = DevelopSettings(),
     *,
     dry_run: bool = False,
@@ -149,6 +150,8 @@ def develop_file(
 
     Raises ValueError, UnreadableFile, OutputNotWritten.
     """
+    path = Path(path)
+    out = None if out is None else Path(out)
     if out is not None:
         require_suffix_for(out, settings.preset.camera.display)
     # Read, and choose the camera.
@@ -176,13 +179,19 @@ def develop_file(
 
 
 def undevelop_file(
-    path: Path, out: Path | None, settings: DevelopSettings = DevelopSettings(), *, dry_run: bool = False
+    path: str | os.PathLike[str],
+    out: str | os.PathLike[str] | None,
+    settings: DevelopSettings = DevelopSettings(),
+    *,
+    dry_run: bool = False,
 ) -> Facts:
     """Take a photograph's film and lens out of it again, and write its radiance; returns facts by name.
 
     settings : its preset's lens is undone; exposure and response are the photograph's own unless given
     Raises ValueError, UnreadableFile, OutputNotWritten.
     """
+    path = Path(path)
+    out = None if out is None else Path(out)
     if settings.match is not None:
         raise ValueError("a photograph is undeveloped by its own camera; leave match out")
     photograph = files.read_photograph(path, settings.options)
@@ -218,7 +227,7 @@ def camera_for(settings: DevelopSettings, picture: RadianceMap) -> tuple[Virtual
     """
     camera, preset = settings.preset.camera, settings.preset
     if settings.match is not None:
-        profile = None if settings.response is None else read_profile(settings.response)
+        profile = None if settings.response is None else read_profile(Path(settings.response))
         match = match_camera(files.read_photograph(settings.match), picture, profile)
         for part in match.optics:
             camera = replace(camera, **{"soft_focus" if isinstance(part, Softness) else "vignetting": part})
@@ -229,7 +238,7 @@ def camera_for(settings: DevelopSettings, picture: RadianceMap) -> tuple[Virtual
         return camera, {}
     if preset.has_tone:
         raise ValueError("a response takes the place of tone, film and shutter; leave them and the preset's tone out")
-    curve = profiled_response(_profile(settings.response))
+    curve = profiled_response(_profile(Path(settings.response)))
     exposure = settings.exposure
     if exposure is None:
         gain = float(np.exp(MeteredExposure().adapt(picture.radiance, View(1.0)).values[0]))
@@ -245,9 +254,9 @@ def _film_of(photograph: Photograph, settings: DevelopSettings) -> tuple[Film, s
     facts: Facts = {"exposure from": source, "response": name_of(photograph)}
     if settings.response is None:
         return Film(factor), "relative", None, facts
-    profile = _profile(settings.response)
+    profile = _profile(Path(settings.response))
     response, vignetting = profiled_response(profile), profiled_vignetting(profile)
-    facts["response"] = settings.response.name
+    facts["response"] = Path(settings.response).name
     falloff = None if vignetting is None else MeasuredVignetting(vignetting)
     scale = profiled_scale(profile, exposure)
     if scale is None and profile.scale is not None:
