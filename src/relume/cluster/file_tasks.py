@@ -11,7 +11,7 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from relume.cluster.folder_lock import held
+from relume.cluster.claims import held
 from relume.cluster.records import key_of, record, recorded
 from relume.cluster.tasks import run_tasks
 from relume.errors import GatheredDoubts, Incomplete, UnreadableFile, warn

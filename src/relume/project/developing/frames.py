@@ -17,9 +17,9 @@ from typing import Any
 
 import numpy as np
 
+from relume.cluster.claims import held
 from relume.cluster.connection import connect
 from relume.cluster.file_tasks import FileTask
-from relume.cluster.folder_lock import held
 from relume.cluster.records import key_of, record, recorded
 from relume.cluster.tasks import run_tasks
 from relume.errors import Doubt, GatheredDoubts, Incomplete, warn

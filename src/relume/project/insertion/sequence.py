@@ -15,9 +15,9 @@ from typing import Any
 
 import numpy as np
 
+from relume.cluster.claims import Claimed, claim
 from relume.errors import Doubt, GatheredDoubts, IncompleteSequence, naming, ranked
 from relume.image import files
-from relume.project.claims import Claimed, claim
 from relume.project.insertion.frame_shots import at_frame, frames_of
 from relume.project.insertion.outcome import require_folder
 from relume.project.shot_file.sequence_table import frames_as_text, frames_in

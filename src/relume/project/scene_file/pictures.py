@@ -14,8 +14,8 @@ from typing import Any
 
 import numpy as np
 
+from relume.cluster.claims import held
 from relume.cluster.connection import connect
-from relume.cluster.folder_lock import held
 from relume.cluster.records import RECORDS, key_of, record, recorded
 from relume.cluster.tasks import run_tasks
 from relume.errors import OutputNotWritten, naming
