@@ -141,10 +141,10 @@ PLACES: dict[str, Any] = {"camera": (0.0, 0.17, 1.0), "settings": rl.probe.Probe
 
 
 def test_every_place_gets_its_map_and_a_bad_one_is_named(two, tmp_path, capsys):
-    photographed(tmp_path / "in" / "hall")
+    photographed(tmp_path / "in" / "a")
     (tmp_path / "in" / "torn").mkdir()
-    (tmp_path / "in" / "torn" / "map.exr").write_bytes((tmp_path / "in/hall/map.exr").read_bytes()[:900])
-    assert [place.name for place in rl.probe.find_places([tmp_path / "in"])] == ["hall", "torn"]
+    (tmp_path / "in" / "torn" / "map.exr").write_bytes((tmp_path / "in/a/map.exr").read_bytes()[:900])
+    assert [place.name for place in rl.probe.find_places([tmp_path / "in"])] == ["a", "torn"]
     for name, cluster in (("here", None), ("there", two)):
         with pytest.raises(rl.errors.Incomplete) as raised, warnings.catch_warnings():
             warnings.simplefilter("ignore")
@@ -152,12 +152,12 @@ def test_every_place_gets_its_map_and_a_bad_one_is_named(two, tmp_path, capsys):
         ((place, why),) = raised.value.failed
         assert place == "torn" and "damaged EXR" in why
     assert bits(tmp_path / "here") == bits(tmp_path / "there")
-    assert bits(tmp_path / "here").keys() == {"hall.exr"}
+    assert bits(tmp_path / "here").keys() == {"a.exr"}
     # A second run makes nothing anew, and says again what is doubtful.
     shutil.rmtree(tmp_path / "in" / "torn")
     words = ["probe", tmp_path / "in", "-o", tmp_path / "here", "--each", "--camera", "0,0.17,1", "--radius", "0.05"]
     said = printed([*words, "--size", "16", "--accept", "-v"], capsys)
-    assert "kept from before  1" in said.out and "hall: " in said.err
+    assert "kept from before  1" in said.out and "relume: note: a: 0." in said.err
 
 
 @pytest.mark.slow

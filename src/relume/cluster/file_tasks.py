@@ -115,8 +115,13 @@ def _made(given: tuple[Callable[[FileTask], dict[str, Any]], FileTask]) -> FileM
         for target in task.targets:
             record(target, key, found[0])
     for line, effect in found[0]["doubts"]:
-        warn(line if task.name in line else f"{task.name}: {line}", effect)
+        warn(with_name(task.name, line), effect)
     return FileMade(task.targets[0], kept, found[0]["facts"])
+
+
+def with_name(name: str, line: str) -> str:
+    """A line about one of many files, with its name in front."""
+    return line if line.startswith(f"{name}:") else f"{name}: {line}"
 
 
 def refuse_clashes(tasks: Sequence[FileTask]) -> None:

@@ -19,7 +19,7 @@ import numpy as np
 
 from relume.cluster.claims import held
 from relume.cluster.connection import connect
-from relume.cluster.file_tasks import FileTask
+from relume.cluster.file_tasks import FileTask, with_name
 from relume.cluster.records import key_of, record, recorded
 from relume.cluster.tasks import run_tasks
 from relume.errors import Doubt, GatheredDoubts, Incomplete, warn
@@ -137,7 +137,7 @@ class _Work:
             self.before = facts
         name = self.frame.task.name
         for line, effect in self.before["doubts"]:
-            warn(line if name in line else f"{name}: {line}", effect)
+            warn(with_name(name, line), effect)
         return FrameDeveloped(self.before["white"], self.before["black"], kept)
 
     @cached_property

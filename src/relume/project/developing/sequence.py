@@ -76,7 +76,7 @@ def develop_sequence(
         if movie:
             raise ValueError(f"{out}: a movie is of a sequence; name a folder for pictures that are no frames")
         tasks = [replace(task, value=_everywhere(settings)) for task in tasks]
-        return _each_by_itself(tasks, folder, dry_run, cluster, progress)
+        return _each_by_itself(tasks, out, dry_run, cluster, progress)
 
     # Read the first frame; choose the camera of all by it.
     first = read_scene_light(sources[0], settings)
@@ -126,7 +126,7 @@ def _movie_of(paths: Sequence[Path], out: Path, shared: Shared, progress: Progre
 
 def _each_by_itself(tasks: Sequence[FileTask], out: Path, dry_run: bool, cluster: Any, progress: Progress) -> Facts:
     made = make_each(
-        _developed_alone, tasks, out, step="developing", cluster=cluster, progress=progress, dry_run=dry_run
+        _developed_alone, tasks, out.absolute(), step="developing", cluster=cluster, progress=progress, dry_run=dry_run
     )
     if dry_run:
         return {"would write": str(out), "pictures": len(made)}
