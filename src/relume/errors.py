@@ -31,8 +31,8 @@ import os
 import re
 import sys
 import warnings
-from collections.abc import Iterable, Sequence
-from contextlib import suppress
+from collections.abc import Iterable, Iterator, Sequence
+from contextlib import contextmanager, suppress
 from dataclasses import dataclass
 from pathlib import Path
 from types import TracebackType
@@ -196,6 +196,19 @@ class IncompleteSequence(RelumeError):
 
 class OutputNotWritten(RelumeError):
     """A file or folder could not be written."""
+
+
+@contextmanager
+def naming(name: str) -> Iterator[None]:
+    """Put the name of one of many jobs before the message of an error that ends it."""
+    try:
+        yield
+    except Interrupted:
+        raise
+    except (RelumeError, ValueError) as error:
+        if not str(error).startswith(f"{name}: "):
+            error.args = (f"{name}: {error}",)
+        raise
 
 
 def printable(text: str) -> str:

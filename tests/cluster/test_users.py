@@ -15,7 +15,7 @@ import relume as rl
 from command_line import printed, refused
 from relume.capture.brackets.folder_of_brackets import find_brackets
 from relume.cli import main
-from relume.cluster import connect, held
+from relume.cluster import held
 from small_brackets import write_brackets
 from small_shot import write_small_shot
 
@@ -43,12 +43,6 @@ frame = 3
 translate = [0.1, 0, 0]
 
 [match]"""
-
-
-@pytest.fixture(scope="module")
-def two(tmp_path_factory):
-    with connect("local:2") as cluster:
-        yield cluster
 
 
 @pytest.fixture(scope="module")

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from gltf_files import CORNERS, Channels, animated, as_glb, square_glb
-from relume.errors import Doubt, Interrupted, InvalidShot
+from relume.errors import Doubt, Interrupted, InvalidShot, UnreadableFile
 from relume.image import files
 from relume.image.photograph import Photograph
 from relume.project.insertion.frame_shots import at_frame, frames_of
@@ -231,6 +231,20 @@ def test_an_interrupted_sequence_is_resumed(folder, tmp_path):
     maker = Maker()
     done = make_frames(shot, out, maker)
     assert maker.made == pytest.approx([1.5, 3, 3]) and [frame.kept for frame in done.frames] == [True] + [False] * 3
+
+
+@pytest.mark.parametrize("error", [UnreadableFile("oak.glb: no such file"), ValueError("oak.glb: no such file")])
+def test_an_error_inside_a_frame_names_the_frame(folder, tmp_path, error):
+    shot = shot_of(folder, SHOT + KEYS)
+
+    def make(frame: Shot, folder: Path, others: tuple[Path, ...]) -> Sequence[Doubt]:
+        if frame.objects[0].translate[0] > 3:
+            raise error
+        return Maker()(frame, folder, others)
+
+    with pytest.raises(type(error), match=r"^frame 3: oak\.glb: no such file$"):
+        make_frames(shot, tmp_path / "out", make)
+    assert (tmp_path / "out" / "frame_0002" / "frame.json").is_file()
 
 
 def test_a_frame_that_is_not_whole_or_of_other_files_is_made_again(folder, tmp_path):

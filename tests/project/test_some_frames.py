@@ -12,10 +12,10 @@ import pytest
 from openjd.model import ExpressionError, IntRangeExpr, TokenError
 
 from gltf_files import square_glb
+from relume.cluster.claims import claim
 from relume.errors import Doubt, IncompleteSequence
 from relume.image import files
 from relume.image.photograph import Photograph
-from relume.project.claims import claim
 from relume.project.insertion.insert_frames import insert_frames
 from relume.project.insertion.sequence import chosen_frames, make_frames
 from relume.project.shot_file.sequence_table import frames_as_text, frames_in

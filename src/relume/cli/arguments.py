@@ -121,6 +121,15 @@ def require_files(paths: Sequence[Path]) -> None:
             raise rl.errors.UnreadableFile(f"{path}: no such file; check the path")
 
 
+def require_pictures(pictures: Sequence[Path], out: Path, *, each: bool) -> None:
+    """Refuse paths that cannot be read or written; with --each pictures may be folders, and -o is one."""
+    if each:
+        refuse_file_for_folder(out)
+    else:
+        require_files(pictures)
+        refuse_input(out, pictures)
+
+
 def made_folder(out: Path) -> Path:
     """The folder of -o, made where it is missing; raises OutputNotWritten."""
     try:
@@ -145,6 +154,13 @@ def require_suffix(out: Path, *suffixes: str, option: str = "-o") -> None:
         raise ValueError(f"{option} {out}: the file must end in {' or '.join(suffixes)}")
     if not out.parent.is_dir():
         raise rl.errors.OutputNotWritten(f"{option} {out}: no folder {out.parent}; make it first or choose another")
+
+
+def refuse_file_for_folder(out: Path) -> None:
+    """Refuse the name of a file where --each writes into a folder."""
+    if out.suffix and not out.is_dir():
+        raise ValueError(f"-o {out}: with --each it is a folder for a file of each; leave {out.suffix} away")
+    require_output_folder(out)
 
 
 def require_output_folder(out: Path) -> None:

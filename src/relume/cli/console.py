@@ -145,6 +145,25 @@ def finish(
     raise rl.errors.DoubtfulResult(f"{line} (all was written; --accept takes it as it is)")
 
 
+def finish_each(
+    output: OutputOptions, made: Sequence[Any], out: Path, what: str, doubts: list[rl.errors.Doubt], *,
+    dry_run: bool = False, accept: bool = False,
+) -> None:  # fmt: skip
+    """End a command that makes files each by itself: how many, and what is doubtful of which.
+
+    made : as `rl.light.convert_each` returns them
+    what : they are made from, in the plural
+    """
+    if dry_run:
+        print_facts(output, {"would write": len(made), "files": [str(each.target) for each in made]})
+        finish(output, doubts, accept=True)
+        return
+    kept = sum(each.kept for each in made)
+    print_facts(output, {"written": str(out), what: len(made), "kept from before": kept})
+    wrong = [f"{each.target.name}: {line}" for each in made for line in each.facts.get("doubts", ())]
+    finish(output, [*doubts, *wrong], accept=accept)
+
+
 def print_facts(output: OutputOptions, lines: Mapping[str, object], *, title: str = "") -> None:
     """Print a result: JSON for machines, else a line a fact."""
     if output.json:

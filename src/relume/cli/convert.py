@@ -6,13 +6,32 @@ import math
 from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Annotated, Literal
+from typing import Annotated, Any, Literal
 
 from cyclopts import Group, Parameter
 
 import relume as rl
-from relume.cli.arguments import Clamp, DryRun, ReadingOptions, mapping_of, refuse_input, require_files, require_suffix
-from relume.cli.console import OutputOptions, finish, note, print_facts, warnings_as_notes
+from relume.cli.arguments import (
+    Clamp,
+    ClusterWord,
+    DryRun,
+    ReadingOptions,
+    mapping_of,
+    refuse_file_for_folder,
+    refuse_input,
+    require_files,
+    require_suffix,
+)
+from relume.cli.console import (
+    OutputOptions,
+    finish,
+    finish_each,
+    note,
+    print_facts,
+    spread,
+    warnings_as_doubts,
+    warnings_as_notes,
+)
 from relume.cli.option_types import Angles, Box, Size, numbers
 
 MAPPINGS = (
@@ -209,6 +228,18 @@ def convert(
     clamp: Clamp = False,
     form: FormatOptions = FormatOptions(),
     accepted: ReadingOptions = ReadingOptions(),
+    each: Annotated[
+        bool,
+        Parameter(
+            negative="",
+            help="Convert every file, and all pictures in folders, to -o FOLDER/name.exr; one that cannot be converted "
+            "is named, the others are written, and what is there is kept.",
+        ),
+    ] = False,
+    ending: Annotated[str | None, Parameter(help="Of the files that --each writes, like .hdr; .exr unless given.")] = (
+        None
+    ),
+    cluster: ClusterWord = None,
     dry_run: DryRun = False,
     output: OutputOptions = OutputOptions(),
 ) -> None:
@@ -216,6 +247,14 @@ def convert(
 
     With none of the options about light, only the format changes, and pixels that cannot be light are kept too.
     """
+    if each:
+        chosen = EachOptions(maps, views, painting, clamp, form, accepted, ending or ".exr", labelled)
+        _each(files_in or [], out, chosen, cluster, dry_run, output)
+        return
+    if cluster is not None or ending is not None:
+        raise ValueError(
+            f"--{'ending' if cluster is None else 'cluster'} is for many files; give --each too, or leave it out"
+        )
     with warnings_as_notes(output):
         paths, options = files_in or [], accepted.reading()
         # A change of format alone.
@@ -264,23 +303,83 @@ def _read(
     paths: list[Path], maps: MapOptions, painting: PaintingOptions, clamp: bool, options: rl.files.ReadOptions
 ) -> rl.EnvironmentMap:
     """The environment map that the files hold: a map, the six faces of a cube, or a painting."""
-    mapping = mapping_of("strip" if maps.from_ == "faces" else maps.from_)
-    if painting.gamma is not None:
-        if len(paths) != 1:
-            raise ValueError(f"{len(paths)} paintings; give one")
-        return rl.light.read_painting(paths[0], painting.gamma, painting.exposure, painting.hot or (), mapping)
+    reading = _reading(maps, painting, clamp)
+    if painting.gamma is not None and len(paths) != 1:
+        raise ValueError(f"{len(paths)} paintings; give one, or --each")
     if len(paths) == 6:
         if maps.from_ not in (None, "faces"):
             raise ValueError(f"--from {maps.from_}: six files are the faces of a cube; leave it out, or give one map")
         light = rl.light.read_cube_faces(paths, clamp=clamp, mirror=maps.mirror, options=options)
     elif len(paths) != 1:
-        raise ValueError(f"{len(paths)} files; give one map, or the six faces +X −X +Y −Y +Z −Z")
+        raise ValueError(f"{len(paths)} files; give one map, the six faces +X −X +Y −Y +Z −Z, or --each for many maps")
     elif maps.from_ == "faces":
         raise ValueError("--from faces: give the six files +X −X +Y −Y +Z −Z; one file with all of them is a strip")
     else:
-        rl.light.require_radiance(paths[0])
-        light = rl.read_environment(paths[0], mapping, clamp=clamp, options=options)
+        return reading.read(paths[0], options)
     return rl.light.change_exposure(light, painting.exposure)
+
+
+def _reading(maps: MapOptions, painting: PaintingOptions, clamp: bool) -> rl.light.MapInFile:
+    """How a file is read as a map."""
+    mapping = mapping_of("strip" if maps.from_ == "faces" else maps.from_)
+    return rl.light.MapInFile(mapping, painting.gamma, painting.exposure, tuple(painting.hot or ()), clamp)
+
+
+@dataclass(frozen=True)
+class EachOptions:
+    """What --each does to every file."""
+
+    maps: MapOptions
+    views: ViewOptions
+    painting: PaintingOptions
+    clamp: bool
+    form: FormatOptions
+    accepted: ReadingOptions
+    ending: str
+    labelled: bool
+
+    @property
+    def untouched(self) -> bool:
+        """Whether the format alone changes."""
+        maps, views, painting = self.maps, self.views, self.painting
+        return maps == MapOptions() and views == ViewOptions() and not (painting.gamma or painting.hot)
+
+    def conversion(self) -> rl.light.FormatChange | rl.light.MapConversion | rl.light.ViewOutOfMap:
+        """What becomes of each; raises ValueError for what is of one file alone."""
+        if self.labelled:
+            raise ValueError("--labelled is one map, and --each converts many; leave it out")
+        form, encoding = self.form, self.encoding()
+        if self.untouched:
+            return rl.light.FormatChange(encoding, form.float_, form.roi, self.painting.exposure, self.clamp)
+        if form.roi is not None:
+            raise ValueError("--roi is for a change of format alone; crop the pictures in a step of their own")
+        if self.maps.from_ == "faces" or self.views.put is not None:
+            name = "--from faces" if self.maps.from_ == "faces" else "--put"
+            raise ValueError(f"{name} is for one map, and --each converts many; leave it out")
+        _refuse_mixtures(self.maps, self.views, self.painting)
+        camera = self.views.camera()
+        if camera is not None:
+            return rl.light.ViewOutOfMap(camera, self.views.pixels or (1024, 1024))
+        return self.maps.conversion(reads_faces=False)
+
+    def encoding(self) -> rl.files.Encoding | None:
+        """How each is written."""
+        return self.form.encoding(Path(f"map{self.ending}"))
+
+
+def _each(
+    paths: list[Path], out: Path, options: EachOptions, cluster: str | None, dry_run: bool, output: OutputOptions
+) -> None:
+    """Convert every file by itself, or list what would be written."""
+    refuse_file_for_folder(out)
+    with warnings_as_doubts(output) as doubts:
+        conversion = options.conversion()
+        words: dict[str, Any] = {"ending": options.ending, "encoding": options.encoding(), "dry_run": dry_run}
+        words |= {"options": options.accepted.reading()}
+        words |= {"reading": _reading(options.maps, options.painting, options.clamp)}
+        with spread(None if dry_run else cluster, output) as (workers, advance):
+            made = rl.light.convert_each(paths, out, conversion, **words, cluster=workers, progress=advance)
+        finish_each(output, made, out, "files", doubts, dry_run=dry_run)
 
 
 def _refuse_mixtures(maps: MapOptions, views: ViewOptions, painting: PaintingOptions) -> None:

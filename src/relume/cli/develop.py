@@ -11,8 +11,8 @@ from cyclopts import Parameter
 from cyclopts.validators import Number
 
 import relume as rl
-from relume.cli.arguments import DryRun, ReadingOptions, refuse_input, require_files, require_suffix
-from relume.cli.console import OutputOptions, print_facts, progress, version, warnings_as_notes
+from relume.cli.arguments import ClusterWord, DryRun, ReadingOptions, refuse_input, require_pictures, require_suffix
+from relume.cli.console import OutputOptions, print_facts, progress, spread, version, warnings_as_notes
 from relume.cli.option_types import numbers
 
 ToneName = Literal[
@@ -288,7 +288,8 @@ def develop(
         Parameter(
             name="IN",
             negative="",
-            help="The radiance map, .exr, .hdr or another format; several are the frames of a sequence, in that order.",
+            help="The radiance map, .exr, .hdr or another format; several are the frames of a sequence, in that order, "
+            "or with --each pictures of their own.",
         ),
     ] = None,
     /,
@@ -312,6 +313,15 @@ def develop(
     ] = False,
     beside: BesideOptions = BesideOptions(),
     frames: SequenceOptions = SequenceOptions(),
+    each: Annotated[
+        bool,
+        Parameter(
+            negative="",
+            help="Develop every file, and all pictures in folders, by itself and no sequence, to -o FOLDER/name.png; "
+            "one that cannot be developed is named, and the others are written.",
+        ),
+    ] = False,
+    cluster: ClusterWord = None,
     list_presets: Annotated[bool, Parameter(negative="", help="List the built-in presets, and stop.")] = False,
     show_preset: Annotated[
         str | None, Parameter(help="Print a preset's TOML, to start one's own from, and stop.")
@@ -325,7 +335,7 @@ def develop(
     Everything happens in linear light and in physical order, whatever order the options are in: motion, defocus, soft
     focus, glare, distortion, vignetting, then the tone operator or film, then the display.
     """
-    with warnings_as_notes(output), progress(output) as advance:
+    with warnings_as_notes(output):
         # Presets are shown without a picture.
         if list_presets:
             print_facts(output, rl.CameraPreset.builtin())
@@ -336,39 +346,39 @@ def develop(
         # Refuse what contradicts, before any work is done.
         if not pictures or out is None:
             raise ValueError("give a radiance map and -o, a picture, like: relume develop room.exr -o room.png")
-        require_files(pictures)
-        refuse_input(out, pictures)
-        sequence = len(pictures) > 1 or out.suffix.lower() == ".mp4" or out.is_dir()
+        require_pictures(pictures, out, each=each)
+        sequence = not each and (len(pictures) > 1 or out.suffix.lower() == ".mp4" or out.is_dir())
+        if cluster is not None and not (sequence or each or undo):
+            raise ValueError("--cluster is for many pictures; give several, or leave it out")
         real.refuse_contradictions(camera, undo=undo)
-        beside.refuse_contradictions(out, pictures, several=undo or sequence)
+        beside.refuse_contradictions(out, pictures, several=undo or sequence or each)
         frames.refuse_single_picture(sequence)
         if undo and (camera.tone or camera.film or camera.exposure is not None or repair):
             raise ValueError("--undo has no tone, film, exposure or repair of its own; leave them out")
         settings = rl.DevelopSettings(
-            preset=camera.read(vectors=scene.vectors is not None),
-            **scene.settings(),
-            response=real.response,
-            exposure=real.seconds,
-            match=real.match,
-            options=reading.reading(),
-            repair=repair,
-            frames_per_second=24.0 if frames.fps is None else frames.fps,
-            settling=0.4 if frames.settling is None else frames.settling,
-        )
+            preset=camera.read(vectors=scene.vectors is not None), **scene.settings(), response=real.response,
+            exposure=real.seconds, match=real.match, options=reading.reading(), repair=repair,
+            frames_per_second=frames.fps or 24.0, settling=0.4 if frames.settling is None else frames.settling,
+        )  # fmt: skip
         # One of the three jobs.
         if undo:
+            if each or cluster is not None:
+                raise ValueError("--undo is of one photograph; leave --each and --cluster out")
             if len(pictures) != 1:
                 raise ValueError(f"--undo takes one photograph, not {len(pictures)}; merge a bracket with relume merge")
             print_facts(output, rl.undevelop_file(pictures[0], out, settings, dry_run=dry_run))
             return
-        if sequence:
-            if out.suffix and out.suffix.lower() != ".mp4":
+        if sequence or each:
+            if out.suffix and out.suffix.lower() != ".mp4" and not each:
                 raise ValueError(f"-o {out}: {len(pictures)} pictures are given; name a folder or an .mp4 for them")
-            print_facts(output, rl.develop_sequence(pictures, out, settings, dry_run=dry_run, progress=advance))
+            with spread(None if dry_run else cluster, output) as (workers, advance):
+                chosen: dict[str, Any] = {"each": each, "dry_run": dry_run, "cluster": workers, "progress": advance}
+                print_facts(output, rl.develop_sequence(pictures, out, settings, **chosen))
             return
         if not out.suffix:
             raise ValueError(f"-o {out}: name a picture, like {out}.png; several frames need a folder")
         require_suffix(out, *PICTURES)
-        made = rl.develop_file(pictures[0], out, settings, dry_run=dry_run, progress=advance)
+        with progress(output) as advance:
+            made = rl.develop_file(pictures[0], out, settings, dry_run=dry_run, progress=advance)
         facts = made.facts if dry_run else made.facts | beside.write(made)
         print_facts(output, facts)

@@ -6,13 +6,30 @@ import math
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, Any
 
 from cyclopts import Parameter
 
 import relume as rl
-from relume.cli.arguments import Accept, DryRun, LatLongOut, require_files, require_suffix
-from relume.cli.console import OutputOptions, finish, one_by_one, print_facts, progress, warnings_as_doubts
+from relume.cli.arguments import (
+    Accept,
+    ClusterWord,
+    DryRun,
+    LatLongOut,
+    refuse_file_for_folder,
+    require_files,
+    require_suffix,
+)
+from relume.cli.console import (
+    OutputOptions,
+    finish,
+    finish_each,
+    one_by_one,
+    print_facts,
+    progress,
+    spread,
+    warnings_as_doubts,
+)
 from relume.cli.option_types import Point, Seconds, TimesFromNames, numbers
 
 Rim = tuple[float, float, float] | tuple[float, ...]
@@ -160,6 +177,15 @@ def probe(
     times_from_names: TimesFromNames = False,
     size: Annotated[int, Parameter(help="Rows of the map.")] = 512,
     accept: Accept = False,
+    each: Annotated[
+        bool,
+        Parameter(
+            negative="",
+            help="Make a map of every place, a folder inside the folder that is given, to -o FOLDER/place.exr; one "
+            "where no ball is found is named, the others are written, and what is there is kept.",
+        ),
+    ] = False,
+    cluster: ClusterWord = None,
     dry_run: DryRun = False,
     output: OutputOptions = OutputOptions(),
 ) -> None:  # fmt: skip
@@ -169,16 +195,24 @@ def probe(
     saturated, and an EXR has a layer `confidence`, 0 to 1. A view whose camera's place is not given is registered to
     the first.
     """
+    settings = rl.probe.ProbeSettings(
+        size=size, radius=ball.radius, distance=ball.distance, reflectance=ball.measured(),
+        follow_picked=not ball.pick_exactly, balance=balance,
+    )  # fmt: skip
+    if each:
+        _refuse_of_one_ball(second=views.second, view=views.view, pick=ball.pick, picture=picture, times=times)
+        turns = None if views.turn is None else [math.radians(angle) for angle in views.turn]
+        chosen = {"camera": views.camera, "turns": turns, "profile": profile, "times_from_names": times_from_names}
+        _each(photographs or [], out, chosen | {"settings": settings}, cluster, accept, dry_run, output)
+        return
+    if cluster is not None:
+        raise ValueError("--cluster is for many balls; give --each too, or leave it out")
     with warnings_as_doubts(output) as doubts:
         # What is to be done; refused before any work where it cannot.
         require_suffix(out, ".exr", ".hdr")
         if picture is not None:
             require_suffix(picture, ".png", option="--picture")
         require_files([*(views.second or []), *([profile] if profile else [])])
-        settings = rl.probe.ProbeSettings(
-            size=size, radius=ball.radius, distance=ball.distance, reflectance=ball.measured(),
-            follow_picked=not ball.pick_exactly, balance=balance,
-        )  # fmt: skip
         placed = ball.picked(views.all(photographs or []))
         known = rl.capture.read_profile(profile) if profile else None
         if dry_run:
@@ -210,3 +244,22 @@ def probe(
         noted = {"doubts": [each.words for each in result.doubts]} if output.json else {}
         print_facts(output, written | result.facts(listed=output.json) | noted)
         finish(output, [*doubts, *result.doubts], accept=accept)
+
+
+def _refuse_of_one_ball(**given: object) -> None:
+    """Refuse what belongs to one ball alone beside --each."""
+    for name, value in given.items():
+        if value is not None:
+            raise ValueError(f"--{name} is of one ball, and --each unwraps many; leave it out")
+
+
+def _each(
+    folders: list[Path], out: Path, chosen: dict[str, Any], cluster: str | None, accept: bool, dry_run: bool,
+    output: OutputOptions,
+) -> None:  # fmt: skip
+    """Unwrap the ball of every place by itself, or list what would be written."""
+    with warnings_as_doubts(output) as doubts:
+        refuse_file_for_folder(out)
+        with spread(None if dry_run else cluster, output) as (workers, advance):
+            made = rl.probe.probe_each(folders, out, **chosen, dry_run=dry_run, cluster=workers, progress=advance)
+        finish_each(output, made, out, "places", doubts, dry_run=dry_run, accept=accept)

@@ -69,7 +69,11 @@ def _results(tally: Tally, names: Sequence[str]) -> list[Any]:
     """The results in order; warns of what was warned of, and raises Incomplete."""
     outcomes = [tally.outcomes[index] for index in range(tally.count)]
     results = [outcome.result for outcome in outcomes]
-    failed = [(name, outcome.failed) for name, outcome in zip(names, outcomes, strict=True) if outcome.failed]
+    failed = [
+        (name, outcome.failed.removeprefix(f"{name}: "))
+        for name, outcome in zip(names, outcomes, strict=True)
+        if outcome.failed
+    ]
     # Where warnings are errors, a failure is the one to raise.
     with suppress(DoubtWarning) if failed else nullcontext():
         for line, effect in dict.fromkeys(doubt for outcome in outcomes for doubt in outcome.doubts):

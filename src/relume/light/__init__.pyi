@@ -3,6 +3,9 @@ from .constellations.k_means import KMeans as KMeans
 from .constellations.rectangles import MedianCut as MedianCut
 from .constellations.rectangles import VarianceMinimisation as VarianceMinimisation
 from .constellations.residual import key_lights as key_lights
+from .conversion.each import MapInFile as MapInFile
+from .conversion.each import ViewOutOfMap as ViewOutOfMap
+from .conversion.each import convert_each as convert_each
 from .conversion.file_formats import FormatChange as FormatChange
 from .conversion.file_formats import change_format as change_format
 from .conversion.file_formats import require_radiance as require_radiance

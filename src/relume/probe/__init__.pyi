@@ -24,3 +24,5 @@ from .panorama.stitching import Panorama as Panorama
 from .panorama.stitching import stitch_panorama as stitch_panorama
 from .panorama.view_files import known_orientations as known_orientations
 from .panorama.views import PanoramaView as PanoramaView
+from .probe_each import find_places as find_places
+from .probe_each import probe_each as probe_each

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 from pathlib import Path
 
 import numpy as np
@@ -18,7 +19,7 @@ GRID = (6, 8)
 
 
 def write_capture_report(
-    result: MergeResult, path: Path, *, settings: MergeSettings = MergeSettings(), profile: str = ""
+    result: MergeResult, path: str | os.PathLike[str], *, settings: MergeSettings = MergeSettings(), profile: str = ""
 ) -> None:
     """Write one page: doubts, exposures, radiance, false colour, response, noise, alignment, ghosts, what was clipped.
 
@@ -26,6 +27,7 @@ def write_capture_report(
     profile : the name of the one that was given
     Raises OutputNotWritten.
     """
+    path = Path(path)
     parts = [*map(note, result.warnings), *map(note, result.messages)]
     for camera in result.cameras.values():
         for bracket in (each for each in result.brackets if each.camera == camera.name):

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 from collections.abc import Mapping
 from pathlib import Path
 
@@ -23,13 +24,18 @@ STOPS = (-6.0, -4.0, -2.0, 0.0, 2.0, 4.0)
 
 
 def write_develop_report(
-    path: Path, made: DevelopedFile, *, facts: Mapping[str, object] | None = None, title: str = "relume develop"
+    path: str | os.PathLike[str],
+    made: DevelopedFile,
+    *,
+    facts: Mapping[str, object] | None = None,
+    title: str = "relume develop",
 ) -> None:
     """Write one page that shows a developed picture beside the radiance it was made from.
 
     facts : for its table; those of `made` unless given
     Raises OutputNotWritten, and ValueError for a dry run.
     """
+    path = Path(path)
     scene, image, view = made.scene, made.image, made.view
     plain = develop(scene, VirtualCamera(), view)
     before, after = plots.encoded(plain.pixels), plots.encoded(made.photograph().pixels)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -110,8 +111,9 @@ def _signed(stops: int) -> str:
     return f"{stops:+d}".replace("-", "−") if stops else "0"
 
 
-def draw_lights(path: Path, made: LightSet, title: str = "") -> None:
+def draw_lights(path: str | os.PathLike[str], made: LightSet, title: str = "") -> None:
     """Write a picture of a map with its regions and lights to a .png."""
+    path = Path(path)
     with files.replacing(path) as temporary:
         temporary.write_bytes(lights_plot(made.light, made.lights, title))
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 from collections.abc import Callable, Sequence
 from pathlib import Path
 
@@ -37,7 +38,7 @@ NOTES = (
 
 
 def draw_reflection_sheet(
-    path: Path,
+    path: str | os.PathLike[str],
     light: EnvironmentMap,
     title: str,
     stops: float = 0.0,
@@ -48,6 +49,7 @@ def draw_reflection_sheet(
     title : what the light is, as its file's name
     stops : to brighten by; at 0 the mean of the Lambert ball is middle grey
     """
+    path = Path(path)
     made = balls(light, progress=progress)
     lambert = next(ball for ball in made if ball.caption == "Lambert")
     files.write(path, contact_sheet(made, light, exposed_for(lambert).brighter(stops), title))

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import os
 from collections.abc import Iterable, Iterator
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 
@@ -13,6 +13,7 @@ from relume.image.colour import luminance
 from relume.image.photograph import Photograph
 from relume.image.radiance import RadianceMap
 from relume.virtual_camera.protocols import Adaptation, Optics, ToneOperator
+from relume.virtual_camera.settling import Settled
 from relume.virtual_camera.tone.display.code_table import Clipping
 from relume.virtual_camera.tone.display.encoding import Display, DisplayP3, Srgb, encoded
 from relume.virtual_camera.tone.display.writing import profile_of, write_display
@@ -129,10 +130,10 @@ class VirtualCamera:
         picture = validate_radiance(picture)
         view = self.view(picture) if view is None else view
         image = self.image(picture.radiance, view)
-        return self._tone_mapped(image, view, self.tone.adapt(image, view) if adaptation is None else adaptation)
+        return self.tone_mapped(image, view, self.tone.adapt(image, view) if adaptation is None else adaptation)
 
-    def _tone_mapped(self, image: np.ndarray, view: View, adaptation: Adaptation) -> ToneMapped:
-        """What the tone operator makes of the radiance behind the lens."""
+    def tone_mapped(self, image: np.ndarray, view: View, adaptation: Adaptation) -> ToneMapped:
+        """What the tone operator makes of the radiance behind the lens, as `image` returns it."""
         tone, factor = self.tone, 2.0**self.stops
         if isinstance(tone, LinearExposure):
             return ToneMapped(image, tone.gain(adaptation, view) * factor, self.display, adaptation)
@@ -157,13 +158,9 @@ class VirtualCamera:
         A black frame keeps the adaptation of the frames before it. Raises ValueError for a rate that is not above 0, a
         negative settling or too few views, and as `tone_map`.
         """
-        if not frames_per_second > 0 or not settling >= 0:
-            raise ValueError(
-                f"frames_per_second {frames_per_second} and settling {settling}; expected above 0, and 0 or more"
-            )
-        share = 1.0 if settling == 0 else 1 - float(np.exp(-1 / (frames_per_second * settling)))
+        settled = Settled.before(frames_per_second, settling)
         each = None if views is None else iter(views)
-        view, settled, eye = None, None, None
+        view = None
         for index, frame in enumerate(pictures):
             name = f"frame {index + 1}"
             frame = validate_radiance(frame, name=name, lit=False)
@@ -171,18 +168,17 @@ class VirtualCamera:
                 raise ValueError(f"{name} has no view; give one for each picture, or none at all")
             if view is None:
                 view = self.view(frame)
-            lit = bool(frame.radiance.any())
-            # The eye before the lens, by whose luminance glare goes.
-            if lit:
-                seen = np.log(seen_luminance(frame.radiance, view))
-                eye = seen if eye is None else (1 - share) * eye + share * seen
-            now = replace(view, frame=view.frame + index, settled=None if eye is None else float(np.exp(eye)))
+            seen = self.seen(frame, view)
+            settled = settled.seeing(seen)
+            now = settled.view(view, index)
             image = self.image(frame.radiance, now)
-            # What the tone operator has adapted to.
             own = self.tone.adapt(image, now)
-            if lit:
-                settled = own if settled is None else settled.mixed(own, share)
-            yield self._tone_mapped(image, now, own if settled is None else settled)
+            settled = settled.adapting(own, lit=seen is not None)
+            yield self.tone_mapped(image, now, settled.adaptation or own)
+
+    def seen(self, picture: RadianceMap, view: View) -> float | None:
+        """The ln cd/m² that an eye before the lens would settle on; None where the picture is black."""
+        return float(np.log(seen_luminance(picture.radiance, view))) if picture.radiance.any() else None
 
 
 @dataclass(frozen=True, eq=False)

@@ -6,9 +6,8 @@ Unlike in `merge_shoot` no bracket depends on another: each has its own response
 from __future__ import annotations
 
 import os
-import pickle
 from collections.abc import Callable, Iterable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from itertools import groupby
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -18,10 +17,8 @@ from relume.capture.brackets.shoot import MergePlan, merge_shoot, targets
 from relume.capture.exposure.folder import expand, name_order
 from relume.capture.exposure.grouping import group_files
 from relume.capture.response.camera_profile import read_profile
-from relume.cluster.folder_lock import held
-from relume.cluster.records import key_of, record, recorded
-from relume.cluster.tasks import run_tasks
-from relume.errors import Incomplete, RelumeError, warn
+from relume.cluster.file_tasks import FileTask, make_each
+from relume.errors import RelumeError, warn
 from relume.image import files
 from relume.image.files.signatures import kind_of
 
@@ -57,13 +54,14 @@ class FoundBrackets:
     failed: tuple[tuple[str, str], ...]
 
 
-def find_brackets(folders: Iterable[str | os.PathLike[str]], out: Path) -> FoundBrackets:
+def find_brackets(folders: Iterable[str | os.PathLike[str]], out: str | os.PathLike[str]) -> FoundBrackets:
     """Every bracket in folders and those inside them, sorted as `group_files` does, and the map of each in `out`.
 
     A photograph that cannot be read takes down the bracket in whose run of names it lies, or a whole folder where it
     lies in none: a bracket is never merged without one of its photographs. Beside camera raws encoded photographs are
     left out, with a warning. Raises NotABracket for a folder without photographs.
     """
+    out = Path(out)
     groups: list[tuple[Path, ...]] = []
     failed: list[tuple[str, str]] = []
     for _, members in groupby(expand(folders), key=lambda path: path.parent):
@@ -81,7 +79,7 @@ def find_brackets(folders: Iterable[str | os.PathLike[str]], out: Path) -> Found
 def merge_each(
     folders: Iterable[str | os.PathLike[str]], out: str | os.PathLike[str], *,
     times_from_names: bool = False, ignore: tuple[int, int, int] | None = None, true_shutter: bool = False,
-    profile: Path | None = None, settings: MergeSettings = MergeSettings(),
+    profile: str | os.PathLike[str] | None = None, settings: MergeSettings = MergeSettings(),
     cluster: str | os.PathLike[str] | Client | Cluster | None = None,
     progress: Callable[[str, float], None] = lambda step, share: None,
 ) -> tuple[MergedMap, ...]:  # fmt: skip
@@ -95,50 +93,31 @@ def merge_each(
     The other arguments are those of `plan_merge`. Warns of the doubts of each bracket, with its name. Raises
     Incomplete, with the others written, where brackets could not be merged; OutputNotWritten, NotABracket.
     """
+    profile = None if profile is None else Path(profile)
     # Workers begin elsewhere than here.
     out, folders = Path(out).absolute(), [Path(folder).absolute() for folder in folders]
     known = None if profile is None else read_profile(profile)
-    name = "" if profile is None else profile.name
-    with held(out) as lock:
-        progress("brackets", 0.0)
-        found = find_brackets(folders, out)
-        plans = [
-            MergePlan(
-                (group,), (target,), kind_of(group[0]) == "RAW", None, ignore, true_shutter, known, name, None,
-                settings, (), times_from_names,
-            )
-            for group, target in zip(found.groups, found.targets, strict=True)
-        ]  # fmt: skip
-        failed = list(found.failed)
-        results: list[MergedMap | None] = []
-        try:
-            results += run_tasks(
-                _merged, plans, names=[target.stem for target in found.targets], cluster=cluster,
-                memory=_memory(found.groups) if cluster is not None else None,
-                progress=lambda done, failed, to_go, left: progress("brackets", (done + failed) / max(1, len(plans))),
-                paths=[lock, *(group[0] for group in found.groups[:1])],
-            )  # fmt: skip
-        except Incomplete as error:
-            failed += error.failed
-            results += error.results  # type: ignore[arg-type]
-    if failed:
-        raise Incomplete(failed, [*results, *(None for _ in found.failed)])
-    return tuple(each for each in results if each is not None)
+    name = "" if profile is None else Path(profile).name
+    progress("brackets", 0.0)
+    found = find_brackets(folders, out)
+    value = MergePlan((), (), False, None, ignore, true_shutter, known, name, None, settings, (), times_from_names)
+    tasks = [
+        FileTask(target.stem, group, (target,), value)
+        for group, target in zip(found.groups, found.targets, strict=True)
+    ]
+    made = make_each(
+        _merged, tasks, out, step="brackets", cluster=cluster, progress=progress, failed=found.failed,
+        memory=_memory(found.groups) if cluster is not None else None,
+    )  # fmt: skip
+    return tuple(MergedMap(each.target, each.facts["photographs"], each.kept) for each in made)
 
 
-def _merged(plan: MergePlan) -> MergedMap:
-    """Merge one bracket, unless that was done."""
-    (group,), (target,) = plan.groups, plan.targets
-    settings = pickle.dumps((plan.settings, plan.profile, plan.ignore, plan.true_shutter, plan.times_from_names))
-    key = key_of(group, settings)
-    doubts = recorded(target, key)
-    kept = doubts is not None
-    if not kept:
-        doubts = [[each.line, each.effect] for each in merge_shoot(plan).result.doubts]
-        record(target, key, doubts)
-    for line, effect in doubts:
-        warn(line if target.stem in line else f"{target.stem}: {line}", effect)
-    return MergedMap(target, len(group), kept)
+def _merged(task: FileTask) -> dict[str, int]:
+    """Merge one bracket."""
+    plan = replace(task.value, groups=(task.sources,), targets=task.targets, raw=kind_of(task.sources[0]) == "RAW")
+    for doubt in merge_shoot(plan).result.doubts:
+        warn(doubt.line, doubt.effect)
+    return {"photographs": len(task.sources)}
 
 
 def _brackets_in(paths: list[Path]) -> tuple[list[tuple[Path, ...]], list[tuple[str, str]]]:

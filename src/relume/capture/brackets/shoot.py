@@ -96,14 +96,14 @@ class MergedShoot:
 
 def plan_merge(
     photographs: Iterable[str | os.PathLike[str]],
-    out: Path,
+    out: str | os.PathLike[str],
     *,
-    times: Sequence[float] | Path | None = None,
+    times: Sequence[float] | str | os.PathLike[str] | None = None,
     times_from_names: bool = False,
     ignore: tuple[int, int, int] | None = None,
     true_shutter: bool = False,
-    profile: Path | None = None,
-    save_profile: Path | None = None,
+    profile: str | os.PathLike[str] | None = None,
+    save_profile: str | os.PathLike[str] | None = None,
     settings: MergeSettings = MergeSettings(),
 ) -> MergePlan:
     """Sort files and folders into brackets, and refuse before any work what cannot be merged or written.
@@ -119,6 +119,9 @@ def plan_merge(
 
     Raises UnreadableFile, NotABracket, OutputNotWritten, ValueError.
     """
+    out = Path(out)
+    profile = None if profile is None else Path(profile)
+    save_profile = None if save_profile is None else Path(save_profile)
     # Which photographs.
     notes: list[str] = []
     paths = expand(photographs)
@@ -130,7 +133,8 @@ def plan_merge(
         paths = raws
     if times_from_names and times is not None:
         raise ValueError("times are given and are to be read from the names too; choose one of the two")
-    if isinstance(times, Path):
+    if isinstance(times, str | os.PathLike):
+        times = Path(times)
         if not times.is_file():
             raise ValueError(f'times: "{times}" is neither seconds above 0, like 1/30,1/60, nor a file that lists them')
     elif times is not None:

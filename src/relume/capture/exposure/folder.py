@@ -11,10 +11,12 @@ import numpy as np
 
 from relume.capture.exposure.sidecar import ExposureList, read_times
 from relume.errors import NotABracket, UnreadableFile, warn
+from relume.image.files.encodings import SUFFIXES
 from relume.image.files.signatures import PHOTOGRAPHS, kind_of
 from relume.image.photograph import Exposure
 
 _LISTS = (".txt", ".csv", ".tsv", ".hdrgen", ".lst", ".list")
+_ENDINGS = (*SUFFIXES, ".png", ".jpg", ".jpeg")
 _WORDS = 5  # beside the name in a line of a list: time, f-number, gain, ISO, filters
 _SAME = 0.01  # of an exposure: lists agree within the rounding of what they print
 
@@ -34,15 +36,44 @@ def expand(paths: Iterable[str | os.PathLike[str]]) -> tuple[Path, ...]:
     return tuple(found)
 
 
-def _all_in(folder: Path) -> list[Path]:
+def every_picture(paths: Iterable[str | os.PathLike[str]], out: Path) -> tuple[Path, ...]:
+    """The files, and of folders all photographs and radiance maps in them, absolute; a file given twice counts once.
+
+    out : folder that is passed over where it lies inside another: what was written there is no input
+    In a folder a file counts by its content or by its ending, so that a damaged one is not passed over. Raises
+    UnreadableFile for what is not there, and for a folder without pictures.
+    """
+    found: dict[Path, None] = {}
+    for path in map(Path, paths):
+        pictures = [path]
+        if path.is_dir():
+            inside = out.absolute() if path.absolute() in out.absolute().parents else None
+            pictures = [each for each in _all_in(path, _may_be_picture) if inside not in each.absolute().parents]
+        if not path.exists():
+            raise UnreadableFile(f"{path}: no such file or folder; check the path")
+        if not pictures:
+            raise UnreadableFile(f"{path}: no picture is in this folder; name the files, or their folder")
+        found.update(dict.fromkeys(picture.absolute() for picture in pictures))
+    if not found:
+        raise UnreadableFile("no files were given; name files, or folders of them")
+    return tuple(found)
+
+
+def folders_in(folder: Path) -> list[Path]:
+    """The folders in a folder, those that are hidden apart, in the order of their names."""
     inner = [path for path in folder.iterdir() if path.is_dir() and not path.name.startswith(".")]
-    return pictures_in(folder) + [path for each in sorted(inner, key=name_order) for path in _all_in(each)]
+    return sorted(inner, key=name_order)
 
 
-def pictures_in(folder: Path) -> list[Path]:
-    """The photographs and camera raws in a folder, in the order of their names, 9 before 10."""
+def _all_in(folder: Path, wanted: Callable[[Path], bool] | None = None) -> list[Path]:
+    here = pictures_in(folder, wanted)
+    return here + [path for each in folders_in(folder) for path in _all_in(each, wanted)]
+
+
+def pictures_in(folder: Path, wanted: Callable[[Path], bool] | None = None) -> list[Path]:
+    """The photographs and camera raws in a folder, or what else is wanted, in the order of their names, 9 before 10."""
     files = [path for path in folder.iterdir() if not path.name.startswith(".") and path.is_file()]
-    return sorted(filter(_is_photograph, files), key=name_order)
+    return sorted(filter(wanted or _is_photograph, files), key=name_order)
 
 
 def name_order(path: str | os.PathLike[str]) -> tuple[object, ...]:
@@ -85,6 +116,15 @@ def listed_exposures(paths: Sequence[Path], brightness: Callable[[], Sequence[fl
 def _is_photograph(path: Path) -> bool:
     try:
         return kind_of(path) in (*PHOTOGRAPHS, "RAW")
+    except UnreadableFile:
+        return False
+
+
+def _may_be_picture(path: Path) -> bool:
+    if path.name.lower().endswith(_ENDINGS):
+        return True
+    try:
+        return bool(kind_of(path))
     except UnreadableFile:
         return False
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 from dataclasses import dataclass, replace
 from pathlib import Path
 
@@ -39,8 +40,8 @@ class FormatChange:
 
 
 def change_format(
-    path: Path,
-    out: Path,
+    path: str | os.PathLike[str],
+    out: str | os.PathLike[str],
     change: FormatChange = FormatChange(),
     options: ReadOptions = ReadOptions(),
     *,
@@ -54,6 +55,8 @@ def change_format(
     Raises ValueError for a format that does not hold what the file holds, UnreadableFile for a file that is damaged,
     or a photograph where radiance is needed.
     """
+    path = Path(path)
+    out = Path(out)
     # What is wanted, and whether the format holds it.
     suffix = suffix_of(out)
     if suffix not in PHOTOGRAPHS:
@@ -88,8 +91,9 @@ def change_format(
     return {**facts, **({} if near["exact"] else _audited(image, back)), "kept": near}
 
 
-def require_radiance(path: Path) -> None:
+def require_radiance(path: str | os.PathLike[str]) -> None:
     """Refuse a photograph where radiance is needed, with what can be done about it."""
+    path = Path(path)
     if not files.has_radiance(path):
         files.subtype(path)  # a damaged file is reported as that
         raise UnreadableFile(

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import os
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -82,9 +83,10 @@ class ConvertedMap:
 
 
 def convert_map(
-    light: EnvironmentMap, out: Path, conversion: MapConversion, encoding: Encoding | None = None
+    light: EnvironmentMap, out: str | os.PathLike[str], conversion: MapConversion, encoding: Encoding | None = None
 ) -> ConvertedMap:
     """Convert an environment map, write it, read it back, and compare its energy before and after."""
+    out = Path(out)
     rotation = None if conversion.turn is None else rotation_from_angles(*conversion.turn)
     before = light.audit(rotation)
 
@@ -152,7 +154,11 @@ def _write(paths: list[Path], picture: RadianceMap, encoding: Encoding | None) -
 
 
 def read_cube_faces(
-    paths: Sequence[Path], *, clamp: bool = False, mirror: str | None = None, options: ReadOptions = ReadOptions()
+    paths: Sequence[str | os.PathLike[str]],
+    *,
+    clamp: bool = False,
+    mirror: str | None = None,
+    options: ReadOptions = ReadOptions(),
 ) -> EnvironmentMap:
     """Six files, +X −X +Y −Y +Z −Z, as one strip of cube faces.
 
@@ -161,6 +167,7 @@ def read_cube_faces(
 
     Raises UnreadableFile for files that are not six squares of one size and unit.
     """
+    paths = [Path(path) for path in paths]
     pictures = [read_light_pixels(path, clamp=clamp, options=options) for path in paths]
     first, side = pictures[0], pictures[0].size[1]
     for path, picture in zip(paths, pictures, strict=True):
@@ -182,10 +189,10 @@ def read_cube_faces(
 
 
 def read_painting(
-    path: Path,
+    path: str | os.PathLike[str],
     gamma: str,
     stops: float = 0.0,
-    hot: Sequence[tuple[Path, float]] = (),
+    hot: Sequence[tuple[str | os.PathLike[str], float]] = (),
     mapping: Mapping | None = None,
 ) -> EnvironmentMap:
     """A painting in a file as an environment map.
@@ -195,6 +202,7 @@ def read_painting(
     hot : masks, and the stops by which the painting is brightened where each is white
     mapping : lat-long unless given
     """
+    path = Path(path)
     spots = []
     for mask, brighter in hot:
         try:
@@ -234,12 +242,13 @@ def crop_view(light: EnvironmentMap, view: CameraView, size: tuple[int, int] = (
     return perspective_view(light, orientation(*view.turn), view.field, size)
 
 
-def put_view(light: EnvironmentMap, path: Path, view: CameraView | None = None) -> EnvironmentMap:
+def put_view(light: EnvironmentMap, path: str | os.PathLike[str], view: CameraView | None = None) -> EnvironmentMap:
     """The map with a perspective picture put in.
 
     path : of the picture
     view : of its camera; as the file stores it unless given
     """
+    path = Path(path)
     picture = files.read_radiance(path)
     if view is not None:
         return insert_view(light, picture, orientation(*view.turn), view.field)

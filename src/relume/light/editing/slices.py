@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 from dataclasses import dataclass, replace
 from pathlib import Path
 
@@ -28,14 +29,15 @@ from relume.image.resizing import cropped
 from relume.light.editing.edits import energy
 
 
-def slice_sidecar(picture: Path) -> Path:
+def slice_sidecar(picture: str | os.PathLike[str]) -> Path:
     """Where a slice's description lies: beside it, where no paint program touches it."""
+    picture = Path(picture)
     return picture.with_name(picture.name + ".json")
 
 
 def write_slice(
     picture: RadianceMap,
-    out: Path,
+    out: str | os.PathLike[str],
     stops: float | None = None,
     bits: int = 8,
     box: tuple[int, int, int, int] | None = None,
@@ -47,6 +49,7 @@ def write_slice(
     box : the rectangle of the map that is written: left, top, width and height in pixels; all of it unless given
     Raises ValueError for a rectangle that is not in the map.
     """
+    out = Path(out)
     part = picture if box is None else cropped(picture, *box)
     cut = Slice(fitting_stops(part) if stops is None else stops, bits, fingerprint(picture), box)
     photograph = cut.photograph(part)

@@ -5,6 +5,7 @@
 
 from __future__ import annotations
 
+import os
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -107,7 +108,7 @@ class WrittenReflectionMaps:
 
 def write_reflection_maps(
     light: EnvironmentMap,
-    folder: Path,
+    folder: str | os.PathLike[str],
     wanted: ReflectionFiles | None = None,
     progress: Callable[[str, float], None] = lambda stage, share: None,
 ) -> WrittenReflectionMaps:
@@ -117,6 +118,7 @@ def write_reflection_maps(
     wanted : the paper's two tables unless given; nine spherical harmonics always go to harmonics.json
     progress : called with a stage and the share of it that is done
     """
+    folder = Path(folder)
     wanted = wanted or ReflectionFiles()
     notes = []
     if wanted.glossy and wanted.normalisation is not Normalisation.RADIOMETRIC:

@@ -8,6 +8,7 @@ fingerprint of what the values are made from is kept beside them.
 
 from __future__ import annotations
 
+import os
 from collections.abc import Iterable, Iterator
 from contextlib import contextmanager, nullcontext
 from dataclasses import dataclass
@@ -61,7 +62,7 @@ def build_store(
     max_memory: int = MEMORY,
     progress: Progress | None = None,
     made_from: object = None,
-    mesh: Path | None = None,
+    mesh: str | os.PathLike[str] | None = None,
     light_radius: float | None = None,
     cluster: Cluster = None,
 ) -> None:
@@ -84,6 +85,7 @@ def build_store(
     to another field or import; OutputNotWritten where it is whole already, cannot be written, or lost a part meanwhile.
     Warns where 8 bits are coarse for these pictures.
     """
+    mesh = None if mesh is None else Path(mesh)
     zarr, path, kind = required_zarr(), as_place(path), np.dtype(dtype)
     if kind not in (np.float16, np.float32, np.uint8):
         raise ValueError(f"dtype is {kind}; a store holds float16, float32 or uint8")

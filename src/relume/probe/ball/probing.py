@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import os
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -178,8 +179,9 @@ def probe_ball(
     return BallProbe(probe, tuple(views), names, known, lesser, wrong, doubts)
 
 
-def write_probe(path: Path, probe: Probe) -> None:
+def write_probe(path: str | os.PathLike[str], probe: Probe) -> None:
     """Write the environment map; an EXR has layers `clipped` and `confidence`, 0 to 1. Raises OutputNotWritten."""
+    path = Path(path)
     picture = as_radiance_map(probe.light)
     if path.suffix.lower() == ".hdr":
         files.write(path, picture)

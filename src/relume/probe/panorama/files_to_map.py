@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import os
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -67,7 +68,7 @@ class PanoramaSettings:
 
 
 def panorama_from_files(
-    paths: Sequence[Path],
+    paths: Sequence[str | os.PathLike[str]],
     *,
     profile: CameraProfile | None = None,
     settings: PanoramaSettings = PanoramaSettings(),
@@ -78,6 +79,7 @@ def panorama_from_files(
     profile : of the camera; recovered from brackets unless given, sRGB for single photographs
     Raises UnreadableFile, NotABracket, NotAPanorama, ValueError.
     """
+    paths = [Path(path) for path in paths]
     known = settings.known(paths)
     notes: list[str] = []
     with GatheredDoubts() as gathered:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import csv
 import math
+import os
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -134,7 +135,11 @@ def stored_crop(picture: RadianceMap, name: str = "view") -> Crop | None:
 
 
 def known_orientations(
-    paths: Sequence[Path], *, faces: Sequence[str] = (), turn: float | None = None, table: Path | None = None
+    paths: Sequence[str | os.PathLike[str]],
+    *,
+    faces: Sequence[str] = (),
+    turn: float | None = None,
+    table: str | os.PathLike[str] | None = None,
 ) -> dict[Path, KnownOrientation]:
     """The orientation of every view that one of the three gives.
 
@@ -143,6 +148,8 @@ def known_orientations(
     table : .csv with the columns `COLUMNS`; it need not name all views
     Raises ValueError for two of them, or for other faces; UnreadableFile for a table that cannot be right.
     """
+    paths = [Path(path) for path in paths]
+    table = None if table is None else Path(table)
     values = {"faces": faces or None, "turn": turn, "orientations": table}
     given = [name for name, value in values.items() if value is not None]
     if len(given) > 1:

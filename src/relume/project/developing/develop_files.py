@@ -1,17 +1,16 @@
-"""Developing files: `develop_file` for a picture, `develop_sequence` for frames, `undevelop_file` for the way back."""
+"""Developing files: `develop_file` for a picture, `undevelop_file` for the way back; frames are in `sequence`."""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Sequence
+import os
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field, replace
-from itertools import repeat
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
 from relume.capture.response.camera_profile import CameraProfile, read_profile
-from relume.errors import OutputNotWritten, UnreadableFile
 from relume.image import files
 from relume.image.colour_space import name_of
 from relume.image.files.read_options import ReadOptions
@@ -31,8 +30,7 @@ from relume.virtual_camera.plate_matching.camera_matching import (
     profiled_vignetting,
 )
 from relume.virtual_camera.protocols import Optics, Undoable
-from relume.virtual_camera.tone.display.code_table import Clipping
-from relume.virtual_camera.tone.display.encoding import HLG, PQ, HdrGainMap, Srgb, encoded_and_clipped
+from relume.virtual_camera.tone.display.encoding import Srgb
 from relume.virtual_camera.tone.display.stops import stops_sheet
 from relume.virtual_camera.tone.display.writing import require_suffix_for
 from relume.virtual_camera.tone.metered import FixedExposure, MeteredExposure
@@ -66,13 +64,13 @@ class DevelopSettings:
     preset: CameraPreset = field(default_factory=CameraPreset)
     field_of_view: float | None = None
     luminance: float | None = None
-    depth: Path | None = None
+    depth: str | os.PathLike[str] | None = None
     depth_along: Along | None = None
-    vectors: Path | None = None
+    vectors: str | os.PathLike[str] | None = None
     seed: int | None = None
-    response: Path | None = None
+    response: str | os.PathLike[str] | None = None
     exposure: float | None = None
-    match: Path | None = None
+    match: str | os.PathLike[str] | None = None
     options: ReadOptions = ReadOptions()
     repair: bool = False
     frames_per_second: float = 24.0
@@ -89,8 +87,8 @@ class DevelopSettings:
             picture,
             field_of_view=across,
             luminance_scale=preset_scale if self.luminance is None else self.luminance,
-            depth=None if self.depth is None else read_depth(self.depth, float(focal_length), self.depth_along),
-            motion=None if self.vectors is None else read_motion(self.vectors),
+            depth=None if self.depth is None else read_depth(Path(self.depth), float(focal_length), self.depth_along),
+            motion=None if self.vectors is None else read_motion(Path(self.vectors)),
             seed=preset.seed if self.seed is None else self.seed,
         )
 
@@ -137,8 +135,8 @@ class DevelopedFile:
 
 
 def develop_file(
-    path: Path,
-    out: Path | None,
+    path: str | os.PathLike[str],
+    out: str | os.PathLike[str] | None,
     settings: DevelopSettings = DevelopSettings(),
     *,
     dry_run: bool = False,
@@ -152,12 +150,14 @@ def develop_file(
 
     Raises ValueError, UnreadableFile, OutputNotWritten.
     """
+    path = Path(path)
+    out = None if out is None else Path(out)
     if out is not None:
         require_suffix_for(out, settings.preset.camera.display)
     # Read, and choose the camera.
     progress("reading", 0.0)
-    scene = _read(path, settings)
-    camera, facts = _camera(settings, scene)
+    scene = read_scene_light(path, settings)
+    camera, facts = camera_for(settings, scene)
     view = settings.view(scene, camera)
     facts |= _camera_facts(camera, scene, view)
     progress("reading", 1.0)
@@ -178,80 +178,20 @@ def develop_file(
     return DevelopedFile(path.name, scene, image, sensor, view, made, facts)
 
 
-def develop_sequence(
-    paths: Sequence[Path],
-    out: Path,
+def undevelop_file(
+    path: str | os.PathLike[str],
+    out: str | os.PathLike[str] | None,
     settings: DevelopSettings = DevelopSettings(),
     *,
     dry_run: bool = False,
-    progress: Progress = lambda stage, share: None,
-) -> Facts:
-    """Develop files as the frames of a sequence, whose adaptation follows the light; returns facts by name.
-
-    out : a folder for pictures, named as the frames are, or an .mp4 (sRGB)
-    Raises ValueError, UnreadableFile, OutputNotWritten.
-    """
-    # Refuse what a sequence cannot have, and name its files.
-    movie = out.suffix.lower() == ".mp4"
-    if settings.depth is not None or settings.vectors is not None:
-        raise ValueError("depth and vectors are of one picture; develop the frames of a sequence one by one")
-    # Read the first frame; choose the camera of all by it.
-    display = settings.preset.camera.display
-    suffix = ".avif" if isinstance(display, PQ | HLG) else ".jpg" if isinstance(display, HdrGainMap) else ".png"
-    targets = [] if movie else _targets(paths, out, suffix)
-    first = _read(paths[0], settings)
-    camera, facts = _camera(settings, first)
-    if movie and camera.display != Srgb():
-        raise ValueError("an .mp4 is for sRGB screens; leave the display out, or write pictures into a folder")
-    if dry_run:
-        return {"would write": str(out), "frames": len(paths), **facts}
-
-    def each() -> Iterator[RadianceMap]:
-        for index, path in enumerate(paths):
-            progress("developing", index / len(paths))
-            yield _read(path, settings, lit=False)
-
-    # Develop and write frame after frame.
-    fps = settings.frames_per_second
-    views = repeat(settings.view(first, camera))
-    made = camera.tone_map_frames(each(), views, frames_per_second=fps, settling=settings.settling)
-    clippings: list[Clipping] = []
-    if movie:
-        from relume.image.files.video import Movie
-
-        with Movie(out, fps) as file:
-            for frame in made:
-                pixels, clipping = encoded_and_clipped(frame.values, frame.display, gain=frame.gain)
-                file.add(pixels)
-                clippings.append(clipping)
-    else:
-        try:
-            out.mkdir(parents=True, exist_ok=True)
-        except OSError as error:
-            raise OutputNotWritten(f"{out}: cannot be made a folder ({error.strerror}); choose another") from None
-        for count, target in enumerate(targets):
-            try:
-                clippings.append(next(made).write(target))
-            except (ValueError, UnreadableFile) as error:
-                raise type(error)(f"{error}; {count} frames before it are in {out}") from None
-    progress("developing", 1.0)
-    return {
-        "written": str(out),
-        "frames": len(paths),
-        **facts,
-        "white in the worst frame": max(max(each.above) for each in clippings),
-        "black in the worst frame": max(max(each.below) for each in clippings),
-    }
-
-
-def undevelop_file(
-    path: Path, out: Path | None, settings: DevelopSettings = DevelopSettings(), *, dry_run: bool = False
 ) -> Facts:
     """Take a photograph's film and lens out of it again, and write its radiance; returns facts by name.
 
     settings : its preset's lens is undone; exposure and response are the photograph's own unless given
     Raises ValueError, UnreadableFile, OutputNotWritten.
     """
+    path = Path(path)
+    out = None if out is None else Path(out)
     if settings.match is not None:
         raise ValueError("a photograph is undeveloped by its own camera; leave match out")
     photograph = files.read_photograph(path, settings.options)
@@ -273,31 +213,21 @@ def undevelop_file(
     return {"written": str(out), "unit": unit, **facts}
 
 
-def _read(path: Path, settings: DevelopSettings, *, lit: bool = True) -> RadianceMap:
+def read_scene_light(path: Path, settings: DevelopSettings, *, lit: bool = True) -> RadianceMap:
+    """The radiance of a file as it can be developed; raises UnreadableFile, ValueError."""
     return validate_radiance(
         files.read_radiance(path, settings.options), repair=settings.repair, name=path.name, lit=lit
     )
 
 
-def _targets(paths: Sequence[Path], folder: Path, suffix: str) -> list[Path]:
-    """The file of each frame; raises ValueError where two would have one name, or one is an input."""
-    targets = [folder / f"{path.stem}{suffix}" for path in paths]
-    for index, target in enumerate(targets):
-        if any(target.exists() and target.samefile(path) for path in paths):
-            raise ValueError(f"{target}: the input itself; choose another folder, so that the original is kept")
-        if target in targets[:index]:
-            raise ValueError(f"{paths[index]}: another frame is called {target.name} too; rename one of them")
-    return targets
-
-
-def _camera(settings: DevelopSettings, picture: RadianceMap) -> tuple[VirtualCamera, Facts]:
+def camera_for(settings: DevelopSettings, picture: RadianceMap) -> tuple[VirtualCamera, Facts]:
     """The preset's camera, or the real one that is asked for; facts on it.
 
     Without an exposure the picture is metered as for plain exposure, whose white is the response's value 248 of 255.
     """
     camera, preset = settings.preset.camera, settings.preset
     if settings.match is not None:
-        profile = None if settings.response is None else read_profile(settings.response)
+        profile = None if settings.response is None else read_profile(Path(settings.response))
         match = match_camera(files.read_photograph(settings.match), picture, profile)
         for part in match.optics:
             camera = replace(camera, **{"soft_focus" if isinstance(part, Softness) else "vignetting": part})
@@ -308,7 +238,7 @@ def _camera(settings: DevelopSettings, picture: RadianceMap) -> tuple[VirtualCam
         return camera, {}
     if preset.has_tone:
         raise ValueError("a response takes the place of tone, film and shutter; leave them and the preset's tone out")
-    curve = profiled_response(_profile(settings.response))
+    curve = profiled_response(_profile(Path(settings.response)))
     exposure = settings.exposure
     if exposure is None:
         gain = float(np.exp(MeteredExposure().adapt(picture.radiance, View(1.0)).values[0]))
@@ -324,9 +254,9 @@ def _film_of(photograph: Photograph, settings: DevelopSettings) -> tuple[Film, s
     facts: Facts = {"exposure from": source, "response": name_of(photograph)}
     if settings.response is None:
         return Film(factor), "relative", None, facts
-    profile = _profile(settings.response)
+    profile = _profile(Path(settings.response))
     response, vignetting = profiled_response(profile), profiled_vignetting(profile)
-    facts["response"] = settings.response.name
+    facts["response"] = Path(settings.response).name
     falloff = None if vignetting is None else MeasuredVignetting(vignetting)
     scale = profiled_scale(profile, exposure)
     if scale is None and profile.scale is not None:

@@ -9,8 +9,8 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from relume.cluster.attempt import threads as worker_threads
+from relume.cluster.claims import held
 from relume.cluster.connection import connect
-from relume.cluster.folder_lock import held
 from relume.cluster.tasks import run_tasks
 from relume.errors import Doubt, Incomplete, IncompleteSequence, RelumeError
 from relume.project.forecast import memory_for

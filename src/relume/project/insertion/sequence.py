@@ -15,9 +15,9 @@ from typing import Any
 
 import numpy as np
 
-from relume.errors import Doubt, GatheredDoubts, IncompleteSequence, ranked
+from relume.cluster.claims import Claimed, claim
+from relume.errors import Doubt, GatheredDoubts, IncompleteSequence, naming, ranked
 from relume.image import files
-from relume.project.claims import Claimed, claim
 from relume.project.insertion.frame_shots import at_frame, frames_of
 from relume.project.insertion.outcome import require_folder
 from relume.project.shot_file.sequence_table import frames_as_text, frames_in
@@ -198,7 +198,7 @@ def _one(
         # From here until all is written the frame counts as not made.
         (folder / _DONE).unlink(missing_ok=True)
         begun = time.perf_counter()
-        with GatheredDoubts() as gathered:
+        with naming(f"frame {number}"), GatheredDoubts() as gathered:
             found = make(shot, folder, before)
         seconds = time.perf_counter() - begun
         doubts = ranked([*gathered.doubts, *found])

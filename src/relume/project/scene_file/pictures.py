@@ -8,16 +8,17 @@ import shutil
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from functools import lru_cache
+from itertools import count
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
+from relume.cluster.claims import held
 from relume.cluster.connection import connect
-from relume.cluster.folder_lock import held
 from relume.cluster.records import RECORDS, key_of, record, recorded
 from relume.cluster.tasks import run_tasks
-from relume.errors import OutputNotWritten
+from relume.errors import OutputNotWritten, naming
 from relume.image import files
 from relume.image.radiance import RadianceMap
 from relume.renderers.results import Render
@@ -49,15 +50,26 @@ def write_frames(out: Path, pictures: Iterator[Render], film: Film, unit: str) -
         from relume.image.files.video import Movie
 
         with Movie(out) as movie:
-            for picture in pictures:
+            for picture in _each_named(pictures):
                 movie.add(develop(picture.radiance, film).pixels)
         return
     try:
         out.mkdir(parents=True, exist_ok=True)
     except OSError as error:
         raise OutputNotWritten(f"{out}: cannot be made a folder ({error.strerror}); choose another") from None
-    for index, picture in enumerate(pictures):
+    for index, picture in enumerate(_each_named(pictures)):
         write_picture(out / f"frame_{index + 1:04d}.png", picture, film, unit)
+
+
+def _each_named(pictures: Iterator[Render]) -> Iterator[Render]:
+    """The pictures; an error on the way to one has its number."""
+    for number in count(1):
+        with naming(f"frame {number}"):
+            try:
+                picture = next(pictures)
+            except StopIteration:
+                return
+        yield picture
 
 
 @dataclass(frozen=True)
