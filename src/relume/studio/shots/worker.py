@@ -16,6 +16,7 @@ import numpy as np
 import relume as rl
 from relume.studio.shots.cameras import camera_facts
 from relume.studio.shots.merging import merged_facts
+from relume.studio.shots.surfaces import surface_facts
 
 Report = Callable[[str, float], None]
 HOLD, GO_ON = "hold", "go on"
@@ -104,7 +105,7 @@ def _look(shot: Path, out: Path, scratch: Path, report: Report) -> dict[str, Any
     whole = _plate_size(table)
     step = max(1, whole[0] // small.width)
     camera = small.resized(small.width * step, small.height * step).window(0, 0, *whole)
-    return _measured(result, camera, step, scratch) | {"picture": "preview.png", "radiance": "preview.exr"}
+    return _measured(table, result, camera, step, scratch) | {"picture": "preview.png", "radiance": "preview.exr"}
 
 
 def _insert(shot: Path, out: Path, scratch: Path, report: Report) -> dict[str, Any]:
@@ -117,7 +118,7 @@ def _insert(shot: Path, out: Path, scratch: Path, report: Report) -> dict[str, A
     result = rl.insert(table, out, progress=report)
     report("report", 0.0)
     rl.write_report(result, out)
-    found = _measured(result, result.camera, 1, scratch)
+    found = _measured(table, result, result.camera, 1, scratch)
     return found | {"picture": "composite.png", "radiance": "composite.exr", "report": "report.html"}
 
 
@@ -134,23 +135,23 @@ JOBS: dict[str, Callable[[Path, Path, Path, Report], dict[str, Any]]] = {
 }
 
 
-def _measured(result: Any, camera: rl.Camera, step: int, scratch: Path) -> dict[str, Any]:
+def _measured(table: rl.Shot, result: Any, camera: rl.Camera, step: int, scratch: Path) -> dict[str, Any]:
     """What a page draws over the plate: camera, points it was fitted to, light; the light as a file beside."""
     probe = result.calibrated.probe
     scratch.mkdir(parents=True, exist_ok=True)  # what cleans temporary folders may have taken it since
     rl.write(scratch / "light.exr", rl.as_radiance_map(probe.light))
     fit, place = result.place.fit, result.place
-    surfaces = () if place.recovered is None else place.recovered.surfaces
     return {
         "camera": camera_facts(camera),
         "points": (step * fit.points).round(2).tolist(),
         "offsets": (step * fit.offsets).round(3).tolist(),
         "agreement": replace(fit, points=step * fit.points, offsets=step * fit.offsets).agreement,
         "light": "light.exr",
+        "probe": [float(each) for each in place.bare.probe],
         "irradiance": irradiance_facts(probe.light),
         "lamp": lamp_direction(probe.light),
         "unit": result.plate.unit,
-        "reflectance": [list(each.reflectance) for each in surfaces if each.reflectance],
+        "surfaces": surface_facts(table, place.recovered),
         "doubts": _lines(result.doubts),
         "seconds": {name: round(each, 2) for name, each in result.seconds.items()},
         "kept": list(result.kept),
