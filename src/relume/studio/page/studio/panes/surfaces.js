@@ -106,8 +106,8 @@ export function surfaces(studio, begun) {
 
   /** One in the middle of what is seen, for hands that do not drag. */
   async function addUsual() {
-    const kind = tool, { view, width, height } = studio.canvas, middle = /** @type {[number, number]} */ ([view.x + width / view.zoom / 2, view.y + height / view.zoom / 2]);
-    const hit = (lens() && onPlane(lens(), middle[0], middle[1], ground())) ?? [0, ground(), 0], w = usual().w / 6;
+    const kind = tool, { x, y } = studio.canvas.view;
+    const hit = (lens() && onPlane(lens(), x, y, ground())) ?? [0, ground(), 0], w = usual().w / 6;
     take("");
     if (kind === "lamp") {
       await writeLamps([...lamps(), [hit[0], ground() + USUAL.lamp, hit[2]]]);
@@ -202,7 +202,7 @@ export function surfaces(studio, begun) {
     if (!probe || !towards) return [];
     const turn = ((studio.state.table.light?.heading ?? 0) * Math.PI) / 180, [x, y, z] = towards;
     const there = [Math.cos(turn) * x + Math.sin(turn) * z, y, Math.cos(turn) * z - Math.sin(turn) * x];
-    return [{ key: "towards", d: [line(lens(), probe, probe.map((/** @type {number} */ each, /** @type {number} */ i) => each + 4 * there[i]), 64)], className: "faint" }];
+    return [{ key: "towards", d: [line(lens(), probe, probe.map((/** @type {number} */ each, /** @type {number} */ i) => each + 4 * there[i]), 64)], className: "z" }];
   }
 
   /** What is being drawn: its shape, from where the stroke began to here. @param {number[]} here @returns {Solid} */
@@ -238,7 +238,7 @@ export function surfaces(studio, begun) {
         ...lamps().map((/** @type {unknown} */ _, /** @type {number} */ i) => listed(`Lamp ${i + 1}`, true, i))),
       ];
       if (now.lamp) return [...lead, vectorField(studio, `Lamp ${now.i + 1}`, ["light", "lamps", now.i], ["x", "y", "z"]),
-        make("p", {}, "The measured light has to show it there, within 6°; the faint line leads to where most light comes from."),
+        make("p", {}, "The measured light has to show it there, within 6°; the blue line leads to where most light comes from."),
         make("div", { className: "row" }, make("button", { type: "button", onclick: () => writeLamps(lamps().filter((/** @type {unknown} */ _, /** @type {number} */ i) => i !== now.i)) }, "Take it out"))];
       const table = tables()[now.i], i = now.i;
       if (!table) return [...lead, make("p", {}, "None is described; one of usual size about the ball is taken."),
