@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import asyncio
+import hashlib
 import time
 from collections.abc import Callable
 from dataclasses import dataclass, field
@@ -133,7 +134,7 @@ class Studio:
         path, rim = self.folder.path(str(body.get("path", ""))), body.get("rim")
         if rim is not None and not (isinstance(rim, list) and all(isinstance(each, int | float) for each in rim)):
             raise ValueError("a rim is a list of numbers")
-        target = self.scratch / "ball.exr"
+        target = self.scratch / f"ball-{hashlib.blake2b(str(path).encode(), digest_size=6).hexdigest()}.exr"
         try:
             found = unwrapped(path, rim, target)
         except rl.errors.BallNotFound as error:

@@ -17,6 +17,7 @@ import relume as rl
 from relume.studio.shots.cameras import camera_facts
 from relume.studio.shots.merging import merged_facts
 from relume.studio.shots.surfaces import surface_facts
+from relume.studio.shots.view_shares import view_facts
 
 Report = Callable[[str, float], None]
 HOLD, GO_ON = "hold", "go on"
@@ -147,6 +148,7 @@ def _measured(table: rl.Shot, result: Any, camera: rl.Camera, step: int, scratch
         "offsets": (step * fit.offsets).round(3).tolist(),
         "agreement": replace(fit, points=step * fit.points, offsets=step * fit.offsets).agreement,
         "light": "light.exr",
+        "views": view_facts(probe, scratch / "views.exr"),
         "probe": [float(each) for each in place.bare.probe],
         "irradiance": irradiance_facts(probe.light),
         "lamp": lamp_direction(probe.light),
