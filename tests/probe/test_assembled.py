@@ -80,7 +80,9 @@ def test_a_probe_knows_where_on_the_ball_each_direction_was_mirrored(views, prob
 def test_a_probe_knows_what_share_each_view_has_in_its_light(views, probe):
     """Views of one colour each blend to a map whose colours are the shares; behind its ball a view gives nothing."""
     coloured = [
-        replace(each, picture=RadianceMap(np.broadcast_to(np.float32(colour), each.picture.radiance.shape).copy()))
+        replace(
+            each, picture=RadianceMap(np.broadcast_to(np.array(colour, np.float32), each.picture.radiance.shape).copy())
+        )
         for each, colour in zip(views, ([1, 0, 0], [0, 1, 0]), strict=True)
     ]
     found = blend_views(coloured, size=96)

@@ -62,10 +62,11 @@ def handle(page: Tab, key: str) -> tuple[float, float]:
     )
 
 
-def surface(folder: Path, number: int) -> np.ndarray:
-    """The corners of a surface where the job has them."""
+def surface(folder: Path, number: int) -> rl.Mesh:
+    """A surface as the job has it."""
     (mesh,) = rl.read_shot(folder / "shot.toml").surfaces()[number].shapes(folder)
-    return mesh.vertices
+    assert isinstance(mesh, rl.Mesh)
+    return mesh
 
 
 def test_a_box_is_drawn_by_its_foot_and_its_height_and_moved_by_its_handles(page: Tab, small: Path):
@@ -89,11 +90,12 @@ def test_a_box_is_drawn_by_its_foot_and_its_height_and_moved_by_its_handles(page
     page.press("ArrowUp", "ArrowUp")
     page.until(lambda: table(small)["local"][1]["high"][1] > 0.224, "two pixels")
     # Turned about its middle it stands where it stood.
-    before = surface(small, 1)
+    before = surface(small, 1).vertices
     page.drag(handle(page, "turn"), seen(0.175 + 0.1, 0, -0.025))
     page.until(lambda: "rotate" in table(small)["local"][1], "the turn")
-    turned = surface(small, 1)
-    assert (turned.min(0) + turned.max(0)) / 2 == pytest.approx(((before.min(0) + before.max(0)) / 2).tolist(), abs=1e-3)
+    turned = surface(small, 1).vertices
+    middles = [(each.min(0) + each.max(0)) / 2 for each in (before, turned)]
+    assert middles[1] == pytest.approx(middles[0], abs=1e-3)
     assert table(small)["local"][1]["rotate"][1] == pytest.approx(45, abs=0.2)  # its foot is a square of 0.15 m
     page.press(*["Control+z"] * 6)
     page.until(lambda: (small / "shot.toml").read_text(encoding="utf-8") == RECOVERED, "all undone")
@@ -107,16 +109,16 @@ def test_a_wall_is_drawn_along_its_foot_and_faces_the_camera(page: Tab, small: P
     page.until(lambda: table(small)["local"][1]["size"][1] == pytest.approx(0.2, abs=1e-4), "its height")
     wall = table(small)["local"][1]
     assert wall["size"][0] == pytest.approx(np.hypot(0.6, 0.05), abs=1e-4) and wall["rotate"][::2] == [90, 0]
-    corners = surface(small, 1)
+    corners = surface(small, 1).vertices
     expected = [[-0.2, 0, -0.35], [-0.2, 0.2, -0.35], [0.4, 0, -0.3], [0.4, 0.2, -0.3]]
     assert sorted(np.round(corners, 3).tolist()) == pytest.approx(np.array(expected), abs=2e-3)
-    (mesh,) = rl.read_shot(small / "shot.toml").surfaces()[1].shapes(small)
+    mesh = surface(small, 1)
     a, b, c = mesh.vertices[mesh.faces[0]]
     assert np.cross(b - a, c - a) @ (camera().position - a) > 0
     # One end where it belongs; the other stays.
     page.drag(handle(page, "end 0"), seen(-0.3, 0, -0.3))
-    page.until(lambda: np.abs(surface(small, 1) - [-0.3, 0, -0.3]).sum(1).min() < 2e-3, "its end")
-    assert np.abs(surface(small, 1) - [0.4, 0, -0.3]).sum(1).min() < 2e-3
+    page.until(lambda: np.abs(surface(small, 1).vertices - [-0.3, 0, -0.3]).sum(1).min() < 2e-3, "its end")
+    assert np.abs(surface(small, 1).vertices - [0.4, 0, -0.3]).sum(1).min() < 2e-3
 
 
 def test_a_second_table_is_drawn_and_raised_and_taken_out(page: Tab, small: Path):
@@ -128,7 +130,7 @@ def test_a_second_table_is_drawn_and_raised_and_taken_out(page: Tab, small: Path
     assert found["translate"] == pytest.approx([-0.2, 0, -0.05], abs=1e-4)
     page.drag(handle(page, "top"), seen(-0.2, 0.1, -0.05))
     page.until(lambda: table(small)["local"][1].get("height") == pytest.approx(0.1, abs=1e-4), "its height")
-    assert surface(small, 1)[:, 1] == pytest.approx([0.1] * 4, abs=1e-4)
+    assert surface(small, 1).vertices[:, 1] == pytest.approx([0.1] * 4, abs=1e-4)
     page.click('button:text-is("Take it out")')
     page.until(lambda: len(table(small)["local"]) == 1, "its end")
 

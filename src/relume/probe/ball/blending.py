@@ -169,9 +169,7 @@ def _share(
     return seen, share
 
 
-def _coarsely(
-    views: Sequence[BallView], nearness: float, agreed: Agreement | None
-) -> tuple[np.ndarray, np.ndarray]:
+def _coarsely(views: Sequence[BallView], nearness: float, agreed: Agreement | None) -> tuple[np.ndarray, np.ndarray]:
     """`Probe.mirrored_at` and `Probe.shares` of views that were laid on one another."""
     directions = LatLong().directions(pixel_points(LatLong(), PLACES))
     total, weight = np.zeros(directions.shape), np.full(directions.shape[:2], 1e-300)

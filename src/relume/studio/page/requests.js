@@ -43,6 +43,12 @@ export const bytes = async (address, signal) => (await answer(address, { signal 
 export const upload = async (file) =>
   (await json(`/uploads?name=${encodeURIComponent(file.name)}`, { method: "POST", body: file })).path;
 
+/** @typedef {{name: string, file: File}} Dropped name: with the folders that it was dropped in */
+
+/** Meshes with the files that they name, in one request. @param {Dropped[]} files @returns {Promise<{meshes: string[], left_out: string[]}>} */
+export const uploadTogether = (files) => json("/uploads/together", { method: "POST",
+  body: new Blob([`${JSON.stringify(files.map((each) => [each.name, each.file.size]))}\n`, ...files.map((each) => each.file)]) });
+
 /** The server's words, for as long as the page is open. @param {(said: any) => void} heard @param {(line: string) => void} gone */
 export function listenTo(heard, gone) {
   const socket = new WebSocket(`${location.protocol === "https:" ? "wss" : "ws"}://${location.host}/events`);

@@ -5,7 +5,7 @@ from __future__ import annotations
 import asyncio
 import hashlib
 import time
-from collections.abc import Callable
+from collections.abc import AsyncIterator, Callable
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
@@ -25,6 +25,7 @@ from relume.studio.routes import UNKEPT, answered, closed, picture_routes
 from relume.studio.shots.answers import in_json, taking_bytes, taking_json
 from relume.studio.shots.ball import unwrapped
 from relume.studio.shots.board import board_camera
+from relume.studio.shots.bundles import LIST_THEM, LONGEST_LIST, Bundle, listed
 from relume.studio.shots.cameras import camera_of
 from relume.studio.shots.developed import TONES, developed, presets
 from relume.studio.shots.document import Document
@@ -267,6 +268,31 @@ class Studio:
                 await run_in_threadpool(file.write, chunk)
         return in_json({"path": self.folder.name(target)})
 
+    async def upload_together(self, request: Request) -> Response:
+        """Take meshes with the files that they name into a folder of their own: a line that lists them, then all."""
+        room, chunks, line = min(LARGEST_UPLOAD, await run_in_threadpool(self.folder.room)), request.stream(), b""
+        while b"\n" not in line:
+            chunk = await anext(chunks, b"")
+            line += chunk
+            if not chunk or len(line.partition(b"\n")[0]) > LONGEST_LIST:
+                raise ValueError(LIST_THEM)
+        line, _, rest = line.partition(b"\n")
+        files = listed(line)
+        if (size := sum(each.size for each in files)) > room:
+            raise HTTPException(413, f"{size / 1e6:.0f} MB is too much; up to {room / 1e6:.0f} MB are taken")
+
+        async def following() -> AsyncIterator[bytes]:
+            yield rest
+            async for chunk in chunks:
+                yield chunk
+
+        bundle = await run_in_threadpool(Bundle, self.folder, files)
+        try:
+            await bundle.take((each async for each in following() if each), run_in_threadpool)
+            return in_json(await run_in_threadpool(bundle.settled))
+        finally:
+            await run_in_threadpool(bundle.discard)
+
     async def keep_matte(self, request: Request) -> Response:
         """Keep what was painted in front of the objects."""
         content = bytearray()
@@ -342,6 +368,7 @@ def studio_application(studio: Studio) -> Starlette:
             Route("/occluder", answered(studio.matte), methods=["GET"]),
             Route("/occluder", taking_bytes(studio.keep_matte), methods=["POST"]),
             Route("/uploads", taking_bytes(studio.upload), methods=["POST"]),
+            Route("/uploads/together", taking_bytes(studio.upload_together), methods=["POST"]),
             *picture_routes(studio.library),
             WebSocketRoute("/events", studio.events),
         ]

@@ -1,4 +1,4 @@
-"""What was found of the real surfaces, for a page to write on the photograph: reflectance and gloss with their errors."""
+"""What was found of the real surfaces, for a page to write on them: reflectance and gloss with their errors."""
 
 from __future__ import annotations
 
