@@ -122,7 +122,7 @@ def test_views_stand_side_by_side_and_picking_in_one_leaves_the_other(page: Tab,
 
 
 def test_what_each_view_gave_of_the_map_is_counted_and_coloured(tmp_path: Path):
-    from relume.studio.shots.view_shares import COLOURS, view_facts
+    from relume.studio.shots.measured import COLOURS, view_facts
 
     # The first view gives the left half, the second the right; all light is to the right.
     shares = np.zeros((2, 96, 192), np.float32)

@@ -24,10 +24,10 @@ from relume.studio.pages import page_routes
 from relume.studio.routes import UNKEPT, answered, closed, picture_routes
 from relume.studio.shots.answers import in_json, taking_bytes, taking_json
 from relume.studio.shots.ball import unwrapped
-from relume.studio.shots.board import board_camera
 from relume.studio.shots.bundles import LIST_THEM, LONGEST_LIST, Bundle, listed
-from relume.studio.shots.cameras import camera_of
-from relume.studio.shots.developed import TONES, developed, presets
+from relume.studio.shots.camera_parameters import parameters
+from relume.studio.shots.cameras import board_camera, camera_of
+from relume.studio.shots.developed import TONES, developed, has_depth, presets
 from relume.studio.shots.document import Document
 from relume.studio.shots.folder import LARGEST_UPLOAD, Folder
 from relume.studio.shots.jobs import Jobs
@@ -237,7 +237,8 @@ class Studio:
 
     def ways(self, _request: Request) -> Response:
         """The cameras and tone operators by which a composite may be developed."""
-        return in_json({"presets": presets(), "tones": TONES})
+        depth = has_depth(self.out, "composite.exr")
+        return in_json({"presets": presets(), "tones": TONES, "parameters": parameters(depth=depth)})
 
     def develop(self, _request: Request, body: dict[str, Any]) -> Response:
         """A result through another camera."""

@@ -5,19 +5,14 @@ from __future__ import annotations
 import signal
 import warnings
 from collections.abc import Callable
-from dataclasses import replace
 from multiprocessing.connection import Connection
 from pathlib import Path
 from types import FrameType
 from typing import Any
 
-import numpy as np
-
 import relume as rl
-from relume.studio.shots.cameras import camera_facts
+from relume.studio.shots.measured import lines_of, measured_facts
 from relume.studio.shots.merging import merged_facts
-from relume.studio.shots.surfaces import surface_facts
-from relume.studio.shots.view_shares import view_facts
 
 Report = Callable[[str, float], None]
 HOLD, GO_ON = "hold", "go on"
@@ -94,7 +89,7 @@ def _answer(pipe: Connection, kind: str, shot: Path, out: Path, scratch: Path) -
 def _check(shot: Path, _out: Path, _scratch: Path, report: Report) -> dict[str, Any]:
     """What the photographs show, in seconds."""
     found = rl.report.check_shot(rl.read_shot(shot), progress=report)
-    return {"facts": {name: _shown(value) for name, value in found.facts.items()}, "doubts": _lines(found.doubts)}
+    return {"facts": {name: _shown(value) for name, value in found.facts.items()}, "doubts": lines_of(found.doubts)}
 
 
 def _look(shot: Path, out: Path, scratch: Path, report: Report) -> dict[str, Any]:
@@ -106,7 +101,7 @@ def _look(shot: Path, out: Path, scratch: Path, report: Report) -> dict[str, Any
     whole = _plate_size(table)
     step = max(1, whole[0] // small.width)
     camera = small.resized(small.width * step, small.height * step).window(0, 0, *whole)
-    return _measured(table, result, camera, step, scratch) | {"picture": "preview.png", "radiance": "preview.exr"}
+    return measured_facts(table, result, camera, step, scratch) | {"picture": "preview.png", "radiance": "preview.exr"}
 
 
 def _insert(shot: Path, out: Path, scratch: Path, report: Report) -> dict[str, Any]:
@@ -115,11 +110,11 @@ def _insert(shot: Path, out: Path, scratch: Path, report: Report) -> dict[str, A
     if table.sequence is not None:
         made = rl.insert_frames(table, out, progress=report, finished=rl.write_report)
         rl.write_report(made, out)
-        return {"frames": len(made.frames), "doubts": _lines(made.doubts), "report": "report.html"}
+        return {"frames": len(made.frames), "doubts": lines_of(made.doubts), "report": "report.html"}
     result = rl.insert(table, out, progress=report)
     report("report", 0.0)
     rl.write_report(result, out)
-    found = _measured(table, result, result.camera, 1, scratch)
+    found = measured_facts(table, result, result.camera, 1, scratch)
     return found | {"picture": "composite.png", "radiance": "composite.exr", "report": "report.html"}
 
 
@@ -136,61 +131,11 @@ JOBS: dict[str, Callable[[Path, Path, Path, Report], dict[str, Any]]] = {
 }
 
 
-def _measured(table: rl.Shot, result: Any, camera: rl.Camera, step: int, scratch: Path) -> dict[str, Any]:
-    """What a page draws over the plate: camera, points it was fitted to, light; the light as a file beside."""
-    probe = result.calibrated.probe
-    scratch.mkdir(parents=True, exist_ok=True)  # what cleans temporary folders may have taken it since
-    rl.write(scratch / "light.exr", rl.as_radiance_map(probe.light))
-    fit, place = result.place.fit, result.place
-    return {
-        "camera": camera_facts(camera),
-        "points": (step * fit.points).round(2).tolist(),
-        "offsets": (step * fit.offsets).round(3).tolist(),
-        "agreement": replace(fit, points=step * fit.points, offsets=step * fit.offsets).agreement,
-        "light": "light.exr",
-        "views": view_facts(probe, scratch / "views.exr"),
-        "probe": [float(each) for each in place.bare.probe],
-        "irradiance": irradiance_facts(probe.light),
-        "lamp": lamp_direction(probe.light),
-        "unit": result.plate.unit,
-        "surfaces": surface_facts(table, place.recovered),
-        "doubts": _lines(result.doubts),
-        "seconds": {name: round(each, 2) for name, each in result.seconds.items()},
-        "kept": list(result.kept),
-    }
-
-
-def irradiance_facts(light: rl.EnvironmentMap) -> list[list[float]]:
-    """E(n) as coefficients (9, 3) of 1, x, y, z, xy, yz, zx, x² − y² and 3z² − 1 of a unit normal, fitted.
-
-    What is left out of matte shading is about a hundredth (Ramamoorthi & Hanrahan 2001).
-    """
-    coarse = light.remapped(rl.mappings.LatLong(), 64)
-    normals = rl.mappings.pixel_directions(rl.mappings.LatLong(), 8).reshape(-1, 3)
-    x, y, z = normals.T
-    basis = np.stack([np.ones_like(x), x, y, z, x * y, y * z, z * x, x * x - y * y, 3 * z * z - 1], axis=1)
-    return np.linalg.lstsq(basis, coarse.irradiance(normals), rcond=None)[0].tolist()
-
-
-def lamp_direction(light: rl.EnvironmentMap) -> list[float]:
-    """The unit vector towards what throws the sharpest shadows: ∫ L² ω dω, so that a lamp counts more than a window."""
-    coarse = light.remapped(rl.mappings.LatLong(), 64)
-    weights = coarse.radiance.sum(-1).astype(np.float64) ** 2 * coarse.mapping.solid_angles(64)
-    directions = rl.mappings.pixel_directions(coarse.mapping, 64)
-    above = np.where(directions[..., 1] > 0, weights, 0.0)
-    found = (above[..., None] * directions).sum((0, 1)) + np.array([0.0, 1e-12, 0.0])
-    return (found / np.linalg.norm(found)).tolist()
-
-
 def _plate_size(shot: rl.Shot) -> tuple[int, int]:
     path = shot.files(shot.plate.photographs)[0]
     if rl.files.kind_of(path) not in ("JPEG", "PNG", "TIFF", "HEIF", "RAW"):
         return rl.read_radiance(path).size
     return rl.files.read_facts(path).size
-
-
-def _lines(doubts: Any) -> list[str]:
-    return [each.line for each in doubts]
 
 
 def _shown(value: object) -> str:
