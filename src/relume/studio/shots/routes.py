@@ -31,7 +31,7 @@ from relume.studio.shots.developed import TONES, developed, has_depth, presets
 from relume.studio.shots.document import Document
 from relume.studio.shots.folder import LARGEST_UPLOAD, Folder
 from relume.studio.shots.jobs import Jobs
-from relume.studio.shots.light_edits import cut_rectangle, cut_slice, edited_map, painted_map, pointed_at
+from relume.studio.shots.light_edits import cut_rectangle, cut_slice, diffuse_map, edited_map, painted_map, pointed_at
 from relume.studio.shots.material_balls import MaterialBalls
 from relume.studio.shots.objects import PlacedObjects
 from relume.studio.shots.photographs import Thumbnails, brackets
@@ -171,6 +171,11 @@ class Studio:
     def slice(self, _request: Request, body: dict[str, Any]) -> Response:
         """A slice of the light to paint on."""
         return in_json(cut_slice(self._light(), self.folder, body))
+
+    def diffuse_light(self, _request: Request, _body: dict[str, Any]) -> Response:
+        """The light as matte surfaces reflect it, which is shown and not kept."""
+        diffuse_map(self._light(), self.scratch / "diffuse.exr")
+        return in_json({"path": "diffuse.exr", "where": "scratch"})
 
     def _light(self) -> Path:
         """The shot's finished map, or the map that was measured last."""
@@ -355,6 +360,7 @@ def studio_application(studio: Studio) -> Starlette:
             posted("/light/mirrored", studio.mirrored),
             posted("/light/edited", studio.edited_light),
             posted("/light/slice", studio.slice),
+            posted("/light/diffuse", studio.diffuse_light),
             posted("/light/painted", studio.painted_light),
             posted("/jobs/start", studio.start),
             posted("/jobs/stop", studio.stop),
