@@ -18,7 +18,7 @@ from relume.cli import main
 from relume.studio.shots.camera_parameters import parameters
 from serving import Server, serving
 from small_shot import write_small_shot
-from studio_page import looked_at
+from studio_page import looked_at, serious_faults
 
 for needed in ("uvicorn", "tomlkit"):
     pytest.importorskip(needed, reason="the extra studio is not installed")
@@ -184,6 +184,18 @@ def test_a_lens_a_film_and_a_display_are_set_by_sliders_and_the_command_says_the
     number.fill("-3")
     number.press("Tab")
     page.until(lambda: "f_number" in page.text("#message"), "the refusal")
+
+
+def test_axe_finds_nothing_serious_among_the_numbers_of_a_camera(page: Tab, server: Server):
+    looked_at(page, server)
+    page.press("Alt+7")
+    page.until(lambda: page.tab.locator("#right-glare").count() == 1, "the parts")
+    for part, kind in (("glare", "camera"), ("tone", "darkroom"), ("motion", "turn"), ("geometry", "")):
+        page.tab.locator(f'details[data-part="{part}"] > summary').click()
+        page.tab.locator(f"#right-{part}").select_option(kind)
+        page.settle()
+    assert page.tab.locator(".slider").count() > 20
+    assert serious_faults(page) == []
 
 
 @pytest.mark.parametrize(

@@ -14,7 +14,7 @@ import relume as rl
 from browsing import Tab, opened
 from serving import Server, serving
 from small_shot import TEXT, camera, write_small_shot
-from studio_page import looked_at
+from studio_page import looked_at, serious_faults
 
 for needed in ("uvicorn", "tomlkit"):
     pytest.importorskip(needed, reason="the extra studio is not installed")
@@ -149,6 +149,21 @@ def test_a_lamp_is_hung_over_a_point_of_the_table_and_moved(page: Tab, small: Pa
     page.until(lambda: table(small)["light"]["lamps"][0][0] == pytest.approx(0.05, abs=1e-4), "the undo")
     page.click('button:text-is("Take it out")')
     page.until(lambda: "lamps" not in table(small)["light"], "its end")
+
+
+def test_axe_finds_nothing_serious_while_surfaces_are_drawn(page: Tab, small: Path):
+    page.click('button:text-is("Draw a lamp")')
+    page.click('button:text-is("Put one in the middle")')
+    page.until(lambda: len(table(small)["light"].get("lamps", [])) == 1, "the lamp")
+    page.click('button:text-is("Draw a box")')
+    page.click('button:text-is("Put one in the middle")')
+    page.until(lambda: len(table(small)["local"]) == 2, "the box")
+    middle = surface(small, 1).vertices.mean(0)
+    assert middle[[0, 2]] == pytest.approx([0, 0], abs=0.02)  # the camera looks at the origin
+    assert table(small)["light"]["lamps"][0] == pytest.approx([middle[0], 1.0, middle[2]], abs=1e-4)
+    page.settle()
+    page.click('button:text-is("Draw a wall")')
+    assert serious_faults(page) == []
 
 
 def test_what_was_found_of_a_surface_stands_on_it_with_its_errors(page: Tab, small: Path, small_server: Server):

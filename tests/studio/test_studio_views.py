@@ -14,6 +14,7 @@ import pytest
 import relume as rl
 from browsing import Tab, opened
 from serving import Server, serving
+from studio_page import serious_faults
 
 for needed in ("uvicorn", "tomlkit"):
     pytest.importorskip(needed, reason="the extra studio is not installed")
@@ -119,6 +120,12 @@ def test_views_stand_side_by_side_and_picking_in_one_leaves_the_other(page: Tab,
     page.until(lambda: page.text("#caption").startswith("ball_90/"), "the second's photograph")
     assert page.tab.locator("#views").is_hidden()
     page.until(lambda: page.tab.locator("#overlay circle[data-handle]").count() == 5, "its handles")
+
+
+def test_axe_finds_nothing_serious_in_views_side_by_side(page: Tab):
+    page.click('button:text-is("Side by side")')
+    page.until(lambda: page.tab.locator("#views circle[data-handle]").count() == 10, "the handles of both")
+    assert serious_faults(page) == []
 
 
 def test_what_each_view_gave_of_the_map_is_counted_and_coloured(tmp_path: Path):
