@@ -36,7 +36,6 @@ def measured_facts(table: rl.Shot, result: Any, camera: rl.Camera, step: int, sc
         "lamp": lamp_direction(probe.light),
         "unit": result.plate.unit,
         "surfaces": surface_facts(table, place.recovered),
-        "doubts": lines_of(result.doubts),
         "seconds": {name: round(each, 2) for name, each in result.seconds.items()},
         "kept": list(result.kept),
     }
@@ -136,8 +135,3 @@ def _linear(colour: str) -> np.ndarray:
     """Linear red, green and blue of a colour as pages write it."""
     codes = np.array([int(colour[i : i + 2], 16) for i in (0, 2, 4)]) / 255
     return np.where(codes <= 0.04045, codes / 12.92, ((codes + 0.055) / 1.055) ** 2.4)
-
-
-def lines_of(doubts: Any) -> list[str]:
-    """Doubts, a line each."""
-    return [each.line for each in doubts]

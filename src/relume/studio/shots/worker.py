@@ -11,7 +11,7 @@ from types import FrameType
 from typing import Any
 
 import relume as rl
-from relume.studio.shots.measured import lines_of, measured_facts
+from relume.studio.shots.measured import measured_facts
 from relume.studio.shots.merging import merged_facts
 
 Report = Callable[[str, float], None]
@@ -89,7 +89,7 @@ def _answer(pipe: Connection, kind: str, shot: Path, out: Path, scratch: Path) -
 def _check(shot: Path, _out: Path, _scratch: Path, report: Report) -> dict[str, Any]:
     """What the photographs show, in seconds."""
     found = rl.report.check_shot(rl.read_shot(shot), progress=report)
-    return {"facts": {name: _shown(value) for name, value in found.facts.items()}, "doubts": lines_of(found.doubts)}
+    return {"facts": {name: _shown(value) for name, value in found.facts.items()}, "doubts": _lines(found.doubts)}
 
 
 def _look(shot: Path, out: Path, scratch: Path, report: Report) -> dict[str, Any]:
@@ -101,7 +101,8 @@ def _look(shot: Path, out: Path, scratch: Path, report: Report) -> dict[str, Any
     whole = _plate_size(table)
     step = max(1, whole[0] // small.width)
     camera = small.resized(small.width * step, small.height * step).window(0, 0, *whole)
-    return measured_facts(table, result, camera, step, scratch) | {"picture": "preview.png", "radiance": "preview.exr"}
+    found = measured_facts(table, result, camera, step, scratch) | {"doubts": _lines(result.doubts)}
+    return found | {"picture": "preview.png", "radiance": "preview.exr"}
 
 
 def _insert(shot: Path, out: Path, scratch: Path, report: Report) -> dict[str, Any]:
@@ -110,11 +111,11 @@ def _insert(shot: Path, out: Path, scratch: Path, report: Report) -> dict[str, A
     if table.sequence is not None:
         made = rl.insert_frames(table, out, progress=report, finished=rl.write_report)
         rl.write_report(made, out)
-        return {"frames": len(made.frames), "doubts": lines_of(made.doubts), "report": "report.html"}
+        return {"frames": len(made.frames), "doubts": _lines(made.doubts), "report": "report.html"}
     result = rl.insert(table, out, progress=report)
     report("report", 0.0)
     rl.write_report(result, out)
-    found = measured_facts(table, result, result.camera, 1, scratch)
+    found = measured_facts(table, result, result.camera, 1, scratch) | {"doubts": _lines(result.doubts)}
     return found | {"picture": "composite.png", "radiance": "composite.exr", "report": "report.html"}
 
 
@@ -136,6 +137,10 @@ def _plate_size(shot: rl.Shot) -> tuple[int, int]:
     if rl.files.kind_of(path) not in ("JPEG", "PNG", "TIFF", "HEIF", "RAW"):
         return rl.read_radiance(path).size
     return rl.files.read_facts(path).size
+
+
+def _lines(doubts: Any) -> list[str]:
+    return [each.line for each in doubts]
 
 
 def _shown(value: object) -> str:
