@@ -77,6 +77,29 @@ def test_a_probe_knows_where_on_the_ball_each_direction_was_mirrored(views, prob
     assert length.max() < 1 + 1e-5 and np.percentile(length, 80) > 0.98
 
 
+def test_a_probe_knows_what_share_each_view_has_in_its_light(views, probe):
+    """Views of one colour each blend to a map whose colours are the shares; behind its ball a view gives nothing."""
+    coloured = [
+        replace(
+            each, picture=RadianceMap(np.broadcast_to(np.array(colour, np.float32), each.picture.radiance.shape).copy())
+        )
+        for each, colour in zip(views, ([1, 0, 0], [0, 1, 0]), strict=True)
+    ]
+    found = blend_views(coloured, size=96)
+    assert found.shares is not None and probe.shares is not None
+    whole = found.shares.sum(0)
+    known = whole > 0
+    np.testing.assert_allclose(whole[known], 1, rtol=1e-6)
+    assert known.mean() > 0.9
+    drawn = np.moveaxis(found.light.radiance[..., :2], -1, 0)
+    # A pixel of the map is the mean over its cell, the share is that of its middle.
+    assert np.percentile(np.abs(drawn - found.shares)[:, known], 95) < 0.05
+    directions = pixel_directions(LatLong(), 96)
+    for index, camera in enumerate((FRONT, SIDE)):
+        blind = (directions @ unit(CENTRE - camera) > np.cos(np.radians(3))) & (probe.shares.sum(0) > 0)
+        assert probe.shares[index][blind].max() < 1e-3 and probe.shares[1 - index][blind].min() > 0.999
+
+
 def test_irradiance_in_every_direction_is_that_of_the_light(probe):
     normals = spread_directions(500)
     flux = truth().reshape(-1, 3) * LatLong().solid_angles(SIZE).reshape(-1, 1)

@@ -285,7 +285,7 @@ def test_an_objects_triangles_are_where_the_job_has_them(server: Server, folder:
 
 
 def test_what_is_dragged_is_lit_as_the_light_is_and_shaded_from_its_lamp():
-    from relume.studio.shots.worker import irradiance_facts, lamp_direction
+    from relume.studio.shots.measured import irradiance_facts, lamp_direction
 
     radiance = np.full((64, 128, 3), 0.1, np.float32)
     radiance[10:12, 100:102] = 100

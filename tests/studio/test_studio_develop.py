@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import shlex
 import tomllib
 from collections.abc import Iterator
 from pathlib import Path
@@ -13,12 +14,19 @@ import pytest
 
 import relume as rl
 from browsing import Tab, opened
+from relume.cli import main
+from relume.studio.shots.camera_parameters import parameters
 from serving import Server, serving
 from small_shot import write_small_shot
-from studio_page import looked_at
+from studio_page import looked_at, serious_faults
 
 for needed in ("uvicorn", "tomlkit"):
     pytest.importorskip(needed, reason="the extra studio is not installed")
+
+LEFT_OUT = {"tone.camera.response", "view.field_of_view", "view.seed"}
+"""Keys that the page does not offer: a file, and what the shot's own camera and render say."""
+KINDS_LEFT_OUT = {"glare.measured", "vignetting.measured", "motion.vectors", "tone.ocio"}
+"""Kinds that are made from files."""
 
 
 @pytest.fixture(scope="module")
@@ -79,10 +87,126 @@ def test_two_ways_to_develop_stand_side_by_side_and_the_kept_one_is_the_commands
     assert (small / "out" / "developed_slide.png").read_bytes() == (small / "typed.png").read_bytes()
 
 
+def test_every_key_of_a_camera_is_offered_with_its_default_or_named_as_left_out():
+    offered = set()
+    for part in parameters(depth=True):
+        for kind, keys in part["kinds"].items():
+            place = ".".join(filter(None, (part["table"], kind)))
+            for key in keys:
+                offered.add(f"{place}.{key['key']}")
+                if not key["choices"] and isinstance(key["otherwise"], int | float):
+                    assert key["low"] <= key["otherwise"] <= key["high"], f"{place}.{key['key']}"
+    known = {
+        f"{place}.{key}"
+        for table, kinds in rl.CameraPreset.keys().items()
+        for kind, keys in kinds.items()
+        if (place := ".".join(filter(None, (table, kind)))) not in KINDS_LEFT_OUT
+        for key in keys
+    }
+    assert offered | LEFT_OUT == known and not offered & LEFT_OUT
+    assert rl.CameraPreset.keys()["glare"]["camera"]["f_number"] == 8.0
+    assert rl.CameraPreset.keys()["tone"]["ferwerda"]["screen.black"] == 0.01
+
+
+def test_a_lens_a_film_and_a_display_are_set_by_sliders_and_the_command_says_them(
+    page: Tab, small: Path, server: Server, monkeypatch: pytest.MonkeyPatch
+):
+    looked_at(page, server)
+    page.press("Alt+7")
+    page.until(lambda: page.tab.locator("#develop-left").count() == 1, "the ways")
+
+    def part(name: str) -> None:
+        page.tab.locator(f'details[data-part="{name}"] > summary').click()
+
+    def sent() -> str:
+        return page.tab.evaluate("() => document.querySelector('pre[data-typed=command]')?.textContent ?? ''")
+
+    part("vignetting")
+    page.tab.locator("#right-vignetting").select_option("polynomial")
+    page.until(lambda: "vignetting.coefficients=[-0.3, 0, 0]" in sent(), "the vignetting")
+    # A slider by its keys; the number beside it by typing; emptied it is as it was.
+    first = page.tab.locator("#right-vignetting-coefficients-0")
+    first.focus()
+    page.press("ArrowLeft")
+    page.until(lambda: "vignetting.coefficients=[-0.31, 0, 0]" in sent(), "the slider")
+    part("tone")
+    page.tab.locator("#right-tone").select_option("darkroom")
+    page.until(lambda: "tone.kind=darkroom" in sent(), "the film")
+    page.tab.locator("#right-tone-stock").select_option(label="slide")
+    page.until(lambda: "tone.stock=slide" in sent(), "the slide film")
+    page.tab.locator("#right-tone-grain").uncheck()
+    page.until(lambda: "tone.grain=false" in sent(), "no grain")
+    stops = page.tab.get_by_label("Film exposed by, stops")
+    assert stops.get_attribute("placeholder") == "0"
+    stops.fill("0.7")
+    stops.press("Tab")
+    page.until(lambda: "tone.stops=0.7" in sent(), "the exposure")
+    part("display")
+    page.tab.locator("#right-display").select_option("p3")
+    page.until(lambda: "display.kind=p3" in sent(), "the display")
+    part("glare")
+    page.tab.locator("#right-glare").select_option("camera")
+    page.tab.get_by_label("Veiling glare, of all light").fill("0.05")
+    page.tab.get_by_label("Veiling glare, of all light").press("Tab")
+    page.until(lambda: "glare.veil=0.05" in sent() and "glare.kind=camera" in sent(), "the glare")
+    page.tab.get_by_label("Veiling glare, of all light").fill("")
+    page.tab.get_by_label("Veiling glare, of all light").press("Tab")
+    page.until(lambda: "glare.veil" not in sent(), "the glare as it is unless given")
+    page.settle()
+    # What one would type makes the same file, as Python and as a command.
+    page.click('button:text-is("Keep the right")')
+    page.until(lambda: page.text("#message").startswith("written: out/developed_"), "the file")
+    kept = small / page.text("#message").removeprefix("written: ")
+    expected = kept.read_bytes()
+    found = rl.read_photograph(kept)
+    monkeypatch.chdir(small)
+    kept.unlink()
+    exec(compile(page.tab.locator('pre[data-typed="Python"]').text_content(), "what one would type", "exec"), {})
+    assert kept.read_bytes() == expected
+    kept.unlink()
+    words = shlex.split(sent())
+    assert words[:2] == ["relume", "develop"]
+    assert main(words[1:]) == 0
+    assert kept.read_bytes() == expected
+    # It is the picture of that very camera: its corner darker, by the polynomial.
+    tables = {
+        "vignetting": {"kind": "polynomial", "coefficients": [-0.31, 0, 0]},
+        "tone": {"kind": "darkroom", "stock": "slide", "grain": False, "stops": 0.7},
+        "display": {"kind": "p3"}, "glare": {"kind": "camera"},
+    }  # fmt: skip
+    settings = rl.DevelopSettings(
+        preset=rl.CameraPreset.read("slide", tables), field_of_view=np.radians(float(words[-1]))
+    )
+    rl.develop_file(small / "out" / "preview.exr", small / "same.png", settings)
+    assert np.array_equal(rl.read_photograph(small / "same.png").pixels, found.pixels)
+    # What a camera cannot be is one line.
+    number = page.tab.get_by_role("spinbutton", name="f-number", exact=True)
+    number.fill("-3")
+    number.press("Tab")
+    page.until(lambda: "f_number" in page.text("#message"), "the refusal")
+
+
+def test_axe_finds_nothing_serious_among_the_numbers_of_a_camera(page: Tab, server: Server):
+    looked_at(page, server)
+    page.press("Alt+7")
+    page.until(lambda: page.tab.locator("#right-glare").count() == 1, "the parts")
+    for part, kind in (("glare", "camera"), ("tone", "darkroom"), ("motion", "turn"), ("geometry", "")):
+        page.tab.locator(f'details[data-part="{part}"] > summary').click()
+        page.tab.locator(f"#right-{part}").select_option(kind)
+        page.settle()
+    assert page.tab.locator(".slider").count() > 20
+    assert serious_faults(page) == []
+
+
 @pytest.mark.parametrize(
     ("key", "value"),
     [("preset", "../../slide.toml"), ("preset", "hdr-screen"), ("preset", ["slide"]), ("tone", "ocio"),
-     ("glare", "/etc/passwd"), ("exposure", "1"), ("of", "../shot.toml"), ("of", "plate.exr")],
+     ("glare", "/etc/passwd"), ("exposure", "1"),
+     ("settings", {"glare": {"kind": "measured", "picture": "/etc/passwd"}}),
+     ("settings", {"tone": {"kind": "ocio"}}), ("settings", {"tone": {"kind": "camera", "response": "x"}}),
+     ("settings", {"nothing": {}}), ("settings", {"soft_focus": {"share": 2}}), ("settings", [1]),
+     ("settings", {"defocus": {"focus": 1, "f_number": 2, "focal_length": 50}}), ("of", "../shot.toml"),
+     ("of", "plate.exr")],
 )  # fmt: skip
 def test_what_is_no_way_to_develop_is_one_line_and_leaves_nothing(server: Server, small: Path, key: str, value: Any):
     (small / "out").mkdir(exist_ok=True)

@@ -87,6 +87,56 @@ def test_a_map_is_turned_brightened_and_converted_and_the_shot_points_to_it(page
     assert (small / "shot.toml").read_text(encoding="utf-8") == TEXT and (small / "lights" / "light-1.exr").is_file()
 
 
+def test_a_map_is_scaled_by_channel_made_neutral_where_it_was_clicked_and_blurred(page: Tab, small: Path):
+    page.click('button:text-is("See the map itself")')
+    page.until(lambda: page.text("#caption") == "light.exr", "the map")
+    for name, value in (("red", "2"), ("green", "1"), ("blue", "0.5")):
+        page.tab.locator(f"#edit-{name}").fill(value)
+    page.tab.locator("#edit-mapping").select_option("ball")
+    page.click('button:text-is("Make this the light")')
+    found, before = made(page, small, "light.exr"), rl.read_environment(small / "light.exr")
+    assert found.mapping.name == "ball"
+    np.testing.assert_allclose(found.total() / before.total(), [2, 1, 0.5], rtol=0.03)
+    # The numbers are as they were before; of the scaled map a place is said to be grey, and all of it is neutral.
+    page.press("Control+z")
+    page.until(lambda: light(small)["map"] == "light.exr", "the undo")
+    assert page.tab.locator("#edit-red").input_value() == "1"
+    page.tab.locator("#edit-red").fill("4")
+    page.tab.locator("#edit-blur").fill("6")
+    page.click('button:text-is("Make this the light")')
+    blurred = made(page, small, "light.exr")
+    assert blurred.radiance[..., 1].max() < 0.9 * before.radiance[..., 1].max()
+    np.testing.assert_allclose(blurred.total() / before.total(), [4, 1, 1], rtol=0.02)
+    page.click('button:text-is("See the map itself")')
+    name = light(small)["map"]
+    page.until(lambda: page.text("#caption") == name, "the reddish map")
+    page.tab.mouse.click(*page.point_at(50.5, 20.5))
+    page.until(lambda: "Neutral about pixel 50, 20" in page.text("#pane"), "the pixel")
+    page.tab.locator("#edit-grey").check()
+    page.click('button:text-is("Make this the light")')
+    neutral = made(page, small, name).radiance
+    np.testing.assert_allclose(neutral[20, 50] / neutral[20, 50].mean(), 1, rtol=1e-3)
+
+
+def test_a_map_is_shown_as_matte_surfaces_reflect_it(page: Tab, small: Path):
+    page.click('button:text-is("See it diffusely integrated")')
+    page.until(lambda: page.text("#caption") == "diffuse.exr", "the map")
+    page.press("r")
+    page.settle()
+    # E(n)/π of the direction that its pixels stand for.
+    before = rl.read_environment(small / "light.exr")
+    for column, row in ((30, 20), (100, 50)):
+        normal = rl.mappings.pixel_directions(rl.mappings.LatLong(), 72)[row, column]
+        expected = before.irradiance(normal) / np.pi
+        value = page.tab.evaluate(
+            "async ([x, y]) => (await (await fetch("
+            "`/pictures/${relume.studio.number}/value?layer=0&x=${x}&y=${y}`)).json()).rgb",
+            [column, row],
+        )
+        np.testing.assert_allclose(value, expected, rtol=0.03)
+    assert (small / "shot.toml").read_text(encoding="utf-8") == TEXT
+
+
 def test_a_slice_goes_to_a_paint_program_and_comes_back(page: Tab, small: Path):
     page.click('button:text-is("Slice the whole map")')
     page.until(lambda: "is written" in page.text("[data-edited]"), "the slice")
@@ -210,6 +260,10 @@ def test_what_is_no_edit_of_a_map_is_one_line_and_leaves_nothing(server: Server,
         ("/light/edited", {"turn": [1, 2], "revision": revision}),
         ("/light/edited", {"mapping": "no such", "revision": revision}),
         ("/light/edited", {"size": 10**9, "revision": revision}),
+        ("/light/edited", {"gains": [1, 2], "revision": revision}),
+        ("/light/edited", {"gains": [1, -2, 1], "revision": revision}),
+        ("/light/edited", {"grey": [10**6, 0], "revision": revision}),
+        ("/light/edited", {"blur": 1e9, "revision": revision}),
         ("/light/edited", {"stops": 1, "revision": revision - 1}),
         ("/light/painted", {"slice": "shot.toml", "revision": revision}),
         ("/light/painted", {"slice": "../secret.png", "revision": revision}),

@@ -16,7 +16,7 @@ import relume as rl
 from browsing import Tab, opened
 from serving import Server, serving
 from small_shot import TEXT, camera, write_small_shot
-from studio_page import done, looked_at
+from studio_page import done, looked_at, serious_faults
 
 for needed in ("uvicorn", "tomlkit"):
     pytest.importorskip(needed, reason="the extra studio is not installed")
@@ -445,26 +445,18 @@ def test_no_element_lacks_a_name_and_nothing_leaves_a_small_window(page: Tab):
 
 
 def test_axe_finds_nothing_serious_in_any_pane(page: Tab, browser: Any, room: Path, room_server: Server):
-    axe = pytest.importorskip("axe_playwright_python.sync_playwright", reason="axe-playwright-python is not installed")
-
-    def serious(tab: Tab) -> list[tuple[str, str]]:
-        for summary in tab.tab.locator("details:not([open]) summary").all():
-            summary.click()
-        found = axe.Axe().run(tab.tab).response["violations"]
-        return [(each["id"], each["nodes"][0]["html"]) for each in found if each["impact"] in ("serious", "critical")]
-
     steps = page.tab.evaluate("() => relume.studio.panes.map((each) => each.name)")
     found = {}
     for step, name in enumerate(steps):
         page.press(f"Alt+{step + 1}")
-        found[name] = serious(page)
+        found[name] = serious_faults(page)
     # The panes of photographs, and of a ball and a board that are there.
     with opened(browser, room_server.address, refusals=True) as photographed:
         for name, role in (("plate", "Plate"), ("ball_0", "Ball"), ("plate_grid.jpg", "Board")):
             photographed.click(bracket(name, role))
         for step in range(4):
             photographed.press(f"Alt+{step + 1}")
-            found[f"photographs {step}"] = serious(photographed)
+            found[f"photographs {step}"] = serious_faults(photographed)
     assert {name: faults for name, faults in found.items() if faults} == {}
 
 

@@ -2,6 +2,10 @@
 
 from __future__ import annotations
 
+from typing import Any
+
+import pytest
+
 from browsing import Tab
 from serving import Server
 
@@ -23,3 +27,12 @@ def looked_at(page: Tab, server: Server) -> None:
         server.post("/jobs/start", {"kind": "look"})
         done(page, server, "look")
         page.until(lambda: page.tab.evaluate("() => relume.studio.measured !== null"), "what it measured")
+
+
+def serious_faults(page: Tab) -> list[tuple[str, str]]:
+    """What axe finds serious or worse in the page as it is, with every part of the pane open."""
+    axe: Any = pytest.importorskip("axe_playwright_python.sync_playwright", reason="axe-playwright-python is missing")
+    while (closed := page.tab.locator("details:not([open]) > summary")).count():
+        closed.first.click()
+    found = axe.Axe().run(page.tab).response["violations"]
+    return [(each["id"], each["nodes"][0]["html"]) for each in found if each["impact"] in ("serious", "critical")]

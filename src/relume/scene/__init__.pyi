@@ -16,6 +16,7 @@ from .materials.whitted import Checks as Checks
 from .materials.whitted import WhittedMaterial as WhittedMaterial
 from .scene import Box as Box
 from .scene import Dome as Dome
+from .shapes.beside import files_beside_mesh as files_beside_mesh
 from .shapes.shapes import Patches as Patches
 from .shapes.shapes import Polygon as Polygon
 from .shapes.shapes import read_patches as read_patches

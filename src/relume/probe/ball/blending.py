@@ -48,6 +48,8 @@ class Probe:
     mirrored_at : (h, 2·h, 3) float32, a coarse lat-long map of where on the ball each direction was mirrored, in radii
         from its centre, the mean of the views as they were blended: the light of a direction d was seen along
         d − nearness · mirrored_at, from there. None for a map that no ball shows
+    shares : (N, h, 2·h) float32, of each view the share that it has in a direction's light, as coarsely; they add up to
+        1, and to 0 where no view saw. None for a map that no ball shows
     """
 
     light: EnvironmentMap
@@ -60,6 +62,7 @@ class Probe:
     gains: tuple[float, ...] = ()
     unseen_solid_angle: float = 0.0
     mirrored_at: np.ndarray | None = None
+    shares: np.ndarray | None = None
 
     def _repr_html_(self) -> str:
         """What a notebook shows: the map, its energy, and what was clipped or not seen."""
@@ -148,7 +151,7 @@ def blend_views(
     return Probe(
         light, found.corrections, near, clipped, np.where(known, confidence, 0).astype(np.float32), found.doubts,
         found.turns, found.gains, float((~known * LatLong().solid_angles(size)).sum()),
-        _mirrored_at(placed, near, agreed),
+        *_coarsely(placed, near, agreed),
     )  # fmt: skip
 
 
@@ -166,13 +169,16 @@ def _share(
     return seen, share
 
 
-def _mirrored_at(views: Sequence[BallView], nearness: float, agreed: Agreement | None) -> np.ndarray:
-    """`Probe.mirrored_at` of views that were laid on one another."""
+def _coarsely(views: Sequence[BallView], nearness: float, agreed: Agreement | None) -> tuple[np.ndarray, np.ndarray]:
+    """`Probe.mirrored_at` and `Probe.shares` of views that were laid on one another."""
     directions = LatLong().directions(pixel_points(LatLong(), PLACES))
     total, weight = np.zeros(directions.shape), np.full(directions.shape[:2], 1e-300)
-    best = max(map(finest, views))
+    best, sure, weights = max(map(finest, views)), np.zeros(directions.shape[:2]), []
     for index, view in enumerate(views):
-        share = (_share(views, index, directions, nearness, agreed)[1] / best) ** SHARPNESS
-        total += share[..., None] * view.mirrored_at(directions, nearness)
-        weight += share
-    return (total / weight[..., None]).astype(np.float32)
+        believed = _share(views, index, directions, nearness, agreed)[1]
+        weights.append((believed / best) ** SHARPNESS)
+        total += weights[-1][..., None] * view.mirrored_at(directions, nearness)
+        weight += weights[-1]
+        sure += (believed / finest(view)) ** SHARPNESS
+    shares = np.where(sure ** (1 / SHARPNESS) > UNSEEN, np.array(weights) / weight, 0)
+    return (total / weight[..., None]).astype(np.float32), shares.astype(np.float32)

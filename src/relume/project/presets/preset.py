@@ -80,6 +80,20 @@ class CameraPreset:
         return {each.stem: read_toml(each, WHAT, InvalidShot)["title"] for each in sorted(BUILTIN.glob("*.toml"))}
 
     @staticmethod
+    def keys() -> dict[str, dict[str, dict[str, Any]]]:
+        """Every key that a preset may have, with what it is unless given: table → kind → key → that.
+
+        A table without kinds has the kind "". A key that has to be given, and one that is found in the picture unless
+        given, has None; luminances of a screen are "screen.white" and "screen.black".
+        """
+        view = {name: each.default for name, each in ViewTable.model_fields.items()}
+        found: dict[str, dict[str, dict[str, Any]]] = {"view": {"": view}}
+        for name, kinds in TABLES.items():
+            makers = kinds if isinstance(kinds, Mapping) else {"": kinds}
+            found[name] = {kind: _defaults(make) for kind, make in makers.items()}
+        return found
+
+    @staticmethod
     def text(path: str | os.PathLike[str]) -> str:
         """The TOML of a preset, to start one's own from; raises InvalidShot."""
         return preset_file(path).read_text(encoding="utf-8")
@@ -183,6 +197,17 @@ def _model(make: Make, kind: str | None = None) -> type[Table]:
         else:
             keys[name] = (hints[name], ... if argument.default is argument.empty else argument.default)
     return create_model(kind or make.__name__, __base__=Table, **keys)
+
+
+def _defaults(make: Make) -> dict[str, Any]:
+    """The keys of a table that this makes, with what they are unless given."""
+    found: dict[str, Any] = {}
+    for name, argument in inspect.signature(make).parameters.items():
+        if isinstance(argument.default, DisplayRange):
+            found |= {f"{name}.white": argument.default.white, f"{name}.black": argument.default.black}
+        elif name != "folder":
+            found[name] = None if argument.default is argument.empty else argument.default
+    return found
 
 
 def _made(make: Make, table: Table, folder: Path) -> Any:

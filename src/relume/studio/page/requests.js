@@ -32,6 +32,12 @@ export async function answer(address, options) {
 /** @param {string} address @param {RequestInit} [options] */
 export const json = async (address, options) => (await answer(address, options)).json();
 
+/** @typedef {{name: string, file: File}} Dropped name: with the folders that it was dropped in */
+
+/** Meshes with the files that they name, in one request. @param {Dropped[]} files @returns {Promise<{meshes: string[], left_out: string[]}>} */
+export const uploadTogether = (files) => json("/uploads/together", { method: "POST",
+  body: new Blob([`${JSON.stringify(files.map((each) => [each.name, each.file.size]))}\n`, ...files.map((each) => each.file)]) });
+
 /** @param {string} address @param {unknown} body */
 export const post = (address, body) =>
   json(address, { method: "POST", headers: { "content-type": "application/json" }, body: JSON.stringify(body) });

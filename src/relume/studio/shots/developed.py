@@ -2,21 +2,30 @@
 
 from __future__ import annotations
 
+import hashlib
+import json
 import shlex
 import tomllib
 import warnings
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
 import relume as rl
+from relume.studio.shots.camera_parameters import nested, settings_of
 
 TONES = ("exposure", "reinhard", "reinhard-local", "histogram", "human", "tumblin-rushmeier", "ferwerda", "pattanaik")
+
+
 GLARES = ("eye", "camera")
 SOURCES = ("composite.exr", "preview.exr")
+LAYERS = "layers.exr"
+"""Beside the composite, with its depth."""
+ENDINGS = {"pq": ".avif", "hlg": ".avif", "gain-map": ".jpg"}
+"""Of pictures for HDR displays; those for others are PNG."""
 
 
 @dataclass(frozen=True)
@@ -25,12 +34,14 @@ class Way:
 
     preset, tone, glare : by name; "" for none
     exposure : stops on top
+    settings : tables of a preset, which stand above all others
     """
 
     preset: str = ""
     tone: str = ""
     glare: str = ""
     exposure: float = 0.0
+    settings: Mapping[str, Mapping[str, Any]] = field(default_factory=dict)
 
     @staticmethod
     def of(body: Mapping[str, Any]) -> Way:
@@ -42,7 +53,7 @@ class Way:
         exposure = body.get("exposure", 0)
         if isinstance(exposure, bool) or not isinstance(exposure, int | float) or not abs(exposure) <= 100:
             raise ValueError("exposure is a number of stops")
-        return Way(**given, exposure=float(exposure))
+        return Way(**given, exposure=float(exposure), settings=settings_of(body.get("settings") or {}))
 
     @property
     def tables(self) -> dict[str, Any]:
@@ -51,36 +62,63 @@ class Way:
         for key in ("tone", "glare"):
             if getattr(self, key):
                 found[key] = {"kind": getattr(self, key)}
+        for table, keys in self.settings.items():
+            there = found.get(table, {})
+            same = keys.get("kind", there.get("kind")) == there.get("kind")
+            found[table] = (there if same else {}) | nested(keys)
         return found
 
     @property
     def name(self) -> str:
         """A name for a file."""
         stops = f"{self.exposure:+g}" if self.exposure else ""
-        return "developed_" + "_".join(filter(None, (self.preset, self.tone, self.glare, stops))) + ".png"
+        set_by = hashlib.blake2b(json.dumps(self.settings, sort_keys=True).encode(), digest_size=3).hexdigest()
+        words = (self.preset, self.tone, self.glare, stops, set_by if self.settings else "")
+        ending = ENDINGS.get(str(self.settings.get("display", {}).get("kind")), ".png")
+        return "developed_" + "_".join(filter(None, words)) + ending
 
     def command(self, source: str, out: str, degrees: float) -> str:
         """The command that does the same."""
         words = ["relume", "develop", f"{out}/{source}", "-o", f"{out}/{self.name}"]
+        chosen = {
+            table for table, keys in self.settings.items() if keys.get("kind", "") not in ("", getattr(self, table, ""))
+        }
         for key in ("preset", "tone", "glare"):
-            words += [f"--{key}", getattr(self, key)] if getattr(self, key) else []
+            words += [f"--{key}", getattr(self, key)] if getattr(self, key) and key not in chosen else []
         words += [f"--exposure={self.exposure:g}"] if self.exposure else []
+        for table, keys in self.settings.items():
+            words += [] if keys else ["--set", f"{table}={{}}"]
+            for key, value in keys.items():
+                if key != "kind" or table in chosen:
+                    words += ["--set", f"{table}.{key}={_in_toml(value)}"]
+        words += ["--depth", f"{out}/{LAYERS}"] if "defocus" in self.settings else []
         return shlex.join([*words, "--field-of-view", f"{degrees:.6g}"])
 
     def python(self, source: str, out: str, degrees: float) -> str:
         """The Python that does the same."""
+        depth = f', depth=Path("{out}/{LAYERS}")' if "defocus" in self.settings else ""
         return (
             "import math\nfrom pathlib import Path\n\nimport relume as rl\n\n"
             f"preset = rl.CameraPreset.read({self.preset or None!r}, {self.tables})\n"
-            f"settings = rl.DevelopSettings(preset=preset, field_of_view=math.radians({degrees:.6g}))\n"
+            f"settings = rl.DevelopSettings(preset=preset, field_of_view=math.radians({degrees:.6g}){depth})\n"
             f'rl.develop_file(Path("{out}/{source}"), Path("{out}/{self.name}"), settings)'
         )
+
+
+def _in_toml(value: Any) -> str:
+    """A value as `--set` takes it."""
+    return value if isinstance(value, str) else json.dumps(value)
 
 
 def presets() -> dict[str, str]:
     """The built-in cameras whose pictures a page can show, name → what it is."""
     known = rl.CameraPreset.builtin()
     return {name: title for name, title in known.items() if "display" not in tomllib.loads(rl.CameraPreset.text(name))}
+
+
+def has_depth(results: Path, source: str) -> bool:
+    """Whether the depth of a result is known."""
+    return source == SOURCES[0] and (results / source).is_file() and (results / LAYERS).is_file()
 
 
 def developed(
@@ -98,9 +136,12 @@ def developed(
         raise ValueError("nothing is rendered yet; take a quick look first")
     across = 50.0 if camera is None else float(np.degrees(2 * np.arctan(camera.width / 2 / camera.focal_length)))
     degrees = float(f"{across:.6g}")  # as the command says it
+    if "defocus" in way.settings and not has_depth(results, str(source)):
+        raise ValueError("depth of field needs the composite's depth; render the composite first")
     settings = rl.DevelopSettings(
-        preset=rl.CameraPreset.read(way.preset or None, way.tables), field_of_view=float(np.radians(degrees))
-    )
+        preset=rl.CameraPreset.read(way.preset or None, way.tables), field_of_view=float(np.radians(degrees)),
+        depth=results / LAYERS if "defocus" in way.settings else None,
+    )  # fmt: skip
     keep = body.get("keep") is True
     with warnings.catch_warnings(record=True) as said:
         warnings.simplefilter("always")

@@ -14,7 +14,7 @@ from typing import IO
 
 import relume as rl
 
-MESHES = (".glb", ".gltf", ".obj", ".ply", ".stl")
+MESHES = (".glb", ".gltf", ".obj", ".ply", ".stl", ".usd", ".usda", ".usdc", ".usdz")
 PICTURES = (
     ".jpg",
     ".jpeg",

@@ -17,14 +17,19 @@ from relume.studio.shots.folder import PAINT, Folder
 
 LIGHTS = "lights"
 """The folder of edited maps."""
+GREY_RADIUS = 5.0
+"""Pixels about the one that was clicked, whose mean shall be neutral."""
+DIFFUSE_ROWS = 72
+"""Of a diffusely integrated map, which varies slowly: 2.5° each."""
 VIEW = (1024, 1024)
 """Pixels of a view that is cut out to be painted on."""
 
 
 def edited_map(source: Path, folder: Folder, asked: Mapping[str, Any]) -> tuple[Path, dict[str, Any]]:
-    """Write a map turned, brightened, in another mapping or size; its path, and its energy before and after.
+    """Write a map turned, scaled, blurred, in another mapping or size; its path, and its energy before and after.
 
-    asked : turn, (yaw, pitch, roll) in degrees; stops; mapping, by its name; size, rows
+    asked : turn, (yaw, pitch, roll) in degrees; stops; gains, by which red, green and blue are multiplied; grey, a
+        pixel about which the map shall be neutral; blur, degrees; mapping, by its name; size, rows
     Raises ValueError, RelumeError.
     """
     turn = tuple(math.radians(_number(each, "turn")) for each in asked.get("turn") or (0, 0, 0))
@@ -37,11 +42,42 @@ def edited_map(source: Path, folder: Folder, asked: Mapping[str, Any]) -> tuple[
         turn=(turn[0], turn[1], turn[2]) if any(turn) else None,
     )
     picture = rl.as_radiance_map(rl.read_environment(source))
-    stops = _number(asked.get("stops", 0), "stops")
-    if stops:
-        picture = rl.light.edit(picture, [rl.light.Gain.of_stops(stops)]).picture
+    operations = _operations(asked)
+    if operations:
+        picture = rl.light.edit(picture, operations).picture
     target = _free(folder, LIGHTS, "light", ".exr")
     return target, rl.light.convert_map(rl.as_environment(picture), target, conversion).facts
+
+
+def _operations(asked: Mapping[str, Any]) -> list[rl.light.Edit]:
+    """What is done to a map before it is turned and converted: first what names its pixels."""
+    found: list[rl.light.Edit] = []
+    if asked.get("grey") is not None:
+        x, y = (int(_number(each, "grey")) for each in _listed(asked["grey"], 2, "grey is a pixel, x and y"))
+        found.append(rl.light.NeutralAt(x, y, GREY_RADIUS))
+    gains = [_number(each, "gains") for each in _listed(asked.get("gains") or [1, 1, 1], 3, "gains are three numbers")]
+    if any(gain != 1 for gain in gains):
+        found.append(rl.light.Balance((gains[0], gains[1], gains[2])))
+    if stops := _number(asked.get("stops", 0), "stops"):
+        found.append(rl.light.Gain.of_stops(stops))
+    if blur := _number(asked.get("blur", 0), "blur"):
+        found.append(rl.light.SphericalBlur(math.radians(blur)))
+    return found
+
+
+def _listed(value: object, count: int, what: str) -> list[object]:
+    if not isinstance(value, list) or len(value) != count:
+        raise ValueError(what)
+    return value
+
+
+def diffuse_map(source: Path, target: Path) -> None:
+    """Write what a white matte surface would reflect that faces each direction: the map integrated diffusely.
+
+    target : .exr, lat-long; under constant light it is that light. Raises RelumeError
+    """
+    found = rl.light.reflection_map(rl.read_environment(source), rl.light.lobe_named("lambert"), DIFFUSE_ROWS)
+    rl.write(target, rl.as_radiance_map(found.light))
 
 
 def cut_slice(source: Path, folder: Folder, asked: Mapping[str, Any]) -> dict[str, Any]:

@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 import asyncio
+import hashlib
 import time
-from collections.abc import Callable
+from collections.abc import AsyncIterator, Callable
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
@@ -23,13 +24,14 @@ from relume.studio.pages import page_routes
 from relume.studio.routes import UNKEPT, answered, closed, picture_routes
 from relume.studio.shots.answers import in_json, taking_bytes, taking_json
 from relume.studio.shots.ball import unwrapped
-from relume.studio.shots.board import board_camera
-from relume.studio.shots.cameras import camera_of
-from relume.studio.shots.developed import TONES, developed, presets
+from relume.studio.shots.bundles import LIST_THEM, LONGEST_LIST, Bundle, listed
+from relume.studio.shots.camera_parameters import parameters
+from relume.studio.shots.cameras import board_camera, camera_of
+from relume.studio.shots.developed import TONES, developed, has_depth, presets
 from relume.studio.shots.document import Document
 from relume.studio.shots.folder import LARGEST_UPLOAD, Folder
 from relume.studio.shots.jobs import Jobs
-from relume.studio.shots.light_edits import cut_rectangle, cut_slice, edited_map, painted_map, pointed_at
+from relume.studio.shots.light_edits import cut_rectangle, cut_slice, diffuse_map, edited_map, painted_map, pointed_at
 from relume.studio.shots.material_balls import MaterialBalls
 from relume.studio.shots.objects import PlacedObjects
 from relume.studio.shots.photographs import Thumbnails, brackets
@@ -133,7 +135,7 @@ class Studio:
         path, rim = self.folder.path(str(body.get("path", ""))), body.get("rim")
         if rim is not None and not (isinstance(rim, list) and all(isinstance(each, int | float) for each in rim)):
             raise ValueError("a rim is a list of numbers")
-        target = self.scratch / "ball.exr"
+        target = self.scratch / f"ball-{hashlib.blake2b(str(path).encode(), digest_size=6).hexdigest()}.exr"
         try:
             found = unwrapped(path, rim, target)
         except rl.errors.BallNotFound as error:
@@ -169,6 +171,11 @@ class Studio:
     def slice(self, _request: Request, body: dict[str, Any]) -> Response:
         """A slice of the light to paint on."""
         return in_json(cut_slice(self._light(), self.folder, body))
+
+    def diffuse_light(self, _request: Request, _body: dict[str, Any]) -> Response:
+        """The light as matte surfaces reflect it, which is shown and not kept."""
+        diffuse_map(self._light(), self.scratch / "diffuse.exr")
+        return in_json({"path": "diffuse.exr", "where": "scratch"})
 
     def _light(self) -> Path:
         """The shot's finished map, or the map that was measured last."""
@@ -235,7 +242,8 @@ class Studio:
 
     def ways(self, _request: Request) -> Response:
         """The cameras and tone operators by which a composite may be developed."""
-        return in_json({"presets": presets(), "tones": TONES})
+        depth = has_depth(self.out, "composite.exr")
+        return in_json({"presets": presets(), "tones": TONES, "parameters": parameters(depth=depth)})
 
     def develop(self, _request: Request, body: dict[str, Any]) -> Response:
         """A result through another camera."""
@@ -265,6 +273,31 @@ class Studio:
                     raise HTTPException(413, f"the file is too large; up to {room / 1e6:.0f} MB are taken")
                 await run_in_threadpool(file.write, chunk)
         return in_json({"path": self.folder.name(target)})
+
+    async def upload_together(self, request: Request) -> Response:
+        """Take meshes with the files that they name into a folder of their own: a line that lists them, then all."""
+        room, chunks, line = min(LARGEST_UPLOAD, await run_in_threadpool(self.folder.room)), request.stream(), b""
+        while b"\n" not in line:
+            chunk = await anext(chunks, b"")
+            line += chunk
+            if not chunk or len(line.partition(b"\n")[0]) > LONGEST_LIST:
+                raise ValueError(LIST_THEM)
+        line, _, rest = line.partition(b"\n")
+        files = listed(line)
+        if (size := sum(each.size for each in files)) > room:
+            raise HTTPException(413, f"{size / 1e6:.0f} MB is too much; up to {room / 1e6:.0f} MB are taken")
+
+        async def following() -> AsyncIterator[bytes]:
+            yield rest
+            async for chunk in chunks:
+                yield chunk
+
+        bundle = await run_in_threadpool(Bundle, self.folder, files)
+        try:
+            await bundle.take((each async for each in following() if each), run_in_threadpool)
+            return in_json(await run_in_threadpool(bundle.settled))
+        finally:
+            await run_in_threadpool(bundle.discard)
 
     async def keep_matte(self, request: Request) -> Response:
         """Keep what was painted in front of the objects."""
@@ -327,6 +360,7 @@ def studio_application(studio: Studio) -> Starlette:
             posted("/light/mirrored", studio.mirrored),
             posted("/light/edited", studio.edited_light),
             posted("/light/slice", studio.slice),
+            posted("/light/diffuse", studio.diffuse_light),
             posted("/light/painted", studio.painted_light),
             posted("/jobs/start", studio.start),
             posted("/jobs/stop", studio.stop),
@@ -341,6 +375,7 @@ def studio_application(studio: Studio) -> Starlette:
             Route("/occluder", answered(studio.matte), methods=["GET"]),
             Route("/occluder", taking_bytes(studio.keep_matte), methods=["POST"]),
             Route("/uploads", taking_bytes(studio.upload), methods=["POST"]),
+            Route("/uploads/together", taking_bytes(studio.upload_together), methods=["POST"]),
             *picture_routes(studio.library),
             WebSocketRoute("/events", studio.events),
         ]

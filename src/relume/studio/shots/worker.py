@@ -5,16 +5,13 @@ from __future__ import annotations
 import signal
 import warnings
 from collections.abc import Callable
-from dataclasses import replace
 from multiprocessing.connection import Connection
 from pathlib import Path
 from types import FrameType
 from typing import Any
 
-import numpy as np
-
 import relume as rl
-from relume.studio.shots.cameras import camera_facts
+from relume.studio.shots.measured import measured_facts
 from relume.studio.shots.merging import merged_facts
 
 Report = Callable[[str, float], None]
@@ -104,7 +101,8 @@ def _look(shot: Path, out: Path, scratch: Path, report: Report) -> dict[str, Any
     whole = _plate_size(table)
     step = max(1, whole[0] // small.width)
     camera = small.resized(small.width * step, small.height * step).window(0, 0, *whole)
-    return _measured(result, camera, step, scratch) | {"picture": "preview.png", "radiance": "preview.exr"}
+    found = measured_facts(table, result, camera, step, scratch) | {"doubts": _lines(result.doubts)}
+    return found | {"picture": "preview.png", "radiance": "preview.exr"}
 
 
 def _insert(shot: Path, out: Path, scratch: Path, report: Report) -> dict[str, Any]:
@@ -117,7 +115,7 @@ def _insert(shot: Path, out: Path, scratch: Path, report: Report) -> dict[str, A
     result = rl.insert(table, out, progress=report)
     report("report", 0.0)
     rl.write_report(result, out)
-    found = _measured(result, result.camera, 1, scratch)
+    found = measured_facts(table, result, result.camera, 1, scratch) | {"doubts": _lines(result.doubts)}
     return found | {"picture": "composite.png", "radiance": "composite.exr", "report": "report.html"}
 
 
@@ -132,51 +130,6 @@ JOBS: dict[str, Callable[[Path, Path, Path, Report], dict[str, Any]]] = {
     "look": _look,
     "insert": _insert,
 }
-
-
-def _measured(result: Any, camera: rl.Camera, step: int, scratch: Path) -> dict[str, Any]:
-    """What a page draws over the plate: camera, points it was fitted to, light; the light as a file beside."""
-    probe = result.calibrated.probe
-    scratch.mkdir(parents=True, exist_ok=True)  # what cleans temporary folders may have taken it since
-    rl.write(scratch / "light.exr", rl.as_radiance_map(probe.light))
-    fit, place = result.place.fit, result.place
-    surfaces = () if place.recovered is None else place.recovered.surfaces
-    return {
-        "camera": camera_facts(camera),
-        "points": (step * fit.points).round(2).tolist(),
-        "offsets": (step * fit.offsets).round(3).tolist(),
-        "agreement": replace(fit, points=step * fit.points, offsets=step * fit.offsets).agreement,
-        "light": "light.exr",
-        "irradiance": irradiance_facts(probe.light),
-        "lamp": lamp_direction(probe.light),
-        "unit": result.plate.unit,
-        "reflectance": [list(each.reflectance) for each in surfaces if each.reflectance],
-        "doubts": _lines(result.doubts),
-        "seconds": {name: round(each, 2) for name, each in result.seconds.items()},
-        "kept": list(result.kept),
-    }
-
-
-def irradiance_facts(light: rl.EnvironmentMap) -> list[list[float]]:
-    """E(n) as coefficients (9, 3) of 1, x, y, z, xy, yz, zx, x² − y² and 3z² − 1 of a unit normal, fitted.
-
-    What is left out of matte shading is about a hundredth (Ramamoorthi & Hanrahan 2001).
-    """
-    coarse = light.remapped(rl.mappings.LatLong(), 64)
-    normals = rl.mappings.pixel_directions(rl.mappings.LatLong(), 8).reshape(-1, 3)
-    x, y, z = normals.T
-    basis = np.stack([np.ones_like(x), x, y, z, x * y, y * z, z * x, x * x - y * y, 3 * z * z - 1], axis=1)
-    return np.linalg.lstsq(basis, coarse.irradiance(normals), rcond=None)[0].tolist()
-
-
-def lamp_direction(light: rl.EnvironmentMap) -> list[float]:
-    """The unit vector towards what throws the sharpest shadows: ∫ L² ω dω, so that a lamp counts more than a window."""
-    coarse = light.remapped(rl.mappings.LatLong(), 64)
-    weights = coarse.radiance.sum(-1).astype(np.float64) ** 2 * coarse.mapping.solid_angles(64)
-    directions = rl.mappings.pixel_directions(coarse.mapping, 64)
-    above = np.where(directions[..., 1] > 0, weights, 0.0)
-    found = (above[..., None] * directions).sum((0, 1)) + np.array([0.0, 1e-12, 0.0])
-    return (found / np.linalg.norm(found)).tolist()
 
 
 def _plate_size(shot: rl.Shot) -> tuple[int, int]:

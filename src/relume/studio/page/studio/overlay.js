@@ -3,7 +3,7 @@
 /** @typedef {{key: string, d: [number, number][][], className?: string, closed?: boolean}} Line in pixels of the picture */
 /** @typedef {{key: string, x: number, y: number, label: string, moved: (x: number, y: number, done: boolean) => void}} Handle */
 /** @typedef {{key: string, x: number, y: number}} Point */
-/** @typedef {{key: string, x: number, y: number, text: string}} Words */
+/** @typedef {{key: string, x: number, y: number, text: string, row?: number}} Words row: below the first that stand there */
 /** @typedef {{lines?: Line[], handles?: Handle[], points?: Point[], words?: Words[]}} Drawing */
 
 const SVG = "http://www.w3.org/2000/svg";
@@ -114,7 +114,7 @@ export class Overlay {
     for (const each of words) {
       const text = element(`words ${each.key}`, "text"), [x, y] = screen(each.x, each.y);
       text.setAttribute("x", String(x + 9));
-      text.setAttribute("y", String(y - 7));
+      text.setAttribute("y", String(y - 7 + 14 * (each.row ?? 0)));
       text.textContent = each.text;
     }
     this.handles = new Map(handles.map((each) => [each.key, each]));

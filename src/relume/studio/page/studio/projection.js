@@ -41,6 +41,14 @@ export function onPlane(lens, x, y, height = 0) {
   return [lens.position[0] + t * d[0], height, lens.position[2] + t * d[2]];
 }
 
+/** How high the ray through a pixel passes a vertical line: where it is nearest to it, seen from above; null where it does not come near.
+ *  @param {Lens} lens @param {number} x @param {number} y @param {number} X of the vertical line, metres @param {number} Z */
+export function onVertical(lens, x, y, X, Z) {
+  const d = ray(lens, x, y), across = d[0] * d[0] + d[2] * d[2], [a, height, b] = lens.position;
+  const t = ((X - a) * d[0] + (Z - b) * d[2]) / across;
+  return t > 0 && Number.isFinite(t) ? height + t * d[1] : null;
+}
+
 /** A straight line of the world as points of the picture, bent as the lens bends it. @param {Lens} lens @param {number[]} from
  *  @param {number[]} to @param {number} [parts] @returns {[number, number][]} */
 export function line(lens, from, to, parts = 16) {

@@ -37,7 +37,10 @@ export function developPane(studio) {
       show();
       others.fetchWays();
     },
-    done: show,
+    done() {
+      show();
+      others.fetchWays();
+    },
     hidden: () => studio.uncompare(),
   };
 }

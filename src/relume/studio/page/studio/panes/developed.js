@@ -1,19 +1,22 @@
 // Two ways to develop a composite side by side: presets, films and tone operators, each through `relume develop`.
 
+import { parameterFields } from "./camera_parameters.js";
 import { make, typed } from "../fields.js";
 import { json, post } from "../../requests.js";
 
-/** @typedef {{preset: string, tone: string, glare: string, exposure: number}} Way */
+/** @typedef {{preset: string, tone: string, glare: string, exposure: number, settings: import("./camera_parameters.js").Settings}} Way */
 
 /** @param {import("../studio.js").Studio} studio */
 export function developments(studio) {
-  /** @type {Way[]} */ const ways = [{ preset: "", tone: "exposure", glare: "", exposure: 0 }, { preset: "slide", tone: "", glare: "", exposure: 0 }];
-  /** @type {{presets: Record<string, string>, tones: string[]}} */ let known = { presets: {}, tones: [] };
+  /** @type {Way[]} */ const ways = [{ preset: "", tone: "exposure", glare: "", exposure: 0, settings: {} }, { preset: "slide", tone: "", glare: "", exposure: 0, settings: {} }];
+  /** @type {{presets: Record<string, string>, tones: string[], parameters: import("./camera_parameters.js").Part[]}} */ let known = { presets: {}, tones: [], parameters: [] };
+  let worked = 1, withDepth = false; // the side whose parameters are shown
   let turn = 0, lines = ["", ""];
   /** @type {string[]} */ let doubts = [];
   const source = () => ["composite.exr", "preview.exr"].find((each) => studio.state.results.includes(each));
   const words = (/** @type {Way} */ way) => [way.preset || way.tone, way.glare && `glare of ${way.glare === "eye" ? "an eye" : "a camera"}`,
-    way.exposure && `${way.exposure > 0 ? "+" : ""}${way.exposure} stops`].filter(Boolean).join(", ");
+    way.exposure && `${way.exposure > 0 ? "+" : ""}${way.exposure} stops`, ...Object.entries(way.settings).map(([table, keys]) =>
+      `${known.parameters.find((each) => each.table === table)?.title.toLowerCase() ?? table}${keys.kind ? ` ${keys.kind}` : ""} set`)].filter(Boolean).join(", ");
 
   /** @param {Way} way @param {boolean} [keep] */
   const ask = (way, keep = false) => post("/developed", { ...way, of: source(), keep });
@@ -46,10 +49,15 @@ export function developments(studio) {
     const chooses = make("select", { id, onchange: () => {
       const [kind, chosen] = chooses.value.split(" ");
       Object.assign(way, { preset: "", tone: "", [kind]: chosen });
+      delete way.settings.tone;
       compare();
     } }, group("Cameras and films", Object.entries(known.presets).map(([each, title]) => option(`preset ${each}`, each, title))),
     group("Tone operators", known.tones.map((each) => option(`tone ${each}`, each, ""))));
-    const glare = make("select", { id: `${id}-glare`, onchange: () => ((way.glare = glare.value), compare()) },
+    const glare = make("select", { id: `${id}-glare`, onchange: () => {
+      way.glare = glare.value;
+      delete way.settings.glare;
+      compare();
+    } },
       ...[["", "as it has"], ["eye", "an eye's"], ["camera", "a camera's"]].map(([value, text]) => make("option", { value, selected: value === way.glare }, text)));
     const said = make("span", {}, `${way.exposure} stops`);
     const exposure = make("input", { id: `${id}-exposure`, type: "range", min: "-4", max: "4", step: "0.1", value: String(way.exposure),
@@ -62,9 +70,27 @@ export function developments(studio) {
     ];
   }
 
+  /** The numbers of one side's camera. */
+  function parameters() {
+    const way = ways[worked], side = ["left", "right"][worked];
+    const of = ["left", "right"].map((name, n) => {
+      const button = make("button", { type: "button", onclick: () => ((worked = n), studio.rebuild()) }, `Of the ${name}`);
+      button.setAttribute("aria-pressed", String(n === worked));
+      return button;
+    });
+    return [make("h2", {}, "Its lens, glare, film and display"), make("div", { className: "row", role: "group" }, ...of,
+      make("button", { type: "button", disabled: !Object.keys(way.settings).length, onclick: () => ((way.settings = {}), compare()) }, "All as it has")),
+    ...parameterFields(known.parameters, side, way.settings, (table) => (table === "tone" ? way.tone : table === "glare" ? way.glare : ""), () => {
+      studio.rebuild();
+      compare();
+    })];
+  }
+
   return {
     async fetchWays() {
-      if (known.tones.length) return;
+      const depth = studio.state.results.includes("composite.exr");
+      if (known.tones.length && depth === withDepth) return;
+      withDepth = depth;
       await studio.attempt(async () => (known = await json("/ways")));
       studio.rebuild();
     },
@@ -73,6 +99,7 @@ export function developments(studio) {
       ...ways.flatMap(side),
       make("div", { className: "row" }, make("button", { type: "button", onclick: compare }, "Compare them"),
         ...["left", "right"].map((name, n) => make("button", { type: "button", onclick: () => keep(ways[n]) }, `Keep the ${name}`))),
+      ...parameters(),
       ...doubts.map((line) => make("p", { className: "doubt" }, line)),
     ] : []),
     /** What one would type for the right one, once it was made. */

@@ -3,20 +3,37 @@
 import { make } from "../fields.js";
 import { json, post } from "../../requests.js";
 
-const MAPPINGS = [["", "as it is"], ["latlong", "lat-long"], ["angular", "angular map"], ["cross", "cube cross"], ["strip", "cube strip"], ["octahedral", "octahedral"]];
+const MAPPINGS = [["", "as it is"], ["latlong", "lat-long"], ["angular", "angular map"], ["ball", "mirrored ball"], ["cross", "cube cross"], ["cross-vertical", "vertical cube cross"],
+  ["strip", "cube strip"], ["octahedral", "octahedral"], ["equalarea", "equal area"], ["hemispheres", "two hemispheres"]];
+const UNCHANGED = { yaw: 0, pitch: 0, roll: 0, stops: 0, red: 1, green: 1, blue: 1, blur: 0, field: 60, rows: 0 };
 
 /** @param {import("../studio.js").Studio} studio */
 export function lightEdits(studio) {
-  const numbers = { yaw: 0, pitch: 0, roll: 0, stops: 0, field: 60, rows: 0 };
-  let mapping = "", slice = "", said = "", lamps = true;
+  const numbers = { ...UNCHANGED };
+  let mapping = "", slice = "", said = "", lamps = true, grey = false;
   /** Where the view looks: azimuth and elevation, degrees. @type {[number, number] | null} */ let towards = null;
+  /** The pixel of the light that was clicked. @type {[number, number] | null} */ let pixel = null;
 
   /** @param {keyof typeof numbers} name @param {string} text @param {string} unit */
   function field(name, text, unit) {
     const id = `edit-${name}`, input = make("input", { id, type: "number", step: "any", value: numbers[name] || name !== "rows" ? String(numbers[name]) : "",
-      onchange: () => (numbers[name] = Number(input.value) || 0) });
+      onchange: () => (numbers[name] = input.value === "" ? UNCHANGED[name] : Number(input.value)) });
     return make("div", { className: "row" }, make("label", { for: id }, text), input, unit);
   }
+
+  /** @param {"red" | "green" | "blue"} name */
+  function channel(name) {
+    const input = make("input", { type: "number", step: "any", min: "0", id: `edit-${name}`, value: String(numbers[name]),
+      onchange: () => (numbers[name] = input.value === "" ? 1 : Number(input.value)) });
+    input.setAttribute("aria-label", `Scaled: ${name}`);
+    return input;
+  }
+
+  /** What matte surfaces would reflect, direction by direction. */
+  const integrated = () => studio.attempt(async () => {
+    const { path, where } = await post("/light/diffuse", {});
+    await studio.show(path, where, true);
+  });
 
   /** Have the shot point to what comes of it. @param {string} address @param {any} body */
   const made = (address, body) => studio.attempt(async () => {
@@ -24,6 +41,8 @@ export function lightEdits(studio) {
     const total = (/** @type {any} */ of) => (of?.total ? ` (∫ L dω ${of.total.map((/** @type {number} */ each) => each.toPrecision(3)).join(", ")})` : "");
     said = facts.before ? `written: ${state.table.light.map}, ${facts.mapping}, ${facts.size.join(" × ")}${total(facts.after)}`
       : `written: ${state.table.light.map}; ${facts["pixels changed"]} pixels changed`;
+    Object.assign(numbers, UNCHANGED, { field: numbers.field });
+    [grey, pixel] = [false, null];
     studio.take(state, true);
   });
 
@@ -48,6 +67,8 @@ export function lightEdits(studio) {
       const found = await studio.attempt(() => json(`/pictures/${studio.number}/value?layer=0&x=${Math.floor(x)}&y=${Math.floor(y)}`));
       if (found?.azimuth === undefined) return;
       towards = [found.azimuth, found.elevation];
+      pixel = shown() ? [Math.floor(x), Math.floor(y)] : null;
+      grey = grey && pixel !== null;
       studio.rebuild();
     },
     build() {
@@ -55,14 +76,20 @@ export function lightEdits(studio) {
       if (!known) return [];
       const kind = make("select", { id: "edit-mapping", onchange: () => (mapping = kind.value) },
         ...MAPPINGS.map(([value, text]) => make("option", { value, selected: value === mapping }, text)));
+      const neutral = make("input", { type: "checkbox", id: "edit-grey", checked: grey, disabled: !pixel, onchange: () => (grey = neutral.checked) });
       const keep = make("input", { type: "checkbox", id: "edit-lamps", checked: lamps, onchange: () => (lamps = keep.checked) });
       return [make("details", { open: false },
         make("summary", {}, "Edit the whole map"),
         make("p", {}, "Writes a map of its own into lights/, which the shot then names. What was measured stays, and Undo goes back to it."),
         field("yaw", "Turned", "°"), field("pitch", "Tipped", "°"), field("roll", "Rolled", "°"), field("stops", "Brighter", "stops"),
+        make("div", { className: "row vector", role: "group", ariaLabel: "Scaled" }, make("label", {}, "Scaled"), ...["red", "green", "blue"].map((name) => channel(/** @type {"red"} */ (name))), "×"),
+        make("div", { className: "row" }, neutral, make("label", { for: "edit-grey" }, pixel ? `Neutral about pixel ${pixel.join(", ")}` : "Neutral where the map was clicked")),
+        field("blur", "Blurred by", "°"),
         make("div", { className: "row" }, make("label", { for: "edit-mapping" }, "Mapping"), kind), field("rows", "Rows", "or as fine as now"),
         make("div", { className: "row" }, make("button", { type: "button", onclick: () => made("/light/edited", {
-          turn: [numbers.yaw, numbers.pitch, numbers.roll], stops: numbers.stops, mapping: mapping || null, size: numbers.rows || null }) }, "Make this the light")),
+          turn: [numbers.yaw, numbers.pitch, numbers.roll], stops: numbers.stops, gains: [numbers.red, numbers.green, numbers.blue], grey: grey ? pixel : null,
+          blur: numbers.blur, mapping: mapping || null, size: numbers.rows || null }) }, "Make this the light"),
+        make("button", { type: "button", onclick: integrated }, "See it diffusely integrated")),
         make("h2", {}, "Paint on it"),
         make("p", {}, towards ? `The view looks ${towards[0].toFixed(0)}° to the right and ${towards[1].toFixed(0)}° up.` : "See the map and click where a view shall look, or take the whole."),
         field("field", "Field of view", "°"),

@@ -1,11 +1,12 @@
 // Objects: dropped on the photograph, dragged on the table, turned and scaled; drawn at once, rendered when they rest.
 
 import { addedLights } from "./added_lights.js";
+import { ACCEPTED, allDropped, handOver } from "./dropping.js";
 import { materialBalls } from "./material_balls.js";
 import { choiceField, make, numberField, rounded, typed } from "../fields.js";
 import { Drawing } from "../drawing.js";
 import { line, onPlane, project, wholePixels } from "../projection.js";
-import { bytes, json, post, upload } from "../../requests.js";
+import { bytes, json, post } from "../../requests.js";
 
 const IDENTITY = { moved: [0, 0, 0], turn: 0, scale: 1 };
 
@@ -122,15 +123,13 @@ export function objectsPane(studio) {
     if (looks && studio.measured && studio.state.fault === null) studio.start("look");
   }
 
-  /** @param {File[]} files @param {[number, number]} [where] metres on the table */
-  const add = (files, where = [0, 0]) => studio.attempt(async () => {
-    const beside = 2.8 * (studio.state.table.light?.ball?.radius ?? 0.05);
+  /** @param {Promise<import("./dropping.js").Dropped[]>} dropped @param {[number, number]} [where] metres on the table */
+  const add = (dropped, where = [0, 0]) => studio.attempt(async () => {
+    const beside = 2.8 * (studio.state.table.light?.ball?.radius ?? 0.05), { meshes, left_out: left } = await handOver(await dropped);
     let came = false;
-    for (const [n, file] of files.entries()) {
-      const path = await upload(file);
-      if (!/^objects\//.test(path)) continue;
+    for (const [n, path] of meshes.entries()) {
       // Several stand side by side, each to be had by the pointer.
-      const stand = [where[0] + (n - (files.length - 1) / 2) * beside, where[1]];
+      const stand = [where[0] + (n - (meshes.length - 1) / 2) * beside, where[1]];
       await studio.edit([{ append: ["objects"], value: { mesh: path, stand: stand.map(rounded) } }], true);
       await fetchObjects();
       came = true;
@@ -142,6 +141,7 @@ export function objectsPane(studio) {
     }
     studio.rebuild();
     show(false);
+    if (left.length) studio.say(`left out, as no part of a mesh: ${left.join(", ")}`);
     if (came) look();
   });
 
@@ -182,8 +182,9 @@ export function objectsPane(studio) {
         button.setAttribute("aria-pressed", String(n === chosen));
         return make("li", {}, button);
       });
-      const input = make("input", { type: "file", multiple: true, accept: ".glb,.gltf,.obj,.ply,.stl", hidden: true, onchange: () => add([...(input.files ?? [])]) });
-      const drop = make("div", { className: "drop" }, "Drop a glTF, OBJ or PLY on the photograph, or ",
+      const input = make("input", { type: "file", multiple: true, accept: ACCEPTED, hidden: true,
+        onchange: () => add(Promise.resolve([...(input.files ?? [])].map((file) => ({ name: file.name, file })))) });
+      const drop = make("div", { className: "drop" }, "Drop a glTF, OBJ, PLY, STL or USD on the photograph, with the files that belong to it or as a folder, or ",
         make("button", { type: "button", onclick: () => input.click() }, "choose one"), input);
       input.setAttribute("aria-label", "Mesh files");
       const one = tables()[chosen], box = make("input", { type: "checkbox", id: "objects-look", checked: looks, onchange: () => (looks = box.checked) });
@@ -297,7 +298,7 @@ export function objectsPane(studio) {
     },
     dropped(files, event) {
       const [x, y] = lens() ? at(event) : [0, 0], hit = lens() && onPlane(lens(), x, y, 0);
-      add(files, hit ? [hit[0], hit[2]] : [0, 0]);
+      add(allDropped(files, event), hit ? [hit[0], hit[2]] : [0, 0]);
     },
     commands: [
       { name: "turn it to the left", keys: ["["], act: () => nudge(15, 1) },

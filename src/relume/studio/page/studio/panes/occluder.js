@@ -6,8 +6,8 @@ import { answer, json } from "../../requests.js";
 
 /** @typedef {"" | "brush" | "erase" | "polygon"} Tool */
 
-/** @param {import("../studio.js").Studio} studio */
-export function occluder(studio) {
+/** @param {import("../studio.js").Studio} studio @param {() => void} begun called when something is to be painted */
+export function occluder(studio, begun) {
   /** @type {Painting | null} */ let painting = null;
   /** @type {Tool} */ let tool = "";
   /** @type {[number, number][]} */ let corners = [];
@@ -38,6 +38,7 @@ export function occluder(studio) {
   async function take(wanted) {
     tool = tool === wanted ? "" : wanted;
     corners = [];
+    if (tool) begun();
     await open();
     studio.rebuild();
     studio.drawn();
@@ -93,6 +94,10 @@ export function occluder(studio) {
         make("div", { className: "row" }, button("Keep it", keep, null, !changed), button("Nothing is in front", drop, null, !file() && !changed)),
         make("p", {}, file() ? `${file()} stands in front.` : "Paint what stands between the camera and the objects: a plant, the edge of a box."),
       ];
+    },
+    /** Put the tools down: something else is drawn. */
+    rest() {
+      [tool, corners] = ["", []];
     },
     shown: () => void open(),
     hidden() {
