@@ -9,7 +9,7 @@ from pathlib import Path
 import pytest
 
 import cluster_tasks
-from relume.cluster import connect, held, run_tasks
+from relume.cluster import held, run_tasks
 from relume.cluster.attempt import may_go_elsewhere
 from relume.errors import (
     ClusterUnusable,
@@ -23,13 +23,6 @@ from relume.errors import (
 )
 
 pytest.importorskip("distributed", reason="Dask distributed is not installed: pip install 'relume[cluster]'")
-
-
-@pytest.fixture(scope="module")
-def two(tmp_path_factory):
-    """Two workers of this machine, for every test that kills none."""
-    with connect("local:2") as cluster:
-        yield cluster
 
 
 @pytest.fixture
