@@ -221,7 +221,8 @@ def test_lights_that_fail_are_named_the_rest_is_written_and_a_second_import_does
     build_store(field, store, cluster=two)
     after = contents(store)
     assert all(after[path] == content for path, content in before.items())
-    np.testing.assert_array_equal(whole(read_store(store))[:, 5], whole(read_store(store))[:, 5])
+    build_store(field, tmp_path / "alone")
+    np.testing.assert_array_equal(whole(read_store(store)), whole(read_store(tmp_path / "alone")))
     assert np.abs(whole(read_store(store)) - field.values).max() < 0.02
 
 
