@@ -71,7 +71,7 @@ def test_a_store_of_eight_times_the_memory_stays_within_it(tmp_path: Path) -> No
 
 @pytest.mark.slow
 @pytest.mark.skipif(sys.platform != "linux", reason="reads the greatest memory of a process as Linux says it")
-def test_large_frames_take_no_more_than_a_picture_above_the_memory(tmp_path: Path) -> None:
+def test_large_frames_take_no_more_than_two_pictures_above_the_memory(tmp_path: Path) -> None:
     lights, rows, columns = PICTURES
     cap = lights * rows * columns * 3 * 2 // 8
     picture = rows * columns * 3 * 4 * 2  # radiance and variance
@@ -79,4 +79,4 @@ def test_large_frames_take_no_more_than_a_picture_above_the_memory(tmp_path: Pat
     peak("build", tmp_path / "small", 16, *given)
     peak("build", tmp_path / "large", rows, *given)
     alone = min(peak("written", tmp_path / "small", 16, *given) for _ in range(2))
-    assert peak("written", tmp_path / "large", rows, *given) - alone < cap + picture
+    assert peak("written", tmp_path / "large", rows, *given) - alone < cap + 2 * picture

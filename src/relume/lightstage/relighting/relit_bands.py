@@ -188,11 +188,11 @@ def _relit_band(shared: _Relit, rows: slice) -> dict[str, np.ndarray]:
     """Radiance and variance of a band under all lights of the run."""
     part, given = RowsOf(shared.field, rows), shared.given
     threads = shared.threads if shared.threads is not None else worker_threads()
-    # What comes of it lies beside the sums that it comes from.
+    # What comes of it is a twelfth of the memory at most, and is held once.
     count = 1 if shared.labels is not None else len(given.smooth)
     names = ("radiance",) if part.noise is None else ("radiance", "variance")
     made = {name: np.empty((count, *part.shape, 3), np.float32) for name in names}
-    memory = shared.memory - sum(array.nbytes for array in made.values())
+    memory = shared.memory
     added = None
     if shared.fit is not None:
         fit = shared.fit.of(rows)
