@@ -1,7 +1,10 @@
-"""What the engine for many machines costs and gains: `python benchmarks/cluster.py [empty | sequence | brackets]`.
+"""What the engine for many machines costs and gains.
+
+`python benchmarks/cluster.py [empty | sequence | still | brackets]`, all of them unless named:
 
 empty : milliseconds a task of the scheduler and the wire, at ten thousand tasks that do nothing
 sequence : sixteen frames of a small shot by one worker and by two, in pairs, since other work shares the machine
+still : the room at a quarter of its pixels, its passes by one process, by one worker and by two, in turn
 brackets : a thousand small brackets of one camera, one of them damaged, merged by two workers
 Each line says the machine's load while it ran.
 """
@@ -21,6 +24,8 @@ import relume as rl  # noqa: E402
 from relume.cluster import connect, run_tasks  # noqa: E402
 
 FRAMES, PAIRS = 16, int(os.environ.get("PAIRS", "3"))
+STILL = int(os.environ.get("SAMPLES", "64"))
+"""Rays a pixel of the still."""
 SEQUENCE = """
 [[objects.keyframes]]
 frame = 1
@@ -85,6 +90,50 @@ def sequence(folder: Path) -> None:
     said(f"two workers: {best:.2f} times as fast in the best pair, {work:.2f} by processor time; the bits are the same")
 
 
+def still(folder: Path) -> None:
+    from relume.renderers.progressive.accumulation import RenderSession
+    from relume.renderers.progressive.pass_workers import PassWorkers
+
+    warm = rl.Differential(samples=2, threads=1)
+    renderer = rl.Differential(samples=STILL, threads=1)
+    prepared = rl.prepare_shot(rl.read_shot(Path(__file__).parents[1] / "examples/room/shot.toml"), folder / "room")
+    camera = prepared.camera.resized(prepared.camera.width // 2, prepared.camera.height // 2)
+    plate = prepared.plate.radiance[: 2 * camera.height : 2, : 2 * camera.width : 2]
+    seconds: dict[int, list[float]] = {0: [], 1: [], 2: []}
+    busiest: dict[int, list[float]] = {1: [], 2: []}
+    made: set[bytes] = set()
+
+    def rendered(renderer: rl.Differential, workers: PassWorkers | None = None) -> float:
+        begun = time.perf_counter()
+        change = renderer.change(prepared.scene, camera, plate=plate, watch=RenderSession(workers=workers))
+        if renderer is not warm:
+            made.add(change.objects.tobytes() + change.difference.tobytes() + change.difference_variance.tobytes())
+        return time.perf_counter() - begun
+
+    size = f"the room at {camera.width} × {camera.height}, {STILL} rays"
+    for _ in range(PAIRS):
+        rendered(warm)
+        seconds[0].append(rendered(renderer))
+        said(f"{size}, one process with one thread: {seconds[0][-1]:.1f} s")
+        for count in (1, 2):
+            with connect(f"local:{count}") as cluster:
+                workers = PassWorkers(cluster, folder / "parts")
+                # Each worker compiles and loads once.
+                rendered(warm, workers)
+                before: Any = cluster.client.run(time.process_time)
+                here = time.process_time()
+                seconds[count].append(rendered(renderer, workers))
+                here = time.process_time() - here
+                after: Any = cluster.client.run(time.process_time)
+                busiest[count].append(max(after[each] - before[each] for each in after))
+            words = f"the busiest worker's processor {busiest[count][-1]:.1f} s, that of who adds up {here:.1f} s"
+            said(f"{size}, {count} workers: {seconds[count][-1]:.1f} s, {words}")
+    assert len(made) == 1, "the bits differ"
+    best = max(one / two for one, two in zip(seconds[1], seconds[2], strict=True))
+    work = min(busiest[1]) / min(busiest[2])
+    said(f"two workers: {best:.2f} times as fast in the best pair, {work:.2f} by processor time; the bits are the same")
+
+
 def brackets(folder: Path, count: int = 1000) -> None:
     from small_brackets import write_brackets
 
@@ -104,10 +153,10 @@ if __name__ == "__main__":
     import warnings
 
     warnings.simplefilter("ignore")
-    asked = sys.argv[1:] or ["empty", "sequence", "brackets"]
+    asked = sys.argv[1:] or ["empty", "sequence", "still", "brackets"]
     with tempfile.TemporaryDirectory() as scratch:
         for name in asked:
             if name == "empty":
                 empty()
             else:
-                {"sequence": sequence, "brackets": brackets}[name](Path(scratch))
+                {"sequence": sequence, "still": still, "brackets": brackets}[name](Path(scratch))

@@ -127,6 +127,16 @@ def test_a_cluster_that_is_not_there_is_one_line_within_ten_seconds(cluster, wor
     assert "\n" not in str(raised.value)
 
 
+@pytest.mark.parametrize(("file", "words"), [(None, "none are set"), ("not there.pem", "they cannot be read")])
+def test_an_encrypted_scheduler_without_certificates_is_one_line(file, words):
+    from dask import config  # pyright: ignore[reportPrivateImportUsage]
+
+    names = {f"distributed.comm.tls.{name}": file for name in ("ca-file", "client.cert", "client.key")}
+    with config.set(names), pytest.raises(ClusterUnusable, match=f"needs certificates, and {words}") as raised:
+        run_tasks(double, [1], cluster="tls://127.0.0.1:9")
+    assert "\n" not in str(raised.value)
+
+
 def test_a_file_that_no_scheduler_wrote_is_refused(tmp_path):
     (tmp_path / "a.json").write_text("[]")
     with pytest.raises(ClusterUnusable, match="not the file of a scheduler"):

@@ -156,9 +156,6 @@ def test_frames_of_a_scene_have_the_same_bits(tmp_path, two, capsys):
     assert len(bits(tmp_path / "here", "*.png")) == 5
     assert (tmp_path / "here.mp4").read_bytes() == (tmp_path / "there.mp4").read_bytes()
     assert not list(tmp_path.glob(".there*"))
-    capsys.readouterr()
-    words = ["render", tmp_path / "scene.toml", "-o", tmp_path / "a.exr", "--cluster", "local:2"]
-    assert "give --frames N too" in refused(words, capsys)
 
 
 @pytest.mark.slow
@@ -178,9 +175,3 @@ def test_frames_of_a_shot_have_the_same_bits(tmp_path, two):
     assert [frame.kept for frame in there.frames] == [False] * 3
     assert [frame.kept for frame in again.frames] == [True] * 3
     assert here.notes == there.notes
-
-
-def test_a_shot_of_one_picture_is_not_for_a_cluster(tmp_path, capsys):
-    path = write_small_shot(tmp_path)
-    line = refused(["insert", path, "-o", tmp_path / "out", "--cluster", "local:2"], capsys)
-    assert "this shot has none" in line

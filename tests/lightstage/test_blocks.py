@@ -209,6 +209,20 @@ def test_a_large_store_has_shards_of_many_chunks_and_is_the_same_field(tmp_path,
     np.testing.assert_array_equal(whole(read_store(tmp_path / "sharded")), whole(plain))
 
 
+@pytest.mark.parametrize("where", ["here", "by workers"])
+def test_every_light_and_every_row_is_read_once(where, two, tmp_path):
+    cluster = two if where == "by workers" else None
+    for name in ("import", "relight"):
+        (tmp_path / name).mkdir()
+    imported = stage_blocks.Counted(stage_blocks.ball(144), tmp_path / "import")
+    build_store(imported, tmp_path / "s", cluster=cluster)
+    np.testing.assert_array_equal(imported.times(), 1)
+    relit = stage_blocks.Counted(read_stage(tmp_path / "s"), tmp_path / "relight")
+    pictures = relight_sequence(relit, TURNED, RelightSettings(memory=3_000_000), cluster=cluster)
+    assert len(list(pictures)) == 5
+    np.testing.assert_array_equal(relit.times(), 1)
+
+
 def test_lights_that_fail_are_named_the_rest_is_written_and_a_second_import_does_them_alone(tmp_path, two):
     field, store = stage_blocks.ball(144), tmp_path / "s"
     with pytest.raises(Incomplete, match=r"lights 64…95 \(64 …\).*this part of the disk is lost") as raised:
@@ -218,10 +232,13 @@ def test_lights_that_fail_are_named_the_rest_is_written_and_a_second_import_does
         read_store(store)
     before = {path: facts for path, facts in contents(store).items() if path.startswith("values/c/")}
     assert len(before) == 4 * 6
+    written = {path: (store / path).stat().st_mtime_ns for path in before}
     build_store(field, store, cluster=two)
+    assert written == {path: (store / path).stat().st_mtime_ns for path in before}
     after = contents(store)
     assert all(after[path] == content for path, content in before.items())
-    np.testing.assert_array_equal(whole(read_store(store))[:, 5], whole(read_store(store))[:, 5])
+    build_store(field, tmp_path / "alone")
+    np.testing.assert_array_equal(whole(read_store(store)), whole(read_store(tmp_path / "alone")))
     assert np.abs(whole(read_store(store)) - field.values).max() < 0.02
 
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from pathlib import Path
 from types import SimpleNamespace
 
@@ -42,13 +43,13 @@ def small(monkeypatch: pytest.MonkeyPatch) -> None:
 def in_tiles(folder: Path, renderer: Differential = RENDERER, **others) -> Change:
     settings = {
         "seed": 1, "made_from": "this", "stages": Stages(folder), "watch": RenderSession(folder / "render.passes"),
-        "finish": lambda change, part: change, "first": None, "progress": lambda share: None,
+        "finish": lambda part: lambda change: change, "first": None, "progress": lambda share: None,
     }  # fmt: skip
     return change_in_tiles(renderer, SCENE, CAMERA, PLATE, **(settings | others))
 
 
-def cleaned(change: Change, part: tuple[slice, slice]) -> Change:
-    return denoised(change, PLATE[part])
+def cleaned(part: tuple[slice, slice]) -> Callable[[Change], Change]:
+    return lambda change: denoised(change, PLATE[part])
 
 
 @pytest.fixture(scope="module")
@@ -77,7 +78,7 @@ def test_a_picture_in_tiles_is_the_picture_in_one(tmp_path, whole):
 
 def test_tiles_get_rays_by_their_noise(tmp_path):
     rays: list[tuple[tuple[int, int], int]] = []
-    in_tiles(tmp_path, finish=lambda change, part: rays.append((change.matte.shape, change.samples)) or change)
+    in_tiles(tmp_path, finish=lambda part: lambda change: rays.append((change.matte.shape, change.samples)) or change)
     assert len(rays) == 6
     counts = [samples for _, samples in rays]
     # Most for the tile in the middle below the ball's middle, fewest where hardly anything changes.
@@ -100,7 +101,7 @@ def test_tiles_are_the_same_on_any_threads_and_after_an_interruption(tmp_path):
     resumed = in_tiles(
         tmp_path / "two",
         Differential(samples=32, threads=2),
-        finish=lambda c, part: made.append(c) or cleaned(c, part),
+        finish=lambda part: lambda change: made.append(change) or cleaned(part)(change),
     )
     # Tiles that were put away are not rendered again.
     assert 0 < len(made) < 6
@@ -117,9 +118,12 @@ def test_a_noise_that_tiles_do_not_reach_is_said_once(tmp_path):
 
 
 def test_what_tiles_warned_of_is_said_again_by_a_render_that_goes_on(tmp_path):
-    def finish(change: Change, part: tuple[slice, slice]) -> Change:
-        warn("the light is doubtful", 0.3)
-        return change
+    def finish(part: tuple[slice, slice]) -> Callable[[Change], Change]:
+        def doubting(change: Change) -> Change:
+            warn("the light is doubtful", 0.3)
+            return change
+
+        return doubting
 
     for _ in range(2):
         with pytest.warns(DoubtWarning, match="the light is doubtful") as said:
@@ -153,5 +157,5 @@ def test_what_another_render_left_of_a_part_costs_that_part_alone(tmp_path):
     (left,) = tmp_path.glob("render.tile_*")
     made: list[Change] = []
     with pytest.warns(UserWarning, match="cannot resume the saved render: .*that part of the picture starts over"):
-        in_tiles(tmp_path, Differential(samples=32), finish=lambda change, part: made.append(change) or change)
+        in_tiles(tmp_path, Differential(samples=32), finish=lambda part: lambda change: made.append(change) or change)
     assert len(made) == 6 and not left.exists()

@@ -11,6 +11,7 @@ import time
 import warnings
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
+from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
@@ -83,6 +84,37 @@ def once(task: tuple[str, int]) -> int:
         target.write_text("done")
         record(target, key, [])
     return task[1]
+
+
+@dataclass(frozen=True)
+class Numbered:
+    """Passes of noise for `PassWorkers`, by their seeds; each second one comes back before the one it follows.
+
+    folder : where a file is left for every time that one is begun
+    dies : whether the worker of the second dies as it is begun for the first time
+    fails : the seed of one that fails
+    """
+
+    folder: str
+    seeds: tuple[int, ...]
+    dies: bool = False
+    fails: int | None = None
+
+    def ready(self) -> Callable[[int], dict[str, np.ndarray]]:
+        """The function of a seed."""
+        count((self.folder, 10**6))
+        return self.trace
+
+    def trace(self, seed: int) -> dict[str, np.ndarray]:
+        """One pass."""
+        place = self.seeds.index(seed)
+        count((self.folder, place))
+        if self.dies and place == 1 and len(begun(self.folder, 1)) == 1:
+            os.kill(os.getpid(), signal.SIGKILL)
+        if seed == self.fails:
+            raise ValueError("nothing is seen in this pass")
+        time.sleep(0.1 * (place % 2 == 0))
+        return {"radiance": np.random.default_rng(seed).random((40, 50, 3)).astype(np.float32)}
 
 
 def begun(folder: str | Path, number: int) -> list[Path]:

@@ -8,7 +8,7 @@ import sys
 import traceback
 import warnings
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from contextlib import contextmanager
+from contextlib import ExitStack, contextmanager
 from dataclasses import dataclass
 from importlib.metadata import version as _version
 from pathlib import Path
@@ -215,20 +215,27 @@ def progress(output: OutputOptions) -> Iterator[Callable[[str, float], None]]:
 
 @contextmanager
 def spread(
-    word: str | None, output: OutputOptions, plain: Callable[..., Any] = progress
+    word: str | None, output: OutputOptions, plain: Callable[..., Any] = progress, *, tasks: bool = True
 ) -> Iterator[tuple[machines.Cluster | None, Callable[[str, float], None]]]:
     """What --cluster asks for, connected, and a callback for stages; without it None, and the callback of `plain`.
 
-    On a cluster one bar counts the tasks of all workers, and the callback of stages does nothing.
+    tasks : whether on a cluster one bar counts the tasks of all workers, and the callback of stages does nothing; False
+        for one picture, whose stages are shown as ever
     """
     if word is None:
         with plain(output) as advance:
             yield None, advance
         return
-    with _counted(output) as count, machines.connect(word, progress=count) as cluster:
+    with ExitStack() as stack:
+        count, advance = None, lambda stage, share: None
+        if tasks:
+            count = stack.enter_context(_counted(output))
+        else:
+            advance = stack.enter_context(plain(output))
+        cluster = stack.enter_context(machines.connect(word, progress=count))
         shown = f"; what each worker does: {cluster.dashboard}" if cluster.dashboard else ""
         note(output, f"the scheduler is {cluster.address}{shown}")
-        yield cluster, lambda stage, share: None
+        yield cluster, advance
 
 
 @contextmanager

@@ -152,7 +152,7 @@ class FarmOptions:
         if self.frames is not None and given and given[0] not in ("--assemble", "--job"):
             raise ValueError(f"--frames makes frames, and {given[0]} does not; leave one of them out")
         if self.cluster is not None and given:
-            raise ValueError(f"--cluster makes frames, and {given[0]} does not; leave one of them out")
+            raise ValueError(f"--cluster renders, and {given[0]} does not; leave one of them out")
         if self.chunk is not None and self.job is None:
             raise ValueError("--chunk is for --job; leave it out")
         if self.progress is not None and output.json:
@@ -241,8 +241,6 @@ def insert(
             raise ValueError("no -o; give the folder for the pictures")
         read = rl.read_shot(shot) if shot is not None else new.shot(None if dry_run else out / SHOT_FILE)
         table = read.with_render(samples=samples, seed=seed, noise=noise)
-        if farm.cluster is not None and table.sequence is None:
-            raise ValueError("--cluster makes the frames of a shot's [sequence], and this shot has none; leave it out")
         # The job.
         if dry_run:
             found = _dry_run(table, out, output)
@@ -355,8 +353,10 @@ def inserted(
     farm: FarmOptions = FarmOptions(),
 ) -> Sequence[rl.errors.Doubt]:
     """Insert the objects, write the report and print where everything is; returns what to doubt."""
-    with farm.watching(output) as report:
-        result = rl.insert(shot, out, threads=threads, progress=report, restart=restart, force=force)
+    with spread(farm.cluster, output, farm.watching, tasks=False) as (workers, report):
+        result = rl.insert(
+            shot, out, threads=threads, progress=report, restart=restart, force=force, cluster=workers
+        )  # fmt: skip
         report("report", 0.0)
         rl.write_report(result, out)
         report("report", 1.0)

@@ -178,8 +178,11 @@ def render(
             require_suffix(out, ".png", ".svg")
         else:
             _check_output(out, moving)
-        if cluster is not None and (moving.frames is None or environment is not None or tree is not None):
-            raise ValueError("--cluster makes the frames of a motion; give --frames N too, or leave it out")
+        if cluster is not None and (environment is not None or tree is not None):
+            raise ValueError(
+                "--cluster makes a picture or the frames of a motion, and neither an environment map nor a tree; leave "
+                "it out"
+            )
         require_files([each for each in (scene, light, plate) if each is not None])
         # Read what the options name.
         read = rl.read_scene(scene, light, size if environment is None else None)
@@ -200,7 +203,7 @@ def render(
         elif tree is not None:
             facts = _tree(read, out, tree, settings, dry_run)
         else:
-            with spread(None if dry_run else cluster, output) as (workers, report):
+            with spread(None if dry_run else cluster, output, tasks=moving.frames is not None) as (workers, report):
                 made = rl.render_scene(read, out, settings, dry_run=dry_run, report=report, cluster=workers)
             facts = {"renderer": made.renderer, "shapes": made.shapes, "size": f"{made.size[0]}×{made.size[1]}"}
             facts["exposure"] = made.film.exposure

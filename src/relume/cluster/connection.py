@@ -117,6 +117,8 @@ def _connected(address: str, stack: ExitStack) -> Client:
         log = logging.getLogger(name)
         stack.callback(log.setLevel, log.level)
         log.setLevel(logging.CRITICAL)
+    if address.startswith("tls:"):
+        _check_certificates(address)
     try:
         return stack.enter_context(Client(address, timeout=SECONDS, set_as_default=False))
     except (OSError, TimeoutError, ValueError, ImportError) as error:
@@ -124,6 +126,22 @@ def _connected(address: str, stack: ExitStack) -> Client:
         raise ClusterUnusable(
             f"no scheduler answers at {address} ({words[:120]}); start one with dask scheduler, or check the address"
         ) from None
+
+
+def _check_certificates(address: str) -> None:
+    """Refuse an encrypted scheduler where Dask was given no certificates: its client would fail in many lines."""
+    from distributed.security import Security
+
+    try:
+        if Security().get_connection_args("client").get("ssl_context") is not None:
+            return
+        words = "none are set"
+    except (OSError, ValueError) as error:
+        words = f"they cannot be read: {' '.join(str(error).split())[:120]}"
+    raise ClusterUnusable(
+        f"{address} needs certificates, and {words}; give their files in DASK_DISTRIBUTED__COMM__TLS__CA_FILE, "
+        "DASK_DISTRIBUTED__COMM__TLS__CLIENT__CERT and DASK_DISTRIBUTED__COMM__TLS__CLIENT__KEY"
+    )
 
 
 def _local(count: int | None, stack: ExitStack) -> Client:

@@ -24,6 +24,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from relume.errors import OutputNotWritten, UnreadableFile
+from relume.image.mapped_arrays import give_back_freed
 from relume.lightstage.acquire.store_place import as_place, filesystem, is_url, reading, within_process
 from relume.lightstage.field.field import Derived, ReflectanceField
 
@@ -252,6 +253,8 @@ def _do_band(band: _Band) -> None:
     shared = _loaded(band.shared.path) if isinstance(band.shared, _InFile) else band.shared
     for name, array in band.function(shared, band.rows).items():
         _write_array(_file(band.place, name, band.rows), array)
+    # What the threads that decode chunks have freed would else stay with each of them.
+    give_back_freed()
 
 
 @contextmanager

@@ -10,6 +10,7 @@ import numpy as np
 
 from relume.errors import warn
 from relume.image import files
+from relume.image.mapped_arrays import give_back_freed
 from relume.image.radiance import RadianceMap
 from relume.lightstage.acquire.read_stage import read_stage
 from relume.lightstage.blocks import Cluster, scratch_if
@@ -219,6 +220,9 @@ def _from_bands(
         for picture in frames:
             below = max(below, share_below(picture.radiance))
             yield replace(picture, unit=unit)
+            # Before the next is put together: the heap would else grow by what was freed in between.
+            del picture
+            give_back_freed()
     if not settings.nearest:
         warn_below(below)
 

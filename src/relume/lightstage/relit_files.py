@@ -49,11 +49,13 @@ def write_frames(path: str | os.PathLike[str], pictures: Iterable[RadianceMap], 
             for picture in pictures:
                 film, count = film or film_for(picture, stops), count + 1
                 movie.add(develop(picture.radiance, film).pixels)
+                del picture
         return count
     made_folder(out)
     for picture in pictures:
         film, count = film or film_for(picture, stops), count + 1
         write_frame(out, count, picture, film)
+        del picture  # before the next is made
     return count
 
 

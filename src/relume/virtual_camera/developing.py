@@ -6,6 +6,7 @@ from collections.abc import Iterable, Iterator
 
 import numpy as np
 
+from relume.image.bands import BAND
 from relume.image.photograph import Photograph
 from relume.image.radiance import RadianceMap
 from relume.virtual_camera.film.film import Film
@@ -31,11 +32,7 @@ def develop(
     displays that only a file can hold (PQ, HLG, gain maps): use `camera.tone_map(picture).write(path)` for them.
     """
     if isinstance(camera, Film) and camera.grain is None:
-        values = camera.pixel_values(radiance.radiance if isinstance(radiance, RadianceMap) else radiance)
-        if np.isnan(values).any():
-            y, x = np.argwhere(np.isnan(values).any(-1))[0]
-            raise ValueError(f"the radiance at x {x}, y {y} is not a number; repair or mask it before developing")
-        return Photograph(np.rint(values).astype(np.uint8), "developed picture")
+        return _by_curve(camera, np.asarray(radiance.radiance if isinstance(radiance, RadianceMap) else radiance))
     picture = radiance if isinstance(radiance, RadianceMap) else RadianceMap(np.asarray(radiance, np.float32))
     return _camera(camera).tone_map(picture, view).photograph()
 
@@ -55,6 +52,26 @@ def develop_frames(
     made = _camera(camera).tone_map_frames(pictures, views, frames_per_second=frames_per_second, settling=settling)
     for count, frame in enumerate(made, start=1):
         yield frame.photograph(f"frame {count}")
+
+
+def _by_curve(film: Film, radiance: np.ndarray) -> Photograph:
+    """A film without grain, some rows at a time: its float64 is a dozen times as large as the picture."""
+
+    def developed(rows: slice) -> np.ndarray:
+        values = film.pixel_values(radiance[rows])
+        if np.isnan(values).any():
+            y, x = np.argwhere(np.isnan(values).any(-1))[0]
+            raise ValueError(
+                f"the radiance at x {x}, y {rows.start + y} is not a number; repair or mask it before developing"
+            )
+        return np.rint(values).astype(np.uint8)
+
+    height, width = radiance.shape[:2]
+    shown, step = np.empty(radiance.shape, np.uint8), max(1, BAND // max(width, 1))
+    for begin in range(0, height, step):
+        rows = slice(begin, min(begin + step, height))
+        shown[rows] = developed(rows)
+    return Photograph(shown, "developed picture")
 
 
 def _camera(camera: VirtualCamera | ToneOperator) -> VirtualCamera:

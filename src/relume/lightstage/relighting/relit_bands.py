@@ -7,7 +7,7 @@ lights' strengths, where few lights need a fit. So bands are joined without a se
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -116,7 +116,8 @@ class Frames:
         return RadianceMap(_joined(made, "radiance", place), _joined(made, "variance", place) if self.noisy else None)
 
     def __iter__(self) -> Iterator[RadianceMap]:
-        return (self.frame(index) for index in range(self.count))
+        # Nothing here holds a picture while the next is put together.
+        return map(self.frame, range(self.count))
 
 
 def fits_at_once(field: ReflectanceField, pictures: int, memory: int) -> bool:
@@ -185,8 +186,13 @@ def _fitted_band(shared: tuple[ReflectanceField, int], rows: slice) -> dict[str,
 
 def _relit_band(shared: _Relit, rows: slice) -> dict[str, np.ndarray]:
     """Radiance and variance of a band under all lights of the run."""
-    part, given, memory = RowsOf(shared.field, rows), shared.given, shared.memory
+    part, given = RowsOf(shared.field, rows), shared.given
     threads = shared.threads if shared.threads is not None else worker_threads()
+    # What comes of it is a twelfth of the memory at most, and is held once.
+    count = 1 if shared.labels is not None else len(given.smooth)
+    names = ("radiance",) if part.noise is None else ("radiance", "variance")
+    made = {name: np.empty((count, *part.shape, 3), np.float32) for name in names}
+    memory = shared.memory
     added = None
     if shared.fit is not None:
         fit = shared.fit.of(rows)
@@ -196,20 +202,24 @@ def _relit_band(shared: _Relit, rows: slice) -> dict[str, np.ndarray]:
         picture = weighted_sum_per_pixel(part, labels, given.smooth, memory=memory)
         for label, more in enumerate(added or ()):
             picture.radiance[labels == label] += more[labels == label]
-        pictures: Sequence[RadianceMap] = [picture]
+        pictures: Iterable[RadianceMap] = [picture]
     elif given.barycentric is None:
-        pictures = list(weighted_sums(part, given.smooth, threads=threads, memory=memory))
+        pictures = weighted_sums(part, given.smooth, threads=threads, memory=memory)
     else:
-        pictures = list(spiky_pictures(part, given.smooth, given.barycentric, threads, memory, None, added))
-    made = {"radiance": np.stack([each.radiance for each in pictures])}
-    if part.noise is not None:
-        made["variance"] = np.stack([np.asarray(each.variance) for each in pictures])
+        pictures = spiky_pictures(part, given.smooth, given.barycentric, threads, memory, None, added)
+    for index, picture in enumerate(pictures):
+        for name in names:
+            made[name][index] = getattr(picture, name)
     return made
 
 
 def _joined(made: Made, name: str, index: int) -> np.ndarray:
-    """One frame's rows, band after band."""
-    return np.concatenate([np.asarray(made.of(name, number)[index]) for number in range(len(made.bands))])
+    """One frame's rows, band after band; of the bands' files no more than one is held beside it."""
+    first = made.of(name, 0)
+    whole = np.empty((made.bands[-1].stop, *first.shape[2:]), first.dtype)
+    for number, rows in enumerate(made.bands):
+        whole[rows] = made.of(name, number)[index]
+    return whole
 
 
 def _numbered(place: Path | str, number: int) -> Path | str:

@@ -6,12 +6,17 @@ photographs → calibrated → place → change → composite.
 
 from __future__ import annotations
 
+import os
 from collections.abc import Callable
+from contextlib import ExitStack
 from dataclasses import replace
 from pathlib import Path
+from typing import TYPE_CHECKING
 
+from relume.cluster.connection import connect
+from relume.cluster.folder_lock import held
 from relume.errors import GatheredDoubts, ranked, warn
-from relume.project.forecast import require_room
+from relume.project.forecast import memory_for, require_room
 from relume.project.insertion.agreement import on_one_scale
 from relume.project.insertion.composite import composited, development_of, plate_look
 from relume.project.insertion.doubts import doubts_on
@@ -25,8 +30,15 @@ from relume.project.insertion.render_change import Motion, Rendering, render_cha
 from relume.project.shot_file.objects import doubts_about, placed_meshes
 from relume.project.shot_file.shot import Shot
 from relume.project.stages import Progress, Stages, Steps
+from relume.renderers.mitsuba.differential import Differential
 from relume.renderers.progressive.graceful_shutdown import HardStop
+from relume.renderers.progressive.pass_workers import PassWorkers
 from relume.renderers.renderer import Renderer
+
+if TYPE_CHECKING:
+    from distributed import Client
+
+    from relume.cluster.connection import Cluster
 
 
 def insert(
@@ -41,6 +53,7 @@ def insert(
     restart: bool = False,
     force: Callable[[int, str], None] | None = None,
     preview: bool = False,
+    cluster: str | os.PathLike[str] | Client | Cluster | None = None,
 ) -> Inserted:
     """Do the whole job and write composite.exr and .png, layers.exr, light.exr and response.json.
 
@@ -57,6 +70,8 @@ def insert(
     preview : a quick look instead: over a small copy of the plate with few rays, written to preview.exr and .png. What
         it finds in the photographs is kept for the job itself, and a second look takes a few seconds; it writes a rough
         picture first, and then says so as the step "first picture"
+    cluster : workers that trace the passes, as `run_tasks` takes them, or the parts of a large plate; all else is done
+        here. All see `out` by the same path. The bits are those of one process; None renders here
 
     `report.write_report` makes a page of the result. Raises RelumeError; nothing is written to `out` but kept stages
     and previews before everything is computed.
@@ -64,21 +79,29 @@ def insert(
     out = Path(out)
     require_folder(out)
     steps = Steps(Stages(out / "stages", others), progress)
+    if cluster is not None:
+        _check_spread(renderer, motion, preview)
     if preview:
         return _quick_look(shot, out, steps, renderer, threads)
-    with GatheredDoubts() as gathered:
+    with GatheredDoubts() as gathered, ExitStack() as stack:
         # Photographs → calibrated → place → change → composite.
         meshes = placed_meshes(shot)
         with steps.timed("photographs"):
             photographs = read_photographs(shot)
         across, down = plate_size(photographs)
         require_room(out, across * down)
+        workers = None
+        if cluster is not None:
+            # At once, so that nobody measures for minutes before a scheduler is found not to answer.
+            stack.enter_context(held(out))
+            connected = stack.enter_context(connect(cluster))
+            workers = PassWorkers(connected, out / "stages", int(memory_for(across * down)))
         calibrated = calibrate(shot, photographs, steps)
         fit = find_camera(shot, calibrated, steps)
         calibrated = on_one_scale(shot, calibrated, fit.camera)
         place = find_place(shot, calibrated, fit, meshes, renderer, steps)
         development = development_of(shot, calibrated)
-        rendering = Rendering(renderer, threads, motion, restart, force and HardStop(force))
+        rendering = Rendering(renderer, threads, motion, restart, force and HardStop(force), workers)
         change = render_change(shot, calibrated, place, meshes, development.film, steps, rendering)
         composite = composited(shot, calibrated, place, change, development, steps)
         # What the user should know.
@@ -93,6 +116,18 @@ def insert(
         write_outcome(result, out, steps.stages)
         steps.stages.mapped.release()
     return result
+
+
+def _check_spread(renderer: Renderer | None, motion: Motion | None, preview: bool) -> None:
+    """Refuse to spread over workers what has no parts for them."""
+    if renderer is not None and not isinstance(renderer, Differential):
+        raise ValueError(
+            f"cluster: its workers trace the passes of rl.Differential, and {type(renderer).__name__} has none; leave "
+            "one of them out"
+        )
+    if preview or motion is not None:
+        what = "a quick look is over before workers are ready" if preview else "frames with motion are whole tasks"
+        raise ValueError(f"cluster: {what}; leave it out")
 
 
 def _quick_look(shot: Shot, out: Path, steps: Steps, renderer: Renderer | None, threads: int | None) -> Inserted:

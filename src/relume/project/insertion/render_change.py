@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
@@ -22,6 +22,7 @@ from relume.renderers.progressive.accumulation import RenderSession, forget
 from relume.renderers.progressive.convergence import Sums
 from relume.renderers.progressive.fingerprint import fingerprint, without_threads
 from relume.renderers.progressive.graceful_shutdown import HardStop
+from relume.renderers.progressive.pass_workers import PassWorkers
 from relume.renderers.renderer import Moments, Renderer
 from relume.renderers.results import Change
 from relume.scene.motion.keyframes import Shutter
@@ -62,6 +63,7 @@ class Rendering:
     motion : None where nothing moves
     restart : discard the saved state of an interrupted render
     force : how a first Ctrl-C is answered in time, for programs that own their process
+    workers : who traces the passes of a still; None for this process
     """
 
     renderer: Renderer | None = None
@@ -69,6 +71,7 @@ class Rendering:
     motion: Motion | None = None
     restart: bool = False
     force: HardStop | None = None
+    workers: PassWorkers | None = None
 
 
 def render_change(
@@ -104,7 +107,7 @@ def render_change(
         previews = Previews(folder.parent, plate, film)
         watch = RenderSession(
             folder / "render.passes", rendering.restart, preview=previews if table.preview else None,
-            force=rendering.force,
+            force=rendering.force, workers=rendering.workers,
         )  # fmt: skip
 
         shutter = Shutter(0.0, 0.0) if motion is None else motion.shutter
@@ -112,14 +115,11 @@ def render_change(
         def report(share: float) -> None:
             steps.progress("render", share)
 
-        def finish(change: Change, part: tuple[slice, slice]) -> Change:
-            if not table.denoise:
-                return change
-            from relume.renderers.mitsuba.denoise import denoised
-
+        def finish(part: tuple[slice, slice]) -> Finishing:
             real = place.recovered
+            textured = None if real is None else np.array(real.textured[part])
             quick = isinstance(renderer, Differential) and renderer.quick
-            return denoised(change, plate.radiance[part], None if real is None else real.textured[part], quick)
+            return Finishing(table.denoise, plate.radiance[part], textured, quick)
 
         def trace(watch: RenderSession) -> Change:
             if is_large(place.camera) and isinstance(renderer, Differential):
@@ -128,10 +128,11 @@ def render_change(
                     stages=steps.stages, watch=watch, finish=finish,
                     first=previews if table.preview else None, progress=report, moments=moments, shutter=shutter,
                 )  # fmt: skip
-            return finish(renderer.change(
+            change = renderer.change(
                 scene, place.camera, seed=table.seed, progress=report, watch=watch, plate=plate.radiance,
                 moments=moments, shutter=shutter,
-            ), (slice(None), slice(None)))  # fmt: skip
+            )  # fmt: skip
+            return finish((slice(None), slice(None)))(change)
 
         # Render, from the saved state where it is of this render.
         try:
@@ -139,7 +140,7 @@ def render_change(
         except CannotResume as error:
             what = str(error).partition(";")[0]
             warn(f"cannot resume the saved render: {what}; starting over")
-            change = trace(RenderSession(watch.checkpoint, True, preview=watch.preview, force=rendering.force))
+            change = trace(replace(watch, restart=True))
         forget(watch)
         previews.remove()
         return change
@@ -155,6 +156,29 @@ def render_change(
                 shot, place.relit(shot), place.camera, change, lambda share: steps.progress("stages", share)
             )
     return change
+
+
+@dataclass(frozen=True, eq=False)
+class Finishing:
+    """What is done with a rendered change of a plate or of a part of it: denoising, or nothing.
+
+    plate : (H, W, 3) that the change is of
+    textured : (H, W) bool, where real surfaces have its texture; None for all
+    quick : by the denoiser's smaller network
+    """
+
+    denoise: bool
+    plate: np.ndarray
+    textured: np.ndarray | None
+    quick: bool
+
+    def __call__(self, change: Change) -> Change:
+        """The finished change."""
+        if not self.denoise:
+            return change
+        from relume.renderers.mitsuba.denoise import denoised
+
+        return denoised(change, self.plate, self.textured, self.quick)
 
 
 def _scene_at(place: Place, shot: Shot) -> Scene:

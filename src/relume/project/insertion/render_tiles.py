@@ -8,6 +8,7 @@ with a border that its neighbours show too, and put away at once.
 
 from __future__ import annotations
 
+import pickle
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, fields, replace
 from math import ceil, sqrt
@@ -17,11 +18,15 @@ from typing import Any
 
 import numpy as np
 
+from relume.cluster.attempt import threads as worker_threads
 from relume.errors import CannotResume, Doubt, GatheredDoubts, OutputNotWritten, warn
+from relume.image.files import replacing
 from relume.project.stages import Stages
 from relume.renderers.mitsuba.differential import Differential
 from relume.renderers.progressive.accumulation import Preview, RenderSession, forget, pass_seed
 from relume.renderers.progressive.allocation import weighed_variance
+from relume.renderers.progressive.graceful_shutdown import HardStop
+from relume.renderers.progressive.pass_workers import PassWorkers
 from relume.renderers.renderer import Moments
 from relume.renderers.results import Change
 from relume.scene.cameras.camera import Camera
@@ -41,6 +46,8 @@ FEWEST, LEAST = 4, 2
 """Rays a pixel of a tile in which anything changes: edges are then steps of a quarter before the denoiser. And of one
 in which the small render met no change at all, for its depth, and for what is too small to be met."""
 
+Finish = Callable[[Change], Change]
+"""What is done with a tile's change before it is put away."""
 KEPT = 2
 """Times the picture's planes that the disk holds beside them: the tiles, and the whole as a kept step."""
 
@@ -91,7 +98,7 @@ def change_in_tiles(
     made_from: object,
     stages: Stages,
     watch: RenderSession,
-    finish: Callable[[Change, tuple[slice, slice]], Change],
+    finish: Callable[[tuple[slice, slice]], Finish],
     first: Preview | None,
     progress: Callable[[float], None],
     moments: Moments | None = None,
@@ -102,7 +109,8 @@ def change_in_tiles(
     plate : (H, W, 3) what is seen without them
     made_from : what the pixels depend on, for tiles that an interrupted render has put away
     stages : where tiles are kept until all are there
-    finish : what is done with each tile, its rows and columns in the plate given: denoising, or nothing
+    finish : given a tile's rows and columns in the plate, what is done with its change: denoising, or nothing; for
+        workers a value that pickles
     first : is shown the small render as it grows
     moments, shutter : as in `Differential.change`
     Raises as `Differential.change` does.
@@ -128,44 +136,133 @@ def change_in_tiles(
     few = replace(renderer, samples=min(PILOT_RAYS, renderer.samples), noise=None)
     pilot = few.change(
         scene, **part(lambda its: its.resized(across, down)), seed=pass_seed(seed, len(tiles)),
-        watch=replace(watch, checkpoint=None, preview=first),
+        watch=replace(watch, checkpoint=None, preview=first, workers=None),
     )  # fmt: skip
     shares, _ = shares_of_tiles(pilot, plate[np.ix_(*_places(pilot, camera))], camera, renderer.samples)
     noise = None if renderer.noise is None else renderer.noise * sqrt(height * width / VIEWED)
     # Each tile with its border, put away as soon as it is finished.
+    jobs = [
+        TileJob(index, tile.with_border(height, width), replace(renderer, samples=samples, noise=noise),
+                pass_seed(seed, index), made_from, watch.checkpoint and watch.checkpoint.absolute(), watch.restart)
+        for index, (tile, samples) in enumerate(zip(tiles, shares, strict=True))
+    ]  # fmt: skip
+    if watch.workers is not None:
+        shared = SharedByTiles(renderer, scene, camera, stages.folder.absolute())
+        _by_workers(watch.workers, shared, jobs, plate, finish, progress)
     whole, traced = _empty(height, width, stages), 0
     doubts: list[Doubt] = []
     begun = np.concatenate([[0], np.cumsum(shares)]) / sum(shares)
-    for index, (tile, samples) in enumerate(zip(tiles, shares, strict=True)):
-        larger = tile.with_border(height, width)
-        path = None if watch.checkpoint is None else watch.checkpoint.with_suffix(f".tile_{index:03d}")
-        session = replace(watch, checkpoint=path, preview=None)
-        own = replace(renderer, samples=samples, noise=noise)
+    for job, tile in zip(jobs, tiles, strict=True):
 
-        def make(index: int = index, larger: Tile = larger, session: RenderSession = session,
-                 own: Differential = own) -> tuple[Change, tuple[Doubt, ...]]:  # fmt: skip
+        def report(share: float, index: int = job.index) -> None:
             low, high = begun[index : index + 2]
-            # Its warnings are put away with it, for a render that goes on.
-            with GatheredDoubts() as gathered:
-                change = _begun_anew_if_another(session, lambda watch: own.change(
-                    scene, **part(larger.window), seed=pass_seed(seed, index), watch=watch,
-                    plate=plate[larger.place], progress=lambda share: progress(float(low + share * (high - low))),
-                ))  # fmt: skip
-                change = finish(change, larger.place)
-            return change, gathered.doubts
+            progress(float(low + share * (high - low)))
 
-        (change, said), _ = stages.get(f"render_tile_{index:03d}", [made_from, index, samples], make)
+        change, said = job.kept(
+            stages, scene, part(job.tile.window), plate[job.tile.place], finish(job.tile.place), watch.force, report
+        )
         doubts += said
-        forget(session)
         for field in fields(Change):
             plane = getattr(whole, field.name)
             if isinstance(plane, np.ndarray):
-                plane[tile.place] = getattr(change, field.name)[tile.within(larger)]
+                plane[tile.place] = getattr(change, field.name)[tile.within(job.tile)]
         stages.mapped.release()
         traced += change.samples * (tile.bottom - tile.top) * (tile.right - tile.left)
-        progress(float(begun[index + 1]))
+        progress(float(begun[job.index + 1]))
     _warn_once(doubts, len(tiles), renderer)
     return replace(whole, samples=ceil(traced / (height * width)))
+
+
+@dataclass(frozen=True)
+class TileJob:
+    """One tile that is to be rendered, finished and put away, in whatever process.
+
+    tile : with its border
+    renderer : with the tile's own rays
+    made_from : what the whole picture's pixels depend on
+    checkpoint : of the whole picture; None keeps no state
+    """
+
+    index: int
+    tile: Tile
+    renderer: Differential
+    seed: int
+    made_from: object
+    checkpoint: Path | None
+    restart: bool
+
+    def kept(
+        self, stages: Stages, scene: Scene, seen: dict[str, Any], plate: np.ndarray, finish: Finish,
+        force: HardStop | None, progress: Callable[[float], None],
+    ) -> tuple[Change, tuple[Doubt, ...]]:  # fmt: skip
+        """The tile's change and what rendering it warned of; made now, unless it is among the stages.
+
+        seen : through what the scene is seen, as `Differential.change` takes it
+        plate : the tile's part of it
+        """
+        path = None if self.checkpoint is None else self.checkpoint.with_suffix(f".tile_{self.index:03d}")
+        session = RenderSession(path, self.restart, force=force)
+
+        def make() -> tuple[Change, tuple[Doubt, ...]]:
+            # Its warnings are put away with it, for a render that goes on.
+            with GatheredDoubts() as gathered:
+                change = _begun_anew_if_another(session, lambda watch: self.renderer.change(
+                    scene, **seen, seed=self.seed, watch=watch, plate=plate, progress=progress,
+                ))  # fmt: skip
+                change = finish(change)
+            return change, gathered.doubts
+
+        made_from = [self.made_from, self.index, self.renderer.samples]
+        made, _ = stages.get(f"render_tile_{self.index:03d}", made_from, make)
+        forget(session)
+        return made
+
+
+@dataclass(frozen=True, eq=False)
+class SharedByTiles:
+    """What all tiles share, for workers: each tile is a part, by the file with its job, its plate and its finish.
+
+    folder : of the stages
+    """
+
+    renderer: Differential
+    scene: Scene
+    camera: Camera
+    folder: Path
+
+    def ready(self) -> Callable[[Path], dict[str, np.ndarray]]:
+        """The function that makes and keeps one tile, and says nothing of it."""
+        threads = self.renderer.threads or worker_threads()
+        prepared = replace(self.renderer, threads=threads).prepare(self.scene, self.camera)
+        stages = Stages(self.folder)
+
+        def make(path: Path) -> dict[str, np.ndarray]:
+            job, plate, finish = pickle.loads(path.read_bytes())
+            job = replace(job, renderer=replace(job.renderer, threads=self.renderer.threads or worker_threads()))
+            seen = {"camera": job.tile.window(self.camera), "prepared": prepared}
+            job.kept(stages, self.scene, seen, plate, finish, None, lambda share: None)
+            stages.mapped.release()
+            return {}
+
+        return make
+
+
+def _by_workers(
+    workers: PassWorkers, shared: SharedByTiles, jobs: list[TileJob], plate: np.ndarray,
+    finish: Callable[[tuple[slice, slice]], Finish], progress: Callable[[float], None],
+) -> None:  # fmt: skip
+    """Have all tiles put away among the stages. Raises Incomplete where some were not; the others stay."""
+    with workers.sharing(shared) as parts:
+        files: list[Path] = []
+        for job in jobs:
+            files.append(parts.folder / f"tile_{job.index:03d}.pickle")
+            with replacing(files[-1]) as temporary:
+                place = job.tile.place
+                temporary.write_bytes(pickle.dumps((job, np.array(plate[place]), finish(place))))
+        parts.traced(
+            files, [f"part {job.index + 1} of the picture" for job in jobs],
+            progress=lambda done, failed, to_go, left: progress(0.99 * (done + failed) / len(jobs)),
+        )  # fmt: skip
 
 
 def _begun_anew_if_another(session: RenderSession, render: Callable[[RenderSession], Change]) -> Change:

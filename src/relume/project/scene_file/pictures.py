@@ -6,6 +6,7 @@ import hashlib
 import pickle
 import shutil
 from collections.abc import Callable, Iterator
+from contextlib import contextmanager, suppress
 from dataclasses import dataclass
 from functools import lru_cache
 from itertools import count
@@ -21,6 +22,8 @@ from relume.cluster.tasks import run_tasks
 from relume.errors import OutputNotWritten, naming
 from relume.image import files
 from relume.image.radiance import RadianceMap
+from relume.project.forecast import memory_for
+from relume.renderers.progressive.pass_workers import PassWorkers
 from relume.renderers.results import Render
 from relume.virtual_camera.film.film import Film
 
@@ -70,6 +73,22 @@ def _each_named(pictures: Iterator[Render]) -> Iterator[Render]:
             except StopIteration:
                 return
         yield picture
+
+
+@contextmanager
+def workers_for(out: Path, cluster: Any, pixels: int) -> Iterator[PassWorkers | None]:
+    """Who makes the parts of one picture, which lie in a hidden folder beside it until it is there."""
+    if cluster is None:
+        yield None
+        return
+    folder = out.absolute().with_name(f".{out.stem}.parts")
+    try:
+        with held(folder), connect(cluster) as connected:
+            yield PassWorkers(connected, folder, int(memory_for(pixels)))
+    finally:
+        # Another run may hold it: then it is not empty, and stays.
+        with suppress(OSError):
+            folder.rmdir()
 
 
 @dataclass(frozen=True)

@@ -17,8 +17,10 @@ from relume.errors import warn
 from relume.image import files
 from relume.image.radiance import RadianceMap
 from relume.project.scene_file.lights import metered_scene
-from relume.project.scene_file.pictures import spread_frames, write_frames, write_picture
+from relume.project.scene_file.pictures import spread_frames, workers_for, write_frames, write_picture
 from relume.project.scene_file.scene_file import SceneFile
+from relume.renderers.progressive.accumulation import RenderSession
+from relume.renderers.progressive.pass_workers import PassWorkers
 from relume.renderers.results import Render
 from relume.scene.materials.whitted import WhittedMaterial
 from relume.sphere.environment_files import as_radiance_map
@@ -122,7 +124,8 @@ def render_scene(
 
     out : the picture; with `settings.frames` a folder for numbered pictures, or an .mp4
     dry_run : check everything and render nothing
-    cluster : workers that make the frames, as `run_tasks` takes them; None makes them here
+    cluster : workers that make the frames, or of one picture the passes (mitsuba) or the rows (whitted), as `run_tasks`
+        takes them; None makes them here. The bits are the same
     Raises ValueError for settings that do not go together, UnsupportedScene, OutputNotWritten; Incomplete for frames
     that failed on a cluster, while the others were written.
     """
@@ -132,6 +135,11 @@ def render_scene(
     _check_plate(read, settings)
     if settings.degrees is not None and settings.motion is None and read.moves:
         raise ValueError("degrees say how far a motion goes, and the scene file's orbits say that; give the motion too")
+    if cluster is not None and settings.frames is None and name == "prefiltered":
+        raise ValueError(
+            "cluster: one picture by prefiltered maps has no parts for workers, for its tables take the time; leave it "
+            "out, or give --frames N"
+        )
     film = metered_scene(read.scene).brighter(settings.exposure)
     left, top, right, bottom = settings.region or (0, 0, read.camera.width, read.camera.height)
     shapes = len(read.scene.local) + len(read.scene.objects)
@@ -142,9 +150,8 @@ def render_scene(
     by = {"mitsuba": _by_mitsuba, "prefiltered": _by_maps, "whitted": _by_trees}[name]
     unit = read.scene.light.unit
     if settings.frames is None:
-        if cluster is not None:
-            raise ValueError("cluster: its workers make the frames of a motion, and this is one picture; leave it out")
-        write_picture(out, next(by(read, settings, report)), film, unit)
+        with workers_for(out, cluster, (right - left) * (bottom - top)) as workers:
+            write_picture(out, next(by(read, settings, report, workers=workers)), film, unit)
     elif cluster is None:
         write_frames(out, by(read, settings, report), film, unit)
     else:
@@ -286,11 +293,14 @@ def _motion(read: SceneFile, settings: RenderSettings) -> Orbit | Turntable:
     return kind((float(x), float(y), float(z)), angle)
 
 
-def _by_mitsuba(read: SceneFile, settings: RenderSettings, report: Report) -> Iterator[Render]:
+def _by_mitsuba(
+    read: SceneFile, settings: RenderSettings, report: Report, workers: PassWorkers | None = None
+) -> Iterator[Render]:
     """One picture by light transport."""
     yield _mitsuba(settings).render(
-        read.scene, read.camera, seed=settings.seed or 0, progress=lambda share: report("rendering", share)
-    )
+        read.scene, read.camera, seed=settings.seed or 0, progress=lambda share: report("rendering", share),
+        watch=RenderSession(workers=workers),
+    )  # fmt: skip
 
 
 def _prepared_maps(read: SceneFile, settings: RenderSettings) -> Prepared:
@@ -302,9 +312,11 @@ _kept_maps = lru_cache(maxsize=1)(_prepared_maps)
 
 
 def _by_maps(
-    read: SceneFile, settings: RenderSettings, report: Report, only: Sequence[int] | None = None
-) -> Iterator[Render]:
-    """One picture, or a motion's, by prefiltered environment maps."""
+    read: SceneFile, settings: RenderSettings, report: Report, only: Sequence[int] | None = None,
+    workers: PassWorkers | None = None,
+) -> Iterator[Render]:  # fmt: skip
+    """One picture, or a motion's, by prefiltered environment maps; in no parts for workers."""
+    assert workers is None
     from relume.composite.differential import over
     from relume.renderers.turntable import frames
 
@@ -324,8 +336,9 @@ def _by_maps(
 
 
 def _by_trees(
-    read: SceneFile, settings: RenderSettings, report: Report, only: Sequence[int] | None = None
-) -> Iterator[Render]:
+    read: SceneFile, settings: RenderSettings, report: Report, only: Sequence[int] | None = None,
+    workers: PassWorkers | None = None,
+) -> Iterator[Render]:  # fmt: skip
     """One picture, or a motion's, by Whitted's trees: the file's orbits, and a motion unless they are all there is."""
     from relume.renderers import turntable as motions
     from relume.scene.motion.moving_objects import left_in_space
@@ -336,7 +349,7 @@ def _by_trees(
     method, seed = whitted_of(read, settings), settings.seed or 0
     if settings.frames is None:
         prepared = method.prepared(read.scene)
-        picture = prepared.render(read.camera, seed=seed, region=settings.region, progress=rendering)
+        picture = prepared.render(read.camera, seed=seed, region=settings.region, progress=rendering, workers=workers)
         _warn_of_darkness(picture, method, read)
         yield picture
         return

@@ -8,24 +8,40 @@ objects, beside the light's and the surface's own, weighed by the balance heuris
 
 from __future__ import annotations
 
+from collections.abc import Callable, Sequence
+from contextlib import ExitStack
 from dataclasses import dataclass, replace
-from typing import Any
+from itertools import pairwise
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from relume.errors import UnsupportedScene, warn
 from relume.renderers.mitsuba.distant import require_inside
-from relume.renderers.mitsuba.path_tracer import MATTE_SAMPLES, PASS_RAYS, PASSES, Mitsuba, PathTracing, _mitsuba
+from relume.renderers.mitsuba.path_tracer import (
+    MATTE_SAMPLES,
+    PASS_RAYS,
+    PASSES,
+    Mitsuba,
+    PathTracing,
+    _mitsuba,
+    in_worker,
+)
 from relume.renderers.mitsuba.scene import why_not
-from relume.renderers.progressive.accumulation import NO_SESSION, RenderSession, accumulate, pass_seed
+from relume.renderers.progressive.accumulation import NO_SESSION, Planes, RenderSession, accumulate, pass_seed
 from relume.renderers.progressive.allocation import Neediest
 from relume.renderers.progressive.convergence import LEAST, ChangeError, Target
 from relume.renderers.progressive.fingerprint import fingerprint, render_key
+from relume.renderers.progressive.pass_workers import Parts, WholePasses
 from relume.renderers.renderer import Moments, subtracted
 from relume.renderers.results import Change, Progress, Render
 from relume.scene.cameras.camera import Camera
 from relume.scene.motion.keyframes import Shutter
 from relume.scene.scene import Scene
+
+if TYPE_CHECKING:
+    from relume.renderers.mitsuba.transport.estimator import Estimator
 
 FEW_RAYS = 500_000
 """Samples of a pass below which starting it takes longer than tracing it."""
@@ -35,6 +51,8 @@ GUIDES = 4
 """Samples of depth, normals and albedo for each of the change, where those are few: they cost a fifth of it."""
 QUICK_GUIDES = 1
 """The same of a render that is to come soon."""
+FEWEST_RAYS = 100_000
+"""Of a pass that is shared by workers, in each share: below that starting is all that it takes."""
 NEEDIEST = 0.25
 """Of the pixels, those that a later pass traces: mirror, glass and sharp shadows take less of most pictures."""
 
@@ -92,8 +110,10 @@ class Differential(PathTracing):
         require_inside(scene.distant, scene.probe, scene.objects)
         if not scene.objects:
             return _nothing(camera)
-        with _mitsuba(self.variant, self.threads) as mi:
+        with _mitsuba(self.variant, self.threads) as mi, ExitStack() as stack:
             if "_ad_" not in mi.variant():
+                if watch.workers is not None:
+                    warn("Mitsuba compiles nothing on this machine, so that the picture is rendered here alone")
                 return subtracted(replace(self._plain(), noise=None), scene, camera, seed=seed, progress=progress)
             from relume.renderers.mitsuba.transport.estimator import Estimator
 
@@ -106,9 +126,15 @@ class Differential(PathTracing):
             times = shutter.times(passes, seed) if moments is not None else np.zeros(passes)
             at = {pass_seed(seed, index): float(time) for index, time in enumerate(times)}
 
-            def trace(own: int, chosen: np.ndarray | None = None) -> dict[str, np.ndarray]:
-                estimator = still if moments is None else Estimator(*moments(at[own]), self.depth)
-                return estimator.traced(samples, own, chosen)
+            def trace(seed: int, chosen: np.ndarray | None = None) -> Planes:
+                estimator = still if moments is None else Estimator(*moments(at[seed]), self.depth)
+                return estimator.traced(samples, seed, chosen)
+
+            if watch.workers is not None:
+                if moments is not None:
+                    raise ValueError("workers trace a still; of what moves they make whole frames (insert_frames)")
+                parts = stack.enter_context(watch.workers.sharing(ChangeParts(self, scene, camera, samples)))
+                trace = SpreadChange(parts, still, samples, list(at)[:even])
 
             # The passes.
             target = None if self.noise is None else Target(self.noise, ChangeError(backdrop))
@@ -171,6 +197,81 @@ class Differential(PathTracing):
         if self.noise is not None or moments is None:
             key["plate"] = fingerprint(plate)
         return key
+
+
+@dataclass(frozen=True, eq=False)
+class ChangeParts:
+    """Parts of passes of a change: a seed is a whole pass, a `SomePixels` pixels of one, a `Lit` its light.
+
+    samples : rays a pixel of a pass
+    """
+
+    renderer: Differential
+    scene: Scene
+    camera: Camera
+    samples: int
+
+    def ready(self) -> Callable[[Any], Planes]:
+        """The function of a part, for a worker."""
+        return in_worker(self._made, self.renderer.variant, self.renderer.threads)
+
+    def _made(self, mi: Any) -> Callable[[Any], Planes]:
+        from relume.renderers.mitsuba.transport.estimator import Estimator
+
+        estimator = Estimator(self.scene, self.camera, self.renderer.depth)
+
+        def trace(part: int | SomePixels | Lit) -> Planes:
+            if isinstance(part, int):
+                return estimator.traced(self.samples, part)
+            if isinstance(part, Lit):
+                return estimator.lit(self.samples, part.seed)
+            return estimator.of_pixels(np.load(part.chosen)[part.begin : part.end], self.samples, part.seed)
+
+        return trace
+
+
+@dataclass(frozen=True)
+class SomePixels:
+    """Those from `begin` to `end` of the pixels that a pass traces, which lie in a file by their numbers."""
+
+    seed: int
+    chosen: Path
+    begin: int
+    end: int
+
+
+@dataclass(frozen=True)
+class Lit:
+    """What a pass follows from the light."""
+
+    seed: int
+
+
+class SpreadChange:
+    """The passes of a change by workers: whole ones ahead, and of those whose pixels are chosen a share each."""
+
+    def __init__(self, parts: Parts, still: Estimator, samples: int, seeds: Sequence[int]) -> None:
+        self.parts, self.still, self.samples = parts, still, samples
+        self.whole = WholePasses(parts, seeds)
+
+    def __call__(self, seed: int, chosen: np.ndarray | None = None) -> Planes:
+        """The planes of a pass."""
+        if chosen is None:
+            return self.whole(seed)
+        pixels = np.flatnonzero(chosen)
+        count = min(self.parts.workers, max(1, pixels.size * self.samples // FEWEST_RAYS))
+        bounds = [pixels.size * index // count for index in range(count + 1)]
+        file = self.parts.kept("chosen", pixels.astype(np.uint32))
+        shares: list[Any] = [SomePixels(seed, file, *each) for each in pairwise(bounds)]
+        lit = [Lit(seed)] if self.still.world.smooth and pixels.size else []
+        names = [f"share {index + 1} of {count} of a pass" for index in range(count)] + ["light of a pass"] * len(lit)
+        # In the order of the pixels, whoever was first.
+        made = [self.parts.taken(path) for path in self.parts.traced(shares + lit, names)]
+        planes = {name: np.concatenate([each[name] for each in made[:count]]) for name in made[0]}
+        whole = self.still.on_picture(pixels, planes)
+        from relume.renderers.mitsuba.transport.estimator import with_light
+
+        return with_light(whole, made[-1], chosen) if lit else whole
 
 
 def _spread_of(full: int, samples: int, camera: Camera) -> tuple[int, int, float]:

@@ -7,8 +7,8 @@ from __future__ import annotations
 
 import os
 import sys
-from collections.abc import Iterator
-from contextlib import contextmanager
+from collections.abc import Callable, Iterator
+from contextlib import ExitStack, contextmanager
 from dataclasses import dataclass
 from functools import lru_cache
 from math import isqrt
@@ -16,12 +16,14 @@ from typing import Any
 
 import numpy as np
 
+from relume.cluster.attempt import threads as worker_threads
 from relume.renderers.mitsuba.materials import filling
 from relume.renderers.mitsuba.scene import matte_dictionary, scene_dictionary, surfaces_dictionary
 from relume.renderers.mitsuba.variant import choose_variant
-from relume.renderers.progressive.accumulation import NO_SESSION, RenderSession, accumulate, pass_seed
+from relume.renderers.progressive.accumulation import NO_SESSION, Planes, RenderSession, accumulate, pass_seed
 from relume.renderers.progressive.convergence import Target, standard_error
 from relume.renderers.progressive.fingerprint import render_key
+from relume.renderers.progressive.pass_workers import WholePasses
 from relume.renderers.raytrace.alpha_coverage import coverage, is_pierced
 from relume.renderers.renderer import Renderer
 from relume.renderers.results import Progress, Render
@@ -90,14 +92,20 @@ class Mitsuba(PathTracing):
 
         watch : what goes on around it: a state kept on disk, previews
         """
-        with _mitsuba(self.variant, self.threads) as mi:
+        with _mitsuba(self.variant, self.threads) as mi, ExitStack() as stack:
             side = _side(camera, max(self.samples // PASSES, 1))
-            world = mi.load_dict(scene_dictionary(mi, scene, _finer(camera, side), media=True))
-            path = mi.load_dict(self._integrator(scene))
+            passes = self.passes or max(self.samples // side**2, 2)
             early = self.noise is not None and self.passes is None
+            # A pass by its seed: traced here, or by workers.
+            whole = PlainPasses(self, scene, camera, side)
+            if watch.workers is None:
+                trace = whole.made(mi)
+            else:
+                parts = stack.enter_context(watch.workers.sharing(whole))
+                trace = WholePasses(parts, [pass_seed(seed, index) for index in range(passes)])
             sums = accumulate(
-                lambda s: {"radiance": _cells_mean(_traced(mi, world, path, s), side)},
-                passes=self.passes or max(self.samples // side**2, 2),
+                trace,
+                passes=passes,
                 seed=seed,
                 target=Target(self.noise or 1, standard_error, confirmations=1) if early else None,
                 key=render_key(scene, camera, self, seed) if watch.checkpoint is not None else None,
@@ -119,6 +127,43 @@ class Mitsuba(PathTracing):
         if any(any(medium.scattering) for medium in media):
             return {"type": "volpathmis", "max_depth": self.depth + 1 + WALK, "rr_depth": FAIR}
         return {"type": "volpathmis", "max_depth": self.depth + 1, "rr_depth": 8}
+
+
+@dataclass(frozen=True, eq=False)
+class PlainPasses:
+    """Passes of a picture by `Mitsuba`, each a part by its seed.
+
+    side : cells along each side of a pixel, with a ray each
+    """
+
+    renderer: Mitsuba
+    scene: Scene
+    camera: Camera
+    side: int
+
+    def made(self, mi: Any) -> Callable[[int], Planes]:
+        """The function of a pass's seed, for where Mitsuba's variant is set."""
+        world = mi.load_dict(scene_dictionary(mi, self.scene, _finer(self.camera, self.side), media=True))
+        path = mi.load_dict(self.renderer._integrator(self.scene))
+        return lambda seed: {"radiance": _cells_mean(_traced(mi, world, path, seed), self.side)}
+
+    def ready(self) -> Callable[[int], Planes]:
+        """The same for a worker, which uses its share of the cores."""
+        return in_worker(self.made, self.renderer.variant, self.renderer.threads)
+
+
+def in_worker(
+    made: Callable[[Any], Callable[[Any], Planes]], variant: str | None, threads: int | None
+) -> Callable[[Any], Planes]:
+    """A function that `made` makes of Mitsuba, for a process where other work may set another variant in between."""
+    with _mitsuba(variant, threads or worker_threads()) as mi:
+        trace = made(mi)
+
+    def with_variant(part: Any) -> Planes:
+        with _mitsuba(variant, threads or worker_threads()):
+            return trace(part)
+
+    return with_variant
 
 
 def _side(camera: Camera, samples: int) -> int:

@@ -18,6 +18,7 @@ from relume.errors import Interrupted
 from relume.renderers.progressive.checkpoint import Checkpoint, read_checkpoint, remove_checkpoint, write_checkpoint
 from relume.renderers.progressive.convergence import Sums, Target
 from relume.renderers.progressive.graceful_shutdown import HardStop, StopFlag, interruptible
+from relume.renderers.progressive.pass_workers import PassWorkers
 from relume.renderers.results import Progress
 
 Planes = Mapping[str, np.ndarray]
@@ -40,6 +41,7 @@ class RenderSession:
     preview : shows what there is after 1, 2, 4, 8 … passes
     force : how the process is ended in the middle of a pass that takes too long after Ctrl-C; None for all but programs
         that own their process
+    workers : who traces the passes, for renderers that have some; None traces them here
     """
 
     checkpoint: Path | None = None
@@ -47,6 +49,7 @@ class RenderSession:
     seconds: float = 30.0
     preview: Preview | None = None
     force: HardStop | None = None
+    workers: PassWorkers | None = None
 
 
 NO_SESSION = RenderSession()

@@ -6,14 +6,17 @@ light that diffuse surfaces send to each other, and light that glass or mirrors 
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
 
+from relume.cluster.attempt import threads as worker_threads
 from relume.errors import UnsupportedScene, warn
 from relume.image.kernel import in_threads
 from relume.light.reflection.convolution import as_latlong
+from relume.renderers.progressive.pass_workers import PassWorkers
 from relume.renderers.raytrace.raycast import RayCaster
 from relume.renderers.raytrace.surface import Surfaces
 from relume.renderers.renderer import Renderer
@@ -142,8 +145,12 @@ class PreparedWhitted:
         seed: int = 0,
         progress: Progress | None = None,
         region: tuple[int, int, int, int] | None = None,
+        workers: PassWorkers | None = None,
     ) -> Render:
-        """One picture, or only the part of it from `region`'s left and top to its right and bottom, in pixels."""
+        """One picture, or only the part of it from `region`'s left and top to its right and bottom, in pixels.
+
+        workers : who traces bands of its rows; None traces them here
+        """
         if not isinstance(seed, int) or not 0 <= seed < 2**63:
             raise ValueError(f"seed is {seed}; expected a whole number from 0, below 2⁶³")
         left, top, right, bottom = region or (0, 0, camera.width, camera.height)
@@ -155,26 +162,13 @@ class PreparedWhitted:
         # The view, and what decides where pixels are halved: typical radiance, and small objects.
         self._look_from(camera, seed)
         reference, small = self._typical(camera, seed), self._small(camera)
-        done: list[int] = []
-        longest: list[int] = []
-
-        # Bands of rows, in threads.
-        def work(begin: int, end: int) -> tuple[np.ndarray, np.ndarray]:
-            def noting(points: np.ndarray) -> Traced:
-                results = self.traced(camera, points, seed)
-                longest.append(int(results[2].max(initial=0)))
-                return results
-
-            band = self._band(noting, (left, top + begin, right, top + end), small, reference)
-            done.append(end - begin)
-            if progress:
-                progress(sum(done) / (bottom - top))
-            return band
-
-        bands = in_threads(work, bottom - top, self.method.threads, chunk=max(BAND // (right - left), 1))
-        means, rays = (np.concatenate(part) for part in zip(*bands, strict=True))
-        if max(longest) >= MOST_RAYS:
-            warn(f"a tree grew to {max(longest)} rays and was cut; lower the depth or raise the contribution")
+        view = View(camera, (left, top, right, bottom), seed, small, reference)
+        if workers is None:
+            means, rays, longest = self.rows(view, 0, bottom - top, progress)
+        else:
+            means, rays, longest = _rows_by_workers(workers, SharedByRows(self.method, self.scene, view), progress)
+        if longest >= MOST_RAYS:
+            warn(f"a tree grew to {longest} rays and was cut; lower the depth or raise the contribution")
         hit = np.maximum(means[..., 4:5], 1e-30)
         # Perturbed normals leave noise, and nobody has measured it.
         variance = np.full((*rays.shape, 3), np.nan if np.any(self.tables[2].roughness) else 0.0, np.float32)
@@ -189,6 +183,36 @@ class PreparedWhitted:
             samples=max(round(float(rays.mean())), 1),
             rays=rays,
         )
+
+    def rows(
+        self, view: View, first: int, last: int, progress: Progress | None = None
+    ) -> tuple[np.ndarray, np.ndarray, int]:  # fmt: skip
+        """Rows of what is looked at: means (H, W, C) and rays (H, W) of their pixels, and the rays of the longest tree.
+
+        `first` and `last` count from the top of the region; the same for a row, whichever are asked for with it.
+        """
+        left, top, right, _ = view.region
+        done: list[int] = []
+        longest: list[int] = []
+
+        # Bands of rows, in threads.
+        def work(begin: int, end: int) -> tuple[np.ndarray, np.ndarray]:
+            def noting(points: np.ndarray) -> Traced:
+                results = self.traced(view.camera, points, view.seed)
+                longest.append(int(results[2].max(initial=0)))
+                return results
+
+            rows = (left, top + first + begin, right, top + first + end)
+            band = self._band(noting, rows, view.small, view.reference)
+            done.append(end - begin)
+            if progress:
+                progress(sum(done) / (last - first))
+            return band
+
+        threads = self.method.threads or worker_threads()
+        bands = in_threads(work, last - first, threads, chunk=view.rows_of_a_band)
+        means, rays = (np.concatenate(part) for part in zip(*bands, strict=True))
+        return means, rays, max(longest)
 
     def _band(
         self, trace: Tracer, region: tuple[int, int, int, int], small: Small, reference: float
@@ -277,6 +301,66 @@ class PreparedWhitted:
             shape = int(record.shape[0])
             met.append(shape if shape >= 0 and record.inside[0] and glass[shape] else -1)
         return [shape for shape in set(met) - {-1} if met.count(shape) >= 4]
+
+
+@dataclass(frozen=True, eq=False)
+class View:
+    """What of a scene is looked at.
+
+    region : left, top, right and bottom in pixels
+    small : objects that may slip between samples
+    reference : the share of typical radiance below which differences count less
+    """
+
+    camera: Camera
+    region: tuple[int, int, int, int]
+    seed: int
+    small: Small
+    reference: float
+
+    @property
+    def rows_of_a_band(self) -> int:
+        """How many rows a thread works on at once."""
+        return max(BAND // (self.region[2] - self.region[0]), 1)
+
+
+@dataclass(frozen=True, eq=False)
+class SharedByRows:
+    """What bands of rows share, for workers; each is a part, by its first row and the one after its last."""
+
+    method: Whitted
+    scene: Scene
+    view: View
+
+    def ready(self) -> Callable[[tuple[int, int]], dict[str, np.ndarray]]:
+        """The function of a band."""
+        prepared = self.method.prepared(self.scene)
+        _ = prepared.tables
+
+        def trace(rows: tuple[int, int]) -> dict[str, np.ndarray]:
+            means, rays, longest = prepared.rows(self.view, *rows)
+            return {"means": means, "rays": rays, "longest": np.array(longest)}
+
+        return trace
+
+
+def _rows_by_workers(
+    workers: PassWorkers, shared: SharedByRows, progress: Progress | None
+) -> tuple[np.ndarray, np.ndarray, int]:  # fmt: skip
+    """All rows of what is looked at, band by band from the top, whoever was first."""
+    _, top, _, bottom = shared.view.region
+    step = shared.view.rows_of_a_band
+    rows = [(begin, min(begin + step, bottom - top)) for begin in range(0, bottom - top, step)]
+
+    def counted(done: int, failed: int, to_go: int, left: float | None) -> None:
+        if progress:
+            progress((done + failed) / len(rows))
+
+    with workers.sharing(shared) as parts:
+        names = [f"rows {top + begin} to {top + end - 1}" for begin, end in rows]
+        bands = [parts.taken(file) for file in parts.traced(rows, names, counted)]
+    means, rays = (np.concatenate([band[name] for band in bands]) for name in ("means", "rays"))
+    return means, rays, max(int(band["longest"]) for band in bands)
 
 
 def view_of(camera: Camera) -> np.ndarray:

@@ -86,15 +86,35 @@ class Estimator:
         chosen : (H, W) bool, the pixels to trace; the planes are 0 elsewhere. All unless given
         """
         height, width = self.camera.height, self.camera.width
-        if chosen is not None and not chosen.any():
-            planes = {name: np.zeros((height, width, 3), np.float32) for name in ("objects", "difference", "taken")}
-            return planes | {"matte": np.zeros((height, width), np.float32)}
-        planes = self._over(samples, seed, self._traced, chosen)
-        if self.world.smooth:
-            count = max(width * height * samples // RAYS_OF_LIGHT, 1)
-            for name, light in self._lit(min(count, MOST_RAYS), seed).items():
-                planes[name] = planes[name] + (light if chosen is None else light * chosen[..., None])
+        pixels = np.arange(height * width) if chosen is None else np.flatnonzero(chosen)
+        planes = self.on_picture(pixels, self.of_pixels(pixels, samples, seed))
+        if self.world.smooth and pixels.size:
+            planes = with_light(planes, self.lit(samples, seed), chosen)
         return planes
+
+    def of_pixels(self, pixels: np.ndarray, samples: int, seed: int) -> Planes:
+        """The same planes of these pixels alone, (N, …), but for what is followed from the light."""
+        if not pixels.size:
+            planes = {name: np.zeros((0, 3), np.float32) for name in ("objects", "difference", "taken")}
+            return planes | {"matte": np.zeros(0, np.float32)}
+        return self._over(samples, seed, self._traced, pixels)
+
+    def on_picture(self, pixels: np.ndarray, planes: Planes) -> Planes:
+        """What `of_pixels` gave of these pixels, in order, in planes of the whole picture that are 0 elsewhere."""
+        height, width = self.camera.height, self.camera.width
+        whole: Planes = {}
+        for name, values in planes.items():
+            plane = values
+            if len(pixels) < height * width:
+                plane = np.zeros((height * width, *values.shape[1:]), np.float32)
+                plane[pixels] = values
+            whole[name] = plane.reshape(height, width, *values.shape[1:])
+        return whole
+
+    def lit(self, samples: int, seed: int) -> Planes:
+        """What a pass of so many samples a pixel follows from the light, for `with_light`; of the whole picture."""
+        count = max(self.camera.width * self.camera.height * samples // RAYS_OF_LIGHT, 1)
+        return self._lit(min(count, MOST_RAYS), seed)
 
     def _traced(self, numbers: Numbers) -> dict[str, Any]:
         world = self.world
@@ -128,7 +148,8 @@ class Estimator:
     def guides(self, samples: int, seed: int) -> Planes:
         """Depth, normal and albedo of what is seen first, the share of each pixel that shows anything, and a denoiser's
         guides: albedo and normal of the first thing that scatters light."""
-        return self._over(samples, seed, self._seen)
+        pixels = np.arange(self.camera.width * self.camera.height)
+        return self.on_picture(pixels, self._over(samples, seed, self._seen, pixels))
 
     def _seen(self, numbers: Numbers) -> dict[str, Any]:
         ray, added, real = self._primary(numbers)
@@ -144,20 +165,15 @@ class Estimator:
             "guide_albedo": behind_albedo, "guide_normal": behind_normal,
         }  # fmt: skip
 
-    def _over(
-        self, samples: int, seed: int, trace: Callable[[Numbers], dict[str, Any]], chosen: np.ndarray | None = None
-    ) -> Planes:
-        """The means over the samples of each pixel, 0 for those not chosen; so many pixels at once as memory allows."""
-        height, width = self.camera.height, self.camera.width
-        pixels = np.arange(height * width) if chosen is None else np.flatnonzero(chosen)
+    def _over(self, samples: int, seed: int, trace: Callable[[Numbers], dict[str, Any]], pixels: np.ndarray) -> Planes:
+        """The means over the samples of each of these pixels; so many pixels at once as memory allows."""
         most = max(1, BAND // samples)
-        planes: Planes = {}
+        bands: dict[str, list[np.ndarray]] = {}
         for first in range(0, len(pixels), most):
             these = pixels[first : first + most].astype(np.uint32)
             for name, means in self._summed(trace(Numbers(these, samples, seed)), samples).items():
-                plane = planes.setdefault(name, np.zeros((height * width, *means.shape[1:]), np.float32))
-                plane[these] = means
-        return {name: plane.reshape(height, width, *plane.shape[1:]) for name, plane in planes.items()}
+                bands.setdefault(name, []).append(np.asarray(means, np.float32))
+        return {name: np.concatenate(parts) if len(parts) > 1 else parts[0] for name, parts in bands.items()}
 
     def _primary(self, numbers: Numbers) -> tuple[Any, Any, Any]:
         """Rays from the camera, and what of the objects and of the real surfaces they meet first."""
@@ -228,6 +244,12 @@ class Estimator:
                 for channel in range(3):
                     planes[name][:, channel] += np.bincount(pixel[mine], light[channel][mine], height * width)
         return {name: plane.reshape(height, width, 3) for name, plane in planes.items()}
+
+
+def with_light(planes: Planes, light: Planes, chosen: np.ndarray | None) -> Planes:
+    """The planes of a pass with what was followed from the light, on the pixels that were chosen; None for all."""
+    lit = {name: added if chosen is None else added * chosen[..., None] for name, added in light.items()}
+    return planes | {name: planes[name] + added for name, added in lit.items()}
 
 
 def _built(shapes: tuple[Shape, ...]) -> Any:
