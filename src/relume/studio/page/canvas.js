@@ -1,9 +1,11 @@
 // The HDR canvas: a picture of floats, panned and enlarged, developed on the graphics card; nothing of the file changes.
 
-import { COLOURS, COMPARE, COPY, INSIDE, PLAIN, QUAD, TILE as SHOW } from "./shaders.js";
+import { Programs } from "./programs.js";
+import { COLOURS } from "./shaders.js";
 import { Source, texture, TILE } from "./source.js";
 
 /** @typedef {import("./source.js").LayerFacts} LayerFacts */
+/** @typedef {import("./programs.js").Linked} Linked */
 
 const LARGEST_ZOOM = 256;
 const INSIDE_WIDTH = 2048; // columns of a map from inside: finer than a screen shows of it
@@ -22,10 +24,7 @@ export class HdrCanvas {
     if (!gl) throw new Error("this browser has no WebGL 2, which the picture is drawn by; try Firefox, Chrome, Edge or Safari");
     if (!gl.getExtension("EXT_color_buffer_float")) throw new Error("this graphics card draws no floats; try another browser");
     this.gl = gl;
-    this.programs = {
-      show: program(gl, SHOW), plain: program(gl, PLAIN), copy: program(gl, COPY), compare: program(gl, COMPARE),
-      inside: program(gl, INSIDE),
-    };
+    this.programs = new Programs(gl);
     this.colours = this.colourTexture();
     /** @type {Source | null} */ this.one = null;
     /** @type {Source | null} */ this.other = null;
@@ -238,7 +237,7 @@ export class HdrCanvas {
     else if ((view.mode === "wipe" || view.mode === "difference") && this.other) this.drawCompared(this.one, this.other);
     else {
       const plain = !view.channel && !view.falseColour && !view.clipping && !view.marked;
-      const linked = plain ? this.programs.plain : this.programs.show;
+      const linked = this.program(plain ? "plain" : "show");
       gl.useProgram(linked.program);
       this.developing(linked);
       this.drawTiles(linked, this.one);
@@ -296,15 +295,16 @@ export class HdrCanvas {
   drawCompared(one, other) {
     const { gl, view } = this;
     if (!this.floats.length) this.floats = [this.floatBuffer(), this.floatBuffer()];
-    gl.useProgram(this.programs.copy.program);
+    const copy = this.programs.of("copy");
+    gl.useProgram(copy.program);
     for (const [source, target] of /** @type {[Source, typeof this.floats[0]][]} */ ([[one, this.floats[0]], [other, this.floats[1]]])) {
       gl.bindFramebuffer(gl.FRAMEBUFFER, target.buffer);
       gl.clearColor(0, 0, 0, -1);
       gl.clear(gl.COLOR_BUFFER_BIT);
-      this.drawTiles(this.programs.copy, source, source === other ? view.gain : 1);
+      this.drawTiles(copy, source, source === other ? view.gain : 1);
     }
     gl.bindFramebuffer(gl.FRAMEBUFFER, this.target);
-    const linked = this.programs.compare;
+    const linked = this.program("compare");
     gl.useProgram(linked.program);
     this.developing(linked);
     for (const [unit, name] of /** @type {[number, string][]} */ ([[0, "one"], [1, "other"]])) {
@@ -325,7 +325,7 @@ export class HdrCanvas {
       this.loadMap(source);
       return;
     }
-    const linked = this.programs.inside, { right, up, ahead } = this.axes();
+    const linked = this.program("inside"), { right, up, ahead } = this.axes();
     gl.useProgram(linked.program);
     this.developing(linked);
     gl.activeTexture(gl.TEXTURE0);
@@ -367,6 +367,11 @@ export class HdrCanvas {
     }
   }
 
+  /** What draws to where frames are drawn now. @param {import("./programs.js").Name} name */
+  program(name) {
+    return this.programs.of(name, this.target !== null);
+  }
+
   /** @param {Linked} linked */
   developing(linked) {
     const { gl, view } = this;
@@ -376,7 +381,7 @@ export class HdrCanvas {
     gl.uniform2f(linked.at("stops"), view.low, view.high);
     gl.uniform1i(linked.at("clipping"), view.clipping ? 1 : 0);
     gl.uniform1i(linked.at("marked"), view.marked ? 1 : 0);
-    for (const name of ["extended", "turned"]) gl.uniform1i(linked.at(name), this.target ? 1 : 0);
+    gl.uniform1i(linked.at("turned"), this.target ? 1 : 0);
     gl.activeTexture(gl.TEXTURE7);
     gl.bindTexture(gl.TEXTURE_2D, this.colours);
     gl.uniform1i(linked.at("colours"), 7);
@@ -414,29 +419,4 @@ export class HdrCanvas {
   get settled() {
     return !this.asked && !this.rough && !this.mapTiles && (this.one?.settled ?? true) && (this.other?.settled ?? true);
   }
-}
-
-/** @typedef {{program: WebGLProgram, at: (name: string) => WebGLUniformLocation | null}} Linked */
-
-/** @param {WebGL2RenderingContext} gl @param {string} fragment @returns {Linked} */
-function program(gl, fragment) {
-  const made = /** @type {WebGLProgram} */ (gl.createProgram());
-  for (const [kind, text] of /** @type {[number, string][]} */ ([[gl.VERTEX_SHADER, QUAD], [gl.FRAGMENT_SHADER, fragment]])) {
-    const shader = /** @type {WebGLShader} */ (gl.createShader(kind));
-    gl.shaderSource(shader, text);
-    gl.compileShader(shader);
-    gl.attachShader(made, shader);
-    if (!gl.getShaderParameter(shader, gl.COMPILE_STATUS)) throw new Error(`shader: ${gl.getShaderInfoLog(shader)}`);
-  }
-  gl.linkProgram(made);
-  if (!gl.getProgramParameter(made, gl.LINK_STATUS)) throw new Error(`shaders: ${gl.getProgramInfoLog(made)}`);
-  /** @type {Map<string, WebGLUniformLocation | null>} */
-  const places = new Map();
-  return {
-    program: made,
-    at(name) {
-      if (!places.has(name)) places.set(name, gl.getUniformLocation(made, name));
-      return places.get(name) ?? null;
-    },
-  };
 }

@@ -9,7 +9,6 @@ uniform bool falseColour;
 uniform vec2 stops;          // of false colour: log2 of the least and of the most
 uniform sampler2D colours;
 uniform bool clipping, marked;
-uniform bool extended;       // for a screen that shows more than white: sRGB's curve goes on beyond 1
 const vec3 LUMINANCE = vec3(0.2126, 0.7152, 0.0722);
 
 vec3 encoded(vec3 light) {   // sRGB, IEC 61966-2-1; its power by a polynomial in v^¼, a hundredth of a code off
@@ -17,8 +16,11 @@ vec3 encoded(vec3 light) {   // sRGB, IEC 61966-2-1; its power by a polynomial i
   vec3 t = sqrt(sqrt(v));
   vec3 power = (((0.0813283 * t - 0.3354975) * t + 1.1226783) * t + 0.1961370) * t - 0.0646117;
   vec3 shown = mix(12.92 * v, power, step(0.0031308, v));
-  if (!extended) return shown;
+#ifdef EXTENDED                // for a screen that shows more than white: sRGB's curve goes on beyond 1
   return mix(shown, 1.055 * pow(max(light, 1.0), vec3(1.0 / 2.4)) - 0.055, step(1.0, light));
+#else
+  return shown;
+#endif
 }
 bool hatched(float width) { return mod(gl_FragCoord.x + gl_FragCoord.y, 2.0 * width) < width; }
 
