@@ -21,6 +21,10 @@ LARGEST_HALF = 32768.0
 """To which a layer's brightest pixel is scaled at most where its tiles are half floats."""
 BAND = 32
 """Rows that are halved at once: they stay in a core's own cache."""
+RENDERED = "with"
+"""The layer of `layers.exr` whose variance stands beside it: the rendered scene with its objects."""
+RELATIVE_ERROR = "relative error"
+"""The layer that is made of a picture's variance; the page draws it over the picture."""
 STOPS_OF_HALVES = 26
 """Stops that halves keep to a tenth of a per cent and better: 29 above their smallest normal number, less the room
 between it and the darkest pixel."""
@@ -208,11 +212,14 @@ def open_picture(path: Path) -> OpenPicture:
         )  # fmt: skip
     name, others = _named(parts, image.radiance)
     layers = [Layer(name or "radiance", image.radiance, image.clipped)]
-    if image.variance is not None:
-        error = np.sqrt(image.variance) / np.maximum(np.abs(image.radiance), np.float32(1e-12))
-        layers.append(Layer("relative error", error.astype(np.float32)))
+    variance = image.variance
+    if variance is None and name == RENDERED and (found := parts.get("variance")) is not None:
+        variance = found if found.shape == image.radiance.shape else None
+    if variance is not None:
+        error = np.sqrt(variance) / np.maximum(np.abs(image.radiance), np.float32(1e-12))
+        layers.append(Layer(RELATIVE_ERROR, error.astype(np.float32)))
     return OpenPicture(
-        path.name, "radiance map", image.unit, _mapping_of(image), (*layers, *others), None, image.variance, notes
+        path.name, "radiance map", image.unit, _mapping_of(image), (*layers, *others), None, variance, notes
     )
 
 

@@ -85,11 +85,12 @@ export const COPY = tile("vec4(pixel.rgb * scale, pixel.a)", "precision highp fl
 export const COMPARE = `#version 300 es
 ${DEVELOP}
 uniform sampler2D one, other;
-uniform int mode;            // 1 wipe, 2 signed difference
+uniform int mode;            // 1 wipe, 2 signed difference, 3 the other is the relative error of the one
 uniform vec2 edge;           // of the wipe: its place, 0 to 1, and 0 where it is upright, 1 where it lies
 in vec2 at;
 out vec4 colour;
 const vec3 GROUND = vec3(0.07);
+const vec2 ERRORS = vec2(-9.965784, 0.0);   // log2 of the least and of the most that is shown: a thousandth, the whole
 void main() {
   vec4 a = texture(one, at), b = texture(other, at);
   if (mode == 1) {
@@ -98,6 +99,13 @@ void main() {
     colour = vec4(pixel.a < -0.5 ? GROUND : developed(pixel.rgb, pixel.a), 1.0);
   } else if (a.a < -0.5 || b.a < -0.5) {
     colour = vec4(GROUND, 1.0);
+  } else if (mode == 3) {
+    // The picture in grey, as far as its error leaves it: by false colour where there is one, of the channel that has most.
+    float error = max(b.r, max(b.g, b.b)), share = (log2(max(error, 1e-30)) - ERRORS.x) / (ERRORS.y - ERRORS.x);
+    vec3 grey = vec3(dot(developed(a.rgb, a.a), LUMINANCE));
+    bool unknown = any(isnan(b.rgb)) || any(isinf(b.rgb));
+    vec3 over = unknown ? vec3(hatched(4.0) ? 0.55 : 0.1) : texture(colours, vec2(clamp(share, 0.001, 0.999), 0.5)).rgb;
+    colour = vec4(mix(grey, over, unknown ? 1.0 : error > 0.0 ? 0.7 : 0.0), 1.0);
   } else {
     vec3 more = (a.rgb - b.rgb) * exposure;   // warm where the picture is brighter than the reference, blue where darker
     float d = dot(more, LUMINANCE);
