@@ -14,6 +14,7 @@ from typing import Any
 import numpy as np
 
 import relume as rl
+from relume.studio.words import in_the_page
 
 TILE = 512
 """Pixels along a tile: 2 MB in halves, small enough to arrive at once, large enough that few are asked for."""
@@ -201,7 +202,8 @@ def open_picture(path: Path) -> OpenPicture:
         image = rl.read_radiance(path) if rl.files.has_radiance(path) else rl.read(path)
         parts = rl.files.read_layers(path) if _has_parts(path) else {}
     # That parts are left out is said of what reads one picture; here all of them are layers.
-    notes = tuple(str(each.message) for each in caught if ": left out: the parts " not in str(each.message))
+    said = [str(each.message) for each in caught]
+    notes = tuple(in_the_page(line) for line in said if ": left out: the parts " not in line)
     if isinstance(image, rl.Photograph):
         white = np.float32(np.iinfo(image.pixels.dtype).max)
         linear = _from_srgb(image.pixels.astype(np.float32) / white)

@@ -21,6 +21,7 @@ from relume.studio.measuring import Box, differences, statistics, value_at, valu
 from relume.studio.pages import page_routes
 from relume.studio.pictures import Layer, OpenPicture
 from relume.studio.ray_trees import SceneTrees
+from relume.studio.words import in_the_page
 
 WATCHED_EVERY = 1.0
 """Seconds between looks at the files."""
@@ -145,7 +146,7 @@ def answered(endpoint: Callable[[Request], Response]) -> Callable[[Request], Res
         except LookupError:
             return JSONResponse({"error": "there is no such picture, layer, tile or pixel"}, 404, UNKEPT)
         except rl.RelumeError as error:
-            return JSONResponse({"error": " ".join(str(error).split())}, 422, UNKEPT)
+            return JSONResponse({"error": in_the_page(str(error))}, 422, UNKEPT)
         except HTTPException as error:
             return JSONResponse({"error": error.detail}, error.status_code, UNKEPT)
 

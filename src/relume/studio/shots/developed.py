@@ -13,6 +13,7 @@ from typing import Any
 import numpy as np
 
 import relume as rl
+from relume.studio.words import in_the_page
 
 TONES = ("exposure", "reinhard", "reinhard-local", "histogram", "human", "tumblin-rushmeier", "ferwerda", "pattanaik")
 GLARES = ("eye", "camera")
@@ -107,6 +108,6 @@ def developed(
         rl.develop_file(results / str(source), (results if keep else scratch) / way.name, settings)
     return {
         "path": way.name, "where": "results" if keep else "scratch",
-        "doubts": [" ".join(str(each.message).split()) for each in said],
+        "doubts": [in_the_page(str(each.message)) for each in said],
         "command": way.command(str(source), named, degrees), "python": way.python(str(source), named, degrees),
     }  # fmt: skip

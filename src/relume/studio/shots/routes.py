@@ -33,6 +33,7 @@ from relume.studio.shots.light_edits import cut_rectangle, cut_slice, edited_map
 from relume.studio.shots.material_balls import MaterialBalls
 from relume.studio.shots.objects import PlacedObjects
 from relume.studio.shots.photographs import Thumbnails, brackets
+from relume.studio.words import in_the_page
 
 LARGEST_MATTE = 64 * 1024**2
 """Bytes of a painted matte: as many as a plate of 60 megapixels may have."""
@@ -138,7 +139,7 @@ class Studio:
             found = unwrapped(path, rim, target)
         except rl.errors.BallNotFound as error:
             candidates = [[round(float(v), 1) for v in each] for each in error.candidates]
-            return JSONResponse({"error": " ".join(str(error).split()), "candidates": candidates}, 422, UNKEPT)
+            return JSONResponse({"error": in_the_page(str(error)), "candidates": candidates}, 422, UNKEPT)
         return in_json(found | {"number": self.library.add(target)})
 
     def board(self, _request: Request, body: dict[str, Any]) -> Response:

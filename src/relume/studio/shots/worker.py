@@ -16,6 +16,7 @@ import numpy as np
 import relume as rl
 from relume.studio.shots.cameras import camera_facts
 from relume.studio.shots.merging import merged_facts
+from relume.studio.words import in_the_page
 
 Report = Callable[[str, float], None]
 HOLD, GO_ON = "hold", "go on"
@@ -84,7 +85,7 @@ def _answer(pipe: Connection, kind: str, shot: Path, out: Path, scratch: Path) -
     except OSError as error:
         return ("failed", f"{error.filename or out}: {error.strerror or error}")
     except (rl.RelumeError, ValueError) as error:
-        return ("failed", " ".join(str(error).removeprefix(f"{shot}: ").split()))
+        return ("failed", in_the_page(str(error).removeprefix(f"{shot}: ")))
     except Exception as error:
         return ("failed", f"a fault of relume itself: {type(error).__name__}: {' '.join(str(error).split())[:300]}")
 
@@ -187,7 +188,7 @@ def _plate_size(shot: rl.Shot) -> tuple[int, int]:
 
 
 def _lines(doubts: Any) -> list[str]:
-    return [each.line for each in doubts]
+    return [in_the_page(each.line) for each in doubts]
 
 
 def _shown(value: object) -> str:
