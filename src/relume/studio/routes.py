@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import asyncio
+import time
 from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any
@@ -23,6 +24,8 @@ from relume.studio.pictures import Layer, OpenPicture
 from relume.studio.ray_trees import SceneTrees
 from relume.studio.words import in_the_page
 
+BEAT, ALIVE = 2.0, {"alive": True}
+"""Seconds between words that say no more than that the server is there: a page says so when they stay away."""
 WATCHED_EVERY = 1.0
 """Seconds between looks at the files."""
 UNKEPT = {"cache-control": "no-store"}
@@ -96,6 +99,7 @@ class Answers:
         """Says which files changed on disk, until the page is closed."""
         await socket.accept()
         ended = asyncio.create_task(closed(socket))
+        next_beat = 0.0
         seen = await run_in_threadpool(self.library.stamps)
         while not ended.done():
             await asyncio.wait([ended], timeout=WATCHED_EVERY)
@@ -104,6 +108,9 @@ class Answers:
                 if before != stamp and not ended.done():
                     await socket.send_json({"changed": number})
             seen = now
+            if time.monotonic() >= next_beat and not ended.done():
+                await socket.send_json(ALIVE)
+                next_beat = time.monotonic() + BEAT
 
     def _asked(self, request: Request) -> tuple[OpenPicture, Layer]:
         return self.library.layer(_whole(request, "number"), _number(request, "layer", 0))

@@ -544,6 +544,10 @@ json("/pictures").then(async ({ files, scene }) => {
   state.scene = scene ?? "";
   element("tree-part").hidden = !scene;
   list();
-  listenTo(changed, failed);
+  listenTo(changed, failed, async (line) => {
+    if (element("message").textContent === line) element("message").textContent = "";
+    state.coming.clear();
+    for (const number of [...state.facts.keys()]) await changed({ changed: number });
+  });
   await open(0);
 }).catch(failed);

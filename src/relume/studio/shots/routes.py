@@ -20,7 +20,7 @@ from starlette.websockets import WebSocket
 import relume as rl
 from relume.studio.library import Library
 from relume.studio.pages import page_routes
-from relume.studio.routes import UNKEPT, answered, closed, picture_routes
+from relume.studio.routes import ALIVE, BEAT, UNKEPT, answered, closed, picture_routes
 from relume.studio.shots.answers import in_json, taking_bytes, taking_json
 from relume.studio.shots.ball import unwrapped
 from relume.studio.shots.board import board_camera
@@ -288,7 +288,7 @@ class Studio:
         await socket.accept()
         ended, seen, job = asyncio.create_task(closed(socket)), None, None
         stamps: list[tuple[int, int]] = []
-        next_look = 0.0
+        next_look = next_beat = 0.0
         while not ended.done():
             # Now and then; at once when a job begins, has a picture, or ends.
             if time.monotonic() >= next_look or self.jobs.seen != job:
@@ -304,6 +304,9 @@ class Studio:
                     await socket.send_json({"state": await run_in_threadpool(self.state)})
                     seen = now
                 next_look = time.monotonic() + LOOKED_AT_EVERY
+            if time.monotonic() >= next_beat and not ended.done():
+                await socket.send_json(ALIVE)
+                next_beat = time.monotonic() + BEAT
             await asyncio.wait([ended], timeout=JOB_LOOKED_AT_EVERY)
 
 

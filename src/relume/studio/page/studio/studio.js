@@ -276,6 +276,22 @@ export class Studio {
     return files.length ? files[Math.floor((files.length - 1) * 0.7)] : "";
   }
 
+  /** Show everything as it is now, after what was not heard. @param {string} line that was said meanwhile */
+  async lookAgain(line) {
+    if (element("message").textContent === line) this.say("");
+    await this.attempt(async () => {
+      this.facts.clear();
+      const state = await json("/shot");
+      // Another server counts from its own beginning.
+      if (state.revision < this.state.revision) this.state.revision = -1;
+      this.take(state, true);
+      this.brackets = (await json("/brackets")).brackets;
+      this.rebuild();
+      const { shownPath, shownWhere, state: { results } } = this;
+      if (shownPath && (shownWhere !== "results" || results.includes(shownPath))) await this.show(shownPath, shownWhere);
+    });
+  }
+
   /** What the server says the shot is. @param {any} state @param {boolean} [anyway] */
   take(state, anyway = false) {
     const before = this.state;
@@ -543,5 +559,5 @@ studio.attempt(async () => {
       const { shownPath, shownWhere, state: { results } } = studio;
       if (changed === studio.number && (shownWhere !== "results" || results.includes(shownPath))) studio.show(shownPath, shownWhere);
     }
-  }, (line) => studio.say(line));
+  }, (line) => studio.say(line), (line) => studio.lookAgain(line));
 }).catch((error) => error instanceof Refused && studio.say(error));
