@@ -121,7 +121,8 @@ def test_a_websocket_without_the_token_is_refused_and_with_it_says_what_changed(
         status = files[1].stat()
         os.utime(files[1], ns=(status.st_atime_ns, status.st_mtime_ns + 10**9))
         assert (
-            next(each for each in iter(lambda: socket.recv(timeout=10), "") if "alive" not in each) == '{"changed":1}'
+            next(each for each in iter(lambda: socket.recv(timeout=10), "") if "alive" not in str(each))
+            == '{"changed":1}'
         )
         # The same pixels have the same address.
         assert server.json("/pictures/1")["layers"] == facts["layers"]

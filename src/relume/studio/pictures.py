@@ -128,6 +128,7 @@ class OpenPicture:
     variance : (H, W, 3) of the radiance, squared unit; None where unknown
     notes : what reading it warned of
     focal_length : of a photograph, pixels; None where unknown
+    noise : of a render that is not done, the relative error to be expected where objects change anything; None unknown
     """
 
     name: str
@@ -139,6 +140,7 @@ class OpenPicture:
     variance: np.ndarray | None = None
     notes: tuple[str, ...] = ()
     focal_length: float | None = None
+    noise: float | None = None
 
     @property
     def size(self) -> tuple[int, int]:
@@ -155,6 +157,7 @@ class OpenPicture:
             "size": self.size,
             "layers": [_facts_of(layer) for layer in self.layers],
             "notes": self.notes,
+            "noise": self.noise,
         }
 
 
@@ -221,8 +224,9 @@ def open_picture(path: Path) -> OpenPicture:
         error = np.sqrt(variance) / np.maximum(np.abs(image.radiance), np.float32(1e-12))
         layers.append(Layer(RELATIVE_ERROR, error.astype(np.float32)))
     return OpenPicture(
-        path.name, "radiance map", image.unit, _mapping_of(image), (*layers, *others), None, variance, notes
-    )
+        path.name, "radiance map", image.unit, _mapping_of(image), (*layers, *others), None, variance, notes,
+        noise=_noise_of(image),
+    )  # fmt: skip
 
 
 def _has_parts(path: Path) -> bool:
@@ -242,6 +246,15 @@ def _named(parts: Mapping[str, np.ndarray], first: np.ndarray) -> tuple[str, lis
         elif each not in ("variance", "clipped"):
             found.append(Layer(each or "picture", pixels))
     return name, found
+
+
+def _noise_of(image: rl.RadianceMap) -> float | None:
+    """What a preview of `insert` says of itself; None of another program's word."""
+    try:
+        found = float(image.attributes.get("noise", "nan"))
+    except ValueError:
+        return None
+    return found if 0 <= found < np.inf else None
 
 
 def _mapping_of(image: rl.RadianceMap) -> rl.mappings.Mapping | None:

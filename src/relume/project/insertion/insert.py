@@ -20,11 +20,19 @@ from relume.project.insertion.outcome import Inserted, require_folder, write_out
 from relume.project.insertion.photographs import calibrate, plate_size, read_photographs
 from relume.project.insertion.place import find_camera, find_place
 from relume.project.insertion.prepared import PreparedShot
-from relume.project.insertion.quick_look import SmallShot, quick, quick_renderer, rough_shot, small_shot
-from relume.project.insertion.render_change import Motion, Rendering, render_change
+from relume.project.insertion.quick_look import (
+    SmallShot,
+    look_about,
+    quick,
+    quick_renderer,
+    rough_shot,
+    small_shot,
+)
+from relume.project.insertion.render_change import AROUND, Motion, Rendering, render_change
 from relume.project.shot_file.objects import doubts_about, placed_meshes
 from relume.project.shot_file.shot import Shot
 from relume.project.stages import Progress, Stages, Steps
+from relume.renderers.mitsuba.differential import Differential
 from relume.renderers.progressive.graceful_shutdown import HardStop
 from relume.renderers.renderer import Renderer
 
@@ -41,6 +49,7 @@ def insert(
     restart: bool = False,
     force: Callable[[int, str], None] | None = None,
     preview: bool = False,
+    about: tuple[float, float] | None = None,
 ) -> Inserted:
     """Do the whole job and write composite.exr and .png, layers.exr, light.exr and response.json.
 
@@ -57,6 +66,8 @@ def insert(
     preview : a quick look instead: over a small copy of the plate with few rays, written to preview.exr and .png. What
         it finds in the photographs is kept for the job itself, and a second look takes a few seconds; it writes a rough
         picture first, and then says so as the step "first picture"
+    about : the place, shares of the picture's width and height, whose surroundings previews show first; the step
+        "around the pointer" says when. The result is the same
 
     `report.write_report` makes a page of the result. Raises RelumeError; nothing is written to `out` but kept stages
     and previews before everything is computed.
@@ -65,7 +76,7 @@ def insert(
     require_folder(out)
     steps = Steps(Stages(out / "stages", others), progress)
     if preview:
-        return _quick_look(shot, out, steps, renderer, threads)
+        return _quick_look(shot, out, steps, renderer, threads, about)
     with GatheredDoubts() as gathered:
         # Photographs → calibrated → place → change → composite.
         meshes = placed_meshes(shot)
@@ -78,7 +89,7 @@ def insert(
         calibrated = on_one_scale(shot, calibrated, fit.camera)
         place = find_place(shot, calibrated, fit, meshes, renderer, steps)
         development = development_of(shot, calibrated)
-        rendering = Rendering(renderer, threads, motion, restart, force and HardStop(force))
+        rendering = Rendering(renderer, threads, motion, restart, force and HardStop(force), about)
         change = render_change(shot, calibrated, place, meshes, development.film, steps, rendering)
         composite = composited(shot, calibrated, place, change, development, steps)
         # What the user should know.
@@ -95,7 +106,10 @@ def insert(
     return result
 
 
-def _quick_look(shot: Shot, out: Path, steps: Steps, renderer: Renderer | None, threads: int | None) -> Inserted:
+def _quick_look(
+    shot: Shot, out: Path, steps: Steps, renderer: Renderer | None, threads: int | None,
+    about: tuple[float, float] | None,
+) -> Inserted:  # fmt: skip
     """The same chain over a small copy of the plate, whose own stages are kept apart; over a smaller one before."""
     folder = steps.stages.folder / "preview"
     own = Steps(Stages(folder), steps.progress, steps.seconds, steps.kept)
@@ -117,8 +131,15 @@ def _quick_look(shot: Shot, out: Path, steps: Steps, renderer: Renderer | None, 
         # A rough picture at once, where an earlier look has found its place.
         if known:
             with GatheredDoubts():
-                write_picture(looked(rough, first), out, "preview")
+                roughly = looked(rough, first)
+                write_picture(roughly, out, "preview")
             steps.progress("first picture", 1.0)
+            # Then what is looked at, in the rough picture.
+            if about is not None:
+                chosen = renderer if isinstance(renderer, Differential) else quick_renderer(shot, threads)
+                with GatheredDoubts():
+                    look_about(shot, small, roughly.composite, about, meshes, chosen, own, out)
+                steps.progress(AROUND, 1.0)
         result = looked(small, own)
         doubts = doubts_about(meshes, result.camera, result.place.bare.local)
     with steps.timed("write"):

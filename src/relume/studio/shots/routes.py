@@ -200,7 +200,15 @@ class Studio:
         self.document.look()
         if self.document.fault is not None:
             raise ValueError(f"the shot is not finished: {self.document.fault}")
-        return in_json({"number": self.jobs.start(str(body.get("kind")), self.document.path, self.out)})
+        about = body.get("about")
+        if about is not None and not (
+            isinstance(about, list)
+            and len(about) == 2
+            and all(isinstance(v, int | float) and 0 <= v <= 1 for v in about)
+        ):
+            raise ValueError("about is a place, shares of the picture's width and height, 0 to 1")
+        place = None if about is None else (float(about[0]), float(about[1]))
+        return in_json({"number": self.jobs.start(str(body.get("kind")), self.document.path, self.out, place)})
 
     def stop(self, _request: Request, _body: dict[str, Any]) -> Response:
         """Stop the job that runs."""

@@ -104,9 +104,19 @@ export class Studio {
   start(kind) {
     return this.attempt(async () => {
       this.say("");
-      await post("/jobs/start", { kind });
+      await post("/jobs/start", { kind, about: this.lookedAt() });
     });
   }
+
+  /** Where the pointer is in the plate, for its surroundings to be rendered first: shares of its width and height; null elsewhere.
+   *  @returns {[number, number] | null} */
+  lookedAt() {
+    const ofPlate = this.shownPath === this.platePath || (this.shownWhere === "results" && /^(composite|preview)\./.test(this.shownPath));
+    if (!this.pointer || !this.size || !ofPlate) return null;
+    const [u, v] = this.canvas.toPicture(...this.pointer).map((each, i) => each / /** @type {[number, number]} */ (this.size)[i]);
+    return u >= 0 && u <= 1 && v >= 0 && v <= 1 ? [u, v] : null;
+  }
+  /** The pointer on the screen, while it is over the picture. @type {[number, number] | null} */ pointer = null;
 
   /** Hold the job, or let it go on. */
   pause() {
@@ -146,7 +156,8 @@ export class Studio {
       }
       if (turn !== this.turn) return;
       this.exposedFor = kind;
-      element("caption").textContent = path;
+      const { noise } = facts;
+      element("caption").textContent = path + (typeof noise === "number" ? `: noise ${plain(Number((100 * noise).toPrecision(2)))} %` : "");
       this.drawn();
     });
   }
@@ -453,8 +464,10 @@ picture.addEventListener("pointerdown", (event) => {
   const taken = !studio.canvas.isBeside && (studio.panes[studio.step]?.drag?.(event, "begin") ?? false);
   drag = { x, y, taken, from: [x, y] };
 });
+picture.addEventListener("pointerleave", () => (studio.pointer = null));
 picture.addEventListener("pointermove", (event) => {
   const [x, y] = screenPoint(event);
+  studio.pointer = [x, y];
   if (drag && studio.canvas.view.mode === "wipe") studio.canvas.set({ wipe: Math.min(Math.max(x / studio.canvas.width, 0), 1) });
   else if (drag?.taken) studio.panes[studio.step].drag?.(event, "move");
   else if (drag) {
