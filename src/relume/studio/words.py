@@ -33,7 +33,6 @@ OFFERED = (
     (r"; give it, --float-size \S+", "; write it as .exr"),
     (r"; to read it again give it, --float-size \S+", ""),
     (r"; give --float-order .*", "; write it as .exr"),
-    (r"; `relume convert --to latlong` makes one", ""),
 )  # fmt: skip
 """Each way in which a line names options, and what stands there in the page."""
 OPTION = re.compile(r"(?<![\w-])--[a-z][a-z-]*")
