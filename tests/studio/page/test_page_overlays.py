@@ -198,7 +198,13 @@ def test_the_studio_compares_side_by_side_shows_errors_and_prints_numbers(
             for x, y in ((10, 10), (96, 60), (150, 100)):
                 assert shown(page, side, x + 0.5, y + 0.5) == pytest.approx(encoded(2**stops * pixels[y, x]), abs=1.01)
         page.tab.mouse.move(*screen_at(page, 1, 10.5, 10.5))
-        page.until(lambda: "|" in page.text("#value"), "both values")
+        # At a place that nothing changes both are as bright as each other, as they are shown.
+        said = (
+            2**stops * made[10, 10] @ [0.2126, 0.7152, 0.0722],
+            2**stops * gain * plate[10, 10] @ [0.2126, 0.7152, 0.0722],
+        )
+        words = f"{abs(np.log2(said[1] / said[0])):.2f} stops"
+        page.until(lambda: "|" in page.text("#value") and words in page.text("#value"), "both values")
         # Numbers in enlarged pixels, of the file itself.
         page.tab.mouse.move(*screen_at(page, 0, 96.5, 60.5))
         for _ in range(6):
@@ -213,5 +219,6 @@ def test_the_studio_compares_side_by_side_shows_errors_and_prints_numbers(
         colours = page.tab.evaluate("() => [[5.5, 5.5], [96.5, 60.5]].map(([x, y]) => { const c = relume.canvas;"
                                     " return c.screenAt(...c.toScreen(x, y)).slice(0, 3); })")  # fmt: skip
         assert np.ptp(colours[0]) <= 1 and np.ptp(colours[1]) > 20
+        assert "U ends it" in page.text("#message")
         page.press("u")
-        assert page.tab.locator("#legend").is_hidden()
+        assert page.tab.locator("#legend").is_hidden() and page.text("#message") == ""

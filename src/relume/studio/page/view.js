@@ -232,7 +232,7 @@ async function read(x, y) {
         twin && json(`/pictures/${state.reference}/value?layer=${state.referenceLayer}&x=${twin[0]}&y=${twin[1]}`),
       ]);
       lastValue = v;
-      const beside = other ? [["beside", other.rgb.map(plain).join("  ")], ["", stopsBetween(v, other)]] : [];
+      const beside = other ? [["beside", other.rgb.map(plain).join("  ")], ["", stopsBetween(v, other, canvas.view.gain)]] : [];
       print(element("value"), [...linesOfValue(v, facts.unit, state.held), .../** @type {[string, string][]} */ (beside)]);
     } catch (error) {
       failed(error);

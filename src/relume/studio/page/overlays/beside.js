@@ -11,10 +11,11 @@ export function markTwin(canvas, cross, x, y) {
   cross.style.top = `${y / density}px`;
 }
 
-/** What a pixel of the other picture is beside the one's, in words: how many stops brighter. @param {any} own @param {any} other */
-export function stopsBetween(own, other) {
+/** What a pixel of the other picture is beside the one's, in words: how many stops brighter, as both are shown.
+ *  @param {any} own @param {any} other @param {number} gain that the other is shown by */
+export function stopsBetween(own, other, gain) {
   if (!(own?.luminance > 0 && other?.luminance > 0)) return "";
-  const stops = Math.log2(other.luminance / own.luminance);
+  const stops = Math.log2((gain * other.luminance) / own.luminance);
   return `${stops >= 0 ? "+" : "−"}${Math.abs(stops).toFixed(2)} stops`;
 }
 

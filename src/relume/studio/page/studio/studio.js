@@ -201,7 +201,10 @@ export class Studio {
   /** How uncertain each pixel is, drawn over the picture; or that ended. @param {boolean} [asked] whether it is said where nothing is
    *  known, and not only that the picture is another by now */
   async showErrors(asked = true) {
-    if (this.canvas.view.errors) return this.canvas.closeErrors();
+    if (this.canvas.view.errors) {
+      this.say("");
+      return this.canvas.closeErrors();
+    }
     return this.attempt(async () => {
       // What a render leaves of the composite's noise stands in its layers.
       const ofRender = this.shownWhere === "results" && /^composite\./.test(this.shownPath) && this.state.results.includes("layers.exr");
@@ -431,7 +434,7 @@ export class Studio {
           twin && json(`/pictures/${this.reference}/value?layer=0&x=${twin[0]}&y=${twin[1]}`)]);
         const sigma = v.sigma ? ` ± ${v.sigma.map(plain).join(" ")}` : "";
         element("value").textContent = `${i}, ${j}: ${v.rgb.map(plain).join("  ")}${sigma}${facts.unit === "cd/m²" ? " cd/m²" : ""}`
-          + (v.codes ? `  (${v.codes.join(" ")})` : "") + (other ? `  |  ${other.rgb.map(plain).join("  ")}, ${stopsBetween(v, other)}` : "");
+          + (v.codes ? `  (${v.codes.join(" ")})` : "") + (other ? `  |  ${other.rgb.map(plain).join("  ")}, ${stopsBetween(v, other, this.canvas.view.gain)}` : "");
       } catch { /* the picture went meanwhile */ }
     }
     this.reading = false;
