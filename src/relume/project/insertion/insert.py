@@ -138,7 +138,8 @@ def _quick_look(
             if about is not None:
                 chosen = renderer if isinstance(renderer, Differential) else quick_renderer(shot, threads)
                 with GatheredDoubts():
-                    look_about(shot, small, roughly.composite, about, meshes, chosen, own, out)
+                    place = find_place(shot, small.calibrated, small.fit, meshes, renderer, own)
+                    look_about(shot, small, place, roughly.composite, about, meshes, chosen, out)
                 steps.progress(AROUND, 1.0)
         result = looked(small, own)
         doubts = doubts_about(meshes, result.camera, result.place.bare.local)

@@ -19,7 +19,7 @@ from relume.image.resizing import cropped, resized
 from relume.project.insertion.agreement import on_one_scale
 from relume.project.insertion.composite import development_of
 from relume.project.insertion.photographs import Calibrated, calibrate, read_photographs
-from relume.project.insertion.place import find_camera, find_place
+from relume.project.insertion.place import Place, find_camera
 from relume.project.insertion.render_change import Previews, change_about
 from relume.project.shot_file.shot import Shot
 from relume.project.stages import Stages, Steps
@@ -86,18 +86,18 @@ def rough_shot(small: SmallShot) -> SmallShot:
 
 
 def look_about(
-    shot: Shot, small: SmallShot, rough: np.ndarray, about: tuple[float, float], meshes: Sequence[Mesh],
-    renderer: Differential, steps: Steps, out: Path,
+    shot: Shot, small: SmallShot, place: Place, rough: np.ndarray, about: tuple[float, float], meshes: Sequence[Mesh],
+    renderer: Differential, out: Path,
 ) -> None:  # fmt: skip
     """Write the previews with the small plate's own pixels about a place, and a rougher composite around them.
 
+    place : of the small plate
     rough : (h, w, 3) the composite of `rough_shot`
     about : shares of the picture's width and height
     """
     from relume.renderers.mitsuba.denoise import denoised
 
     calibrated, plate = small.calibrated, small.calibrated.plate
-    place = find_place(shot, calibrated, small.fit, meshes, renderer, steps)
     change, part = change_about(
         renderer, place.relit(shot).adding(*meshes), place.camera, plate.radiance, about, shot.render.seed
     )
