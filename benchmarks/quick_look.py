@@ -27,12 +27,13 @@ from serving import Server, serving
 ROOT = Path(__file__).resolve().parents[1]
 FLAGS = ["--enable-unsafe-swiftshader", "--no-sandbox", "--disable-background-networking"]
 MOVES = 8
-STEPS = ("edited", "started", "rendered", "first picture", "done", "whole look")
-"""What is waited for: the shot file is written, the worker begun, its first picture written, that picture shown; the
-worker done, its last picture shown."""
+STEPS = ("edited", "started", "rendered", "first picture", "around", "done", "whole look")
+"""What is waited for: the shot file is written, the worker begun, its first picture written, that picture shown; then
+what is about the pointer written; the worker done, its last picture shown."""
 WATCHED = """() => new Promise((done) => {
   const s = relume.studio, number = s.state.job.number, revision = s.state.revision, found = {};
   const live = document.getElementById("live");
+  let last = "";
   document.getElementById("picture").addEventListener("pointerup", () => {
     const begin = performance.now();
     const mark = (name) => (found[name] ??= (performance.now() - begin) / 1000);
@@ -43,12 +44,15 @@ WATCHED = """() => new Promise((done) => {
       if (mine && (job.steps ?? []).includes("first picture")) mark("rendered");
       const shown = live.hidden && s.shownPath === "preview.exr" && s.canvas.settled && "rendered" in found;
       if (shown) mark("first picture");
-      if (mine && job.status === "done") mark("done");
-      if (shown && "done" in found && s.facts.get(s.number)?.size[0] > found.width) {
+      if ((job.steps ?? []).includes("around the pointer") && mine) mark("around");
+      if (mine && job.status === "done" && !("done" in found)) {
+        mark("done");
+        fetch(`/pictures/${s.number}`).then((got) => got.json()).then((facts) => (last = facts.layers[0].digest));
+      }
+      if (shown && last && s.facts.get(s.number)?.layers[0].digest === last) {
         mark("whole look");
         return done(found);
       }
-      if (shown) found.width ??= s.facts.get(s.number)?.size[0];
       if (mine && job.status === "failed") return done({ error: job.error });
       if (performance.now() - begin > 60000) return done({ error: `only ${Object.keys(found)} came` });
       setTimeout(look, 5);

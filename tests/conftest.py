@@ -34,7 +34,13 @@ LONGEST = [
 ]
 # What `make quick` leaves out: what renders with Mitsuba, runs whole commands and shots, or takes more than 5 s.
 LONG = (
-    *("studio/test_*page.py", "studio/test_shot_server.py", "studio/test_ray_trees.py", "studio/test_studio_*.py"),
+    *(
+        "studio/page/*",
+        "studio/test_*page.py",
+        "studio/test_shot_server.py",
+        "studio/test_ray_trees.py",
+        "studio/test_studio_*.py",
+    ),
     *(
         "cli/*",
         "export/*",

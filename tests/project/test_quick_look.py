@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import shutil
 from dataclasses import replace
 from pathlib import Path
 
@@ -17,7 +18,8 @@ from relume.project.insertion import insert as inserting
 from relume.project.insertion import quick_look
 from relume.project.insertion.photographs import Calibrated
 from relume.project.insertion.quick_look import _made_from, _smaller
-from relume.project.shot_file.shot import read_shot
+from relume.project.insertion.render_change import AROUND_PIXELS, _part_about
+from relume.project.shot_file.shot import Shot, read_shot
 from relume.project.stages import packed, unpacked
 from relume.renderers.progressive.fingerprint import fingerprint
 from relume.scene.cameras.camera import Camera
@@ -142,6 +144,86 @@ def test_a_second_look_begins_with_a_rough_picture(shot, monkeypatch):
     means = last.reshape(24, 2, 32, 2, 3).mean((1, 3))
     assert np.abs(first - means).mean() < 0.05 * means.mean()
     assert read_radiance(out / "preview.exr").size == (64, 48)
+
+
+def test_what_is_looked_at_comes_first_and_the_look_stays_the_same_to_the_bit(shot, monkeypatch):
+    monkeypatch.setattr(quick_look, "PIXELS", 3000)
+    out, plain, begun = shot.parent / "out", shot.parent / "plain", []
+    inserting.insert(read_shot(shot), out, preview=True, about=(0.5, 0.5), progress=lambda step, _: begun.append(step))
+    assert "around the pointer" not in begun  # a first look has no rough picture to lay it in
+    shutil.copytree(out, plain)
+    shot.write_text(SHOT.replace("[render]", "translate = [-0.2, 0, 0]\n[render]"))
+    written: dict[str, np.ndarray] = {}
+
+    def progress(step: str, share: float) -> None:
+        if step in ("first picture", "around the pointer"):
+            written[step] = read_radiance(out / "preview.exr").radiance
+
+    found, sought = inserting.find_place, []
+    monkeypatch.setattr(inserting, "find_place", lambda *given: (sought.append(given[4]), found(*given))[1])
+    last = inserting.insert(read_shot(shot), out, preview=True, about=(0.5, 0.6), progress=progress).composite
+    assert sought == [None] * 3  # alike each time: what one keeps the next takes, and none takes a minute again
+    assert list(written) == ["first picture", "around the pointer"]
+    rough, around = (np.repeat(np.repeat(written["first picture"], 2, 0), 2, 1), written["around the pointer"])
+    assert around.shape == last.shape == (48, 64, 3)
+    # About the place the small plate's own pixels, elsewhere the rough picture's.
+    part = np.zeros((48, 64), bool)
+    part[20:37, 21:43] = True  # 0.35 of each side about (32, 28.8)
+    changed = np.any(around != rough, axis=-1)
+    assert not changed[~part].any() and changed[part].mean() > 0.9
+    assert np.abs(around - last)[part].mean() < 0.3 * np.abs(rough - last)[part].mean()
+    # The look itself is the one without.
+    without = inserting.insert(read_shot(shot), plain, preview=True)
+    assert np.array_equal(without.composite, last)
+    assert (plain / "preview.png").read_bytes() == (out / "preview.png").read_bytes()
+
+
+def test_a_render_shows_what_is_looked_at_first_says_its_noise_and_stays_the_same_to_the_bit(shot):
+    found = read_shot(shot)
+    plain = inserting.insert(found, shot.parent / "plain").composite
+
+    def watched(shot: Shot, out: Path, about: tuple[float, float] | None):
+        """The result and, by what was said last, every preview with its noise and its variance."""
+        shown = dict[str, tuple[np.ndarray, str | None, np.ndarray | None]]()
+
+        def progress(step: str, share: float) -> None:
+            if (out / "preview.exr").exists():
+                picture = read_radiance(out / "preview.exr")
+                shown[f"{step} {share:.2f}"] = picture.radiance, picture.attributes.get("noise"), picture.variance
+
+        return inserting.insert(shot, out, about=about, progress=progress), shown
+
+    out = shot.parent / "out"
+    result, shown = watched(found, out, (0.5, 0.5))
+    assert np.array_equal(result.composite, plain)
+    assert not (out / "preview.exr").exists()
+    # First the plate with what the objects change about the place.
+    first, noise, _ = next(iter(shown.values()))
+    assert next(iter(shown)) == "around the pointer 1.00" and noise is None
+    changed = np.any(first != result.plate.radiance, axis=-1)
+    rows, columns = (np.flatnonzero(changed.any(axis)) for axis in (1, 0))
+    assert changed.any() and np.ptp(rows) < 0.36 * 146 and np.ptp(columns) < 0.36 * 193
+    # Then the whole, with the noise that is left once the passes' scatter says it, less and less of it.
+    said = [float(noise) for _, noise, _ in shown.values() if noise is not None]
+    assert len(set(said)) >= 2 and said == sorted(said, reverse=True) and 0 < said[-1] < 0.5
+    last, noise, variance = list(shown.values())[-1]
+    assert variance is not None and noise == f"{said[-1]:.3g}"
+    # That is the mean error to be expected: of another seed's picture this one differs by √2 of it.
+    shot.write_text(SHOT.replace("samples = 32", "samples = 32\nseed = 7"))
+    other = list(watched(read_shot(shot), shot.parent / "other", None)[1].values())[-1][0]
+    where = np.any(np.abs(last - result.plate.radiance) > 0.001, axis=-1)
+    there = np.abs(last - other)[where].mean() / np.sqrt(2) / last[where].mean()
+    assert 0.5 * said[-1] < there < 2 * said[-1]
+
+
+@pytest.mark.parametrize("about, part", [
+    ((0.0, 0.0), (0, 35, 0, 70)), ((1.0, 1.0), (65, 100, 130, 200)), ((0.5, 0.5), (32, 67, 65, 135)),
+])  # fmt: skip
+def test_the_part_about_a_place_lies_within_the_picture(about, part):
+    rows, columns = _part_about(200, 100, about)
+    assert (rows.start, rows.stop, columns.start, columns.stop) == part
+    rows, columns = _part_about(6000, 4000, about)  # of a large one no more than is traced in half a second
+    assert 0.9 * AROUND_PIXELS < (rows.stop - rows.start) * (columns.stop - columns.start) < 1.1 * AROUND_PIXELS
 
 
 def test_a_quick_look_is_of_one_picture(shot, capsys):

@@ -237,15 +237,21 @@ def test_brackets_of_one_folder_have_names_of_their_own(tmp_path: Path):
 def test_two_windows_see_each_others_edits_and_the_later_of_two_is_refused(server: Server, folder: Path):
     from websockets.sync.client import connect
 
+    def heard(window: Any) -> Any:
+        """The next words that are more than that the server is there."""
+        while "state" not in (said := json.loads(window.recv(timeout=10))):
+            assert said == {"alive": True}
+        return said
+
     own = {"Origin": f"http://127.0.0.1:{server.port}", **server.cookie}
     address = f"ws://127.0.0.1:{server.port}/events"
     with connect(address, additional_headers=own) as one, connect(address, additional_headers=own) as other:
-        begun = [json.loads(window.recv(timeout=10))["state"]["revision"] for window in (one, other)]
+        begun = [heard(window)["state"]["revision"] for window in (one, other)]
         assert begun[0] == begun[1]
         changes = [{"set": ["render", "samples"], "value": 9}]
         assert server.post("/shot/edit", {"revision": begun[0], "changes": changes})[0] == 200
         for window in (one, other):
-            state = json.loads(window.recv(timeout=10))["state"]
+            state = heard(window)["state"]
             assert (state["revision"], state["table"]["render"]["samples"]) == (begun[0] + 1, 9)
         status, answer = server.post("/shot/edit", {"revision": begun[1], "changes": changes})
         assert status == 409 and answer["error"].startswith("shot.toml was changed meanwhile")
@@ -253,7 +259,7 @@ def test_two_windows_see_each_others_edits_and_the_later_of_two_is_refused(serve
         text = (folder / "shot.toml").read_text(encoding="utf-8").replace("samples = 9", "samples = 10")
         (folder / "shot.toml").write_text(text, encoding="utf-8")
         for window in (one, other):
-            assert json.loads(window.recv(timeout=10))["state"]["table"]["render"]["samples"] == 10
+            assert heard(window)["state"]["table"]["render"]["samples"] == 10
         assert server.post("/shot/undo", {"by": 1000})[0] == 200
     assert (folder / "shot.toml").read_text(encoding="utf-8") == TEXT
 

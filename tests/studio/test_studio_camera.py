@@ -197,6 +197,6 @@ def test_the_wipe_shows_the_composite_on_one_side_and_the_plate_on_the_other(pag
     red = page.shown(x + 0.5, y + 0.5)
     assert red == pytest.approx(encoded(np.repeat(composite[y, x, 0], 3)), abs=1.5)
     page.press("c", "v")
-    assert "false colour from" in page.text("#message")
+    page.until(lambda: page.tab.locator("#legend").is_visible(), "the scale of false colour")
     page.press("v")
     assert page.shown(x + 0.5, y + 0.5) == pytest.approx(encoded(composite[y, x]), abs=1.5)

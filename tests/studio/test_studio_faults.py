@@ -1,4 +1,4 @@
-"""The studio when things break: its server killed while a job runs, uploads that never end."""
+"""The studio when things break: its server killed while a job runs, uploads that never end, a laptop that sleeps."""
 
 from __future__ import annotations
 
@@ -7,7 +7,9 @@ import http.client
 import os
 import signal
 import time
-from collections.abc import Callable
+import tomllib
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
@@ -15,6 +17,7 @@ import numpy as np
 import pytest
 
 import relume as rl
+from browsing import Tab, encoded
 from serving import Server, serving, started
 from small_shot import TEXT, write_small_shot
 
@@ -142,3 +145,114 @@ def _runs(process: int) -> bool:
         return Path(f"/proc/{process}/stat").read_text().rsplit(")", 1)[1].split()[0] != "Z"
     except OSError:
         return False
+
+
+# A closed laptop: the page, its connection or the server sleeps, and afterwards the page is at the truth again.
+
+CONNECTIONS = """
+const Plain = WebSocket;
+window.sockets = [];
+window.down = false;
+window.WebSocket = function (address) {
+  const made = new Plain(window.down ? address.replace("/events", "/nowhere") : address);
+  window.sockets.push(made);
+  return made;
+};
+Object.assign(window.WebSocket, { OPEN: 1 });
+"""
+
+
+@contextmanager
+def window(browser: Any, server: Server) -> Iterator[Tab]:
+    """A window of its own, whose connection a test may cut."""
+    context = browser.new_context()
+    context.add_init_script(CONNECTIONS)
+    tab = Tab(context.new_page())
+    tab.tab.set_default_timeout(120_000)
+    try:
+        tab.tab.goto(server.address)
+        tab.settle()
+        tab.until(lambda: tab.tab.evaluate("() => sockets.length && sockets[0].readyState === 1"), "the connection")
+        yield tab
+    finally:
+        context.close()
+
+
+def is_at_the_truth(page: Tab, shot: Path) -> bool:
+    """Whether the page holds what the file and the pictures hold now, and says nothing more."""
+    rays = page.tab.evaluate("() => relume.studio.state.table.render?.samples")
+    return rays == tomllib.loads(shot.read_text("utf-8"))["render"]["samples"] and page.text("#message") == ""
+
+
+def write_plate(shot: Path, value: float) -> None:
+    rl.write(shot.parent / "plate.exr", rl.RadianceMap(np.full((128, 192, 3), value, np.float32)))
+
+
+def middle(page: Tab) -> float:
+    """What the picture shows in its middle, at the exposure of the file."""
+    page.tab.evaluate("() => relume.canvas.set({ stops: 0 })")
+    return page.shown(96.5, 64.5)[0]
+
+
+def test_a_window_whose_connection_was_lost_for_long_is_at_the_truth_again(browser: Any, tmp_path: Path):
+    shot = write_small_shot(tmp_path / "shot")
+    with serving([shot], "studio") as server, window(browser, server) as page:
+        page.tab.evaluate("() => relume.studio.show('plate.exr')")
+        page.settle()
+        page.tab.evaluate("() => { window.down = true; sockets.at(-1).close(); }")
+        page.until(lambda: "relume has ended" in page.text("#message"), "the line")
+        # Meanwhile: the shot and the picture that is shown are others, by others.
+        assert edit(server, ["render", "samples"], 99) == 200
+        write_plate(shot, 0.8)
+        page.until(lambda: page.tab.evaluate("() => sockets.length") >= 3, "two tries in vain")
+        assert page.tab.evaluate("() => relume.studio.state.table.render.samples") == 8
+        assert "relume has ended" in page.text("#message")
+        page.tab.evaluate("() => { window.down = false; }")
+        page.until(lambda: is_at_the_truth(page, shot), "the truth")
+        page.settle()
+        page.until(lambda: abs(middle(page) - encoded([0.8])[0]) < 2, "the picture as it is now")
+        # And it hears again, once of each thing.
+        assert edit(server, ["render", "samples"], 77) == 200
+        page.until(lambda: is_at_the_truth(page, shot), "the next edit")
+        assert page.tab.evaluate("() => sockets.filter((each) => each.readyState === 1).length") == 1
+
+
+def test_a_window_says_that_its_server_sleeps_and_what_was_done_meanwhile_is_done_after(browser: Any, tmp_path: Path):
+    shot = write_small_shot(tmp_path / "shot")
+    with serving([shot], "studio") as server, window(browser, server) as page:
+        os.kill(server.process.pid, signal.SIGSTOP)
+        try:
+            page.until(lambda: "does not answer now" in page.text("#message"), "the line")
+            # An act of the page, and one of an editor.
+            page.tab.evaluate("() => { relume.studio.edit([{ set: ['render', 'seed'], value: 5 }]); }")
+            text = shot.read_text("utf-8")
+            assert "seed" not in text
+        finally:
+            os.kill(server.process.pid, signal.SIGCONT)
+        page.until(lambda: page.text("#message") == "", "the line's end")
+        page.settle()
+        assert "seed = 5" in shot.read_text("utf-8")
+        shot.write_text(shot.read_text("utf-8").replace("samples = 8", "samples = 12"), "utf-8")
+        page.until(lambda: is_at_the_truth(page, shot), "the truth")
+        assert page.tab.evaluate("() => relume.studio.state.table.render.seed") == 5
+
+
+def test_a_window_that_slept_looks_again_at_everything_and_says_nothing(browser: Any, tmp_path: Path):
+    shot = write_small_shot(tmp_path / "shot")
+    with serving([shot], "studio") as server, window(browser, server) as page:
+        page.tab.evaluate(
+            "() => { window.said = []; new MutationObserver(() => said.push(document.getElementById('message')"
+            ".textContent)).observe(document.getElementById('message'), { childList: true });"
+            " window.looked = 0; const plain = relume.studio.lookAgain.bind(relume.studio);"
+            " relume.studio.lookAgain = (line) => { looked++; return plain(line); }; }"
+        )
+        session = page.tab.context.new_cdp_session(page.tab)
+        session.send("Debugger.enable")
+        session.send("Debugger.pause")  # its script stands still, as of a page that sleeps
+        page.tab.wait_for_timeout(10)
+        assert edit(server, ["render", "samples"], 99) == 200
+        time.sleep(10)  # longer than the silence that is said
+        session.send("Debugger.disable")
+        page.until(lambda: is_at_the_truth(page, shot), "the truth")
+        page.until(lambda: page.tab.evaluate("() => looked") >= 1, "another look")
+        assert not any("relume" in line for line in page.tab.evaluate("() => said"))

@@ -14,7 +14,7 @@ import relume as rl
 from relume.studio.pictures import TILE, Layer, halved
 
 PAGE = Path(__file__).parent / "page"
-MODULES = ("shaders.js", "source.js", "measured.js", "canvas.js", "notebook.js")
+MODULES = ("shaders.js", "programs.js", "source.js", "measured.js", "canvas.js", "notebook.js")
 """Each after those it imports."""
 LARGEST_SIDE = 1024
 """Pixels kept along the longer side: about 6 MB in a notebook."""

@@ -14,6 +14,7 @@ from typing import Any
 import numpy as np
 
 import relume as rl
+from relume.studio.words import in_the_page
 
 TILE = 512
 """Pixels along a tile: 2 MB in halves, small enough to arrive at once, large enough that few are asked for."""
@@ -21,6 +22,10 @@ LARGEST_HALF = 32768.0
 """To which a layer's brightest pixel is scaled at most where its tiles are half floats."""
 BAND = 32
 """Rows that are halved at once: they stay in a core's own cache."""
+RENDERED = "with"
+"""The layer of `layers.exr` whose variance stands beside it: the rendered scene with its objects."""
+RELATIVE_ERROR = "relative error"
+"""The layer that is made of a picture's variance; the page draws it over the picture."""
 STOPS_OF_HALVES = 26
 """Stops that halves keep to a tenth of a per cent and better: 29 above their smallest normal number, less the room
 between it and the darkest pixel."""
@@ -123,6 +128,7 @@ class OpenPicture:
     variance : (H, W, 3) of the radiance, squared unit; None where unknown
     notes : what reading it warned of
     focal_length : of a photograph, pixels; None where unknown
+    noise : of a render that is not done, the relative error to be expected where objects change anything; None unknown
     """
 
     name: str
@@ -134,6 +140,7 @@ class OpenPicture:
     variance: np.ndarray | None = None
     notes: tuple[str, ...] = ()
     focal_length: float | None = None
+    noise: float | None = None
 
     @property
     def size(self) -> tuple[int, int]:
@@ -150,6 +157,7 @@ class OpenPicture:
             "size": self.size,
             "layers": [_facts_of(layer) for layer in self.layers],
             "notes": self.notes,
+            "noise": self.noise,
         }
 
 
@@ -197,7 +205,8 @@ def open_picture(path: Path) -> OpenPicture:
         image = rl.read_radiance(path) if rl.files.has_radiance(path) else rl.read(path)
         parts = rl.files.read_layers(path) if _has_parts(path) else {}
     # That parts are left out is said of what reads one picture; here all of them are layers.
-    notes = tuple(str(each.message) for each in caught if ": left out: the parts " not in str(each.message))
+    said = [str(each.message) for each in caught]
+    notes = tuple(in_the_page(line) for line in said if ": left out: the parts " not in line)
     if isinstance(image, rl.Photograph):
         white = np.float32(np.iinfo(image.pixels.dtype).max)
         linear = _from_srgb(image.pixels.astype(np.float32) / white)
@@ -208,12 +217,16 @@ def open_picture(path: Path) -> OpenPicture:
         )  # fmt: skip
     name, others = _named(parts, image.radiance)
     layers = [Layer(name or "radiance", image.radiance, image.clipped)]
-    if image.variance is not None:
-        error = np.sqrt(image.variance) / np.maximum(np.abs(image.radiance), np.float32(1e-12))
-        layers.append(Layer("relative error", error.astype(np.float32)))
+    variance = image.variance
+    if variance is None and name == RENDERED and (found := parts.get("variance")) is not None:
+        variance = found if found.shape == image.radiance.shape else None
+    if variance is not None:
+        error = np.sqrt(variance) / np.maximum(np.abs(image.radiance), np.float32(1e-12))
+        layers.append(Layer(RELATIVE_ERROR, error.astype(np.float32)))
     return OpenPicture(
-        path.name, "radiance map", image.unit, _mapping_of(image), (*layers, *others), None, image.variance, notes
-    )
+        path.name, "radiance map", image.unit, _mapping_of(image), (*layers, *others), None, variance, notes,
+        noise=_noise_of(image),
+    )  # fmt: skip
 
 
 def _has_parts(path: Path) -> bool:
@@ -233,6 +246,15 @@ def _named(parts: Mapping[str, np.ndarray], first: np.ndarray) -> tuple[str, lis
         elif each not in ("variance", "clipped"):
             found.append(Layer(each or "picture", pixels))
     return name, found
+
+
+def _noise_of(image: rl.RadianceMap) -> float | None:
+    """What a preview of `insert` says of itself; None of another program's word."""
+    try:
+        found = float(image.attributes.get("noise", "nan"))
+    except ValueError:
+        return None
+    return found if 0 <= found < np.inf else None
 
 
 def _mapping_of(image: rl.RadianceMap) -> rl.mappings.Mapping | None:

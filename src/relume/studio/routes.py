@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import asyncio
+import time
 from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any
@@ -21,7 +22,10 @@ from relume.studio.measuring import Box, differences, statistics, value_at, valu
 from relume.studio.pages import page_routes
 from relume.studio.pictures import Layer, OpenPicture
 from relume.studio.ray_trees import SceneTrees
+from relume.studio.words import in_the_page
 
+BEAT, ALIVE = 2.0, {"alive": True}
+"""Seconds between words that say no more than that the server is there: a page says so when they stay away."""
 WATCHED_EVERY = 1.0
 """Seconds between looks at the files."""
 UNKEPT = {"cache-control": "no-store"}
@@ -95,6 +99,7 @@ class Answers:
         """Says which files changed on disk, until the page is closed."""
         await socket.accept()
         ended = asyncio.create_task(closed(socket))
+        next_beat = 0.0
         seen = await run_in_threadpool(self.library.stamps)
         while not ended.done():
             await asyncio.wait([ended], timeout=WATCHED_EVERY)
@@ -103,6 +108,9 @@ class Answers:
                 if before != stamp and not ended.done():
                     await socket.send_json({"changed": number})
             seen = now
+            if time.monotonic() >= next_beat and not ended.done():
+                await socket.send_json(ALIVE)
+                next_beat = time.monotonic() + BEAT
 
     def _asked(self, request: Request) -> tuple[OpenPicture, Layer]:
         return self.library.layer(_whole(request, "number"), _number(request, "layer", 0))
@@ -145,7 +153,7 @@ def answered(endpoint: Callable[[Request], Response]) -> Callable[[Request], Res
         except LookupError:
             return JSONResponse({"error": "there is no such picture, layer, tile or pixel"}, 404, UNKEPT)
         except rl.RelumeError as error:
-            return JSONResponse({"error": " ".join(str(error).split())}, 422, UNKEPT)
+            return JSONResponse({"error": in_the_page(str(error))}, 422, UNKEPT)
         except HTTPException as error:
             return JSONResponse({"error": error.detail}, error.status_code, UNKEPT)
 

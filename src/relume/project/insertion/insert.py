@@ -25,8 +25,15 @@ from relume.project.insertion.outcome import Inserted, require_folder, write_out
 from relume.project.insertion.photographs import calibrate, plate_size, read_photographs
 from relume.project.insertion.place import find_camera, find_place
 from relume.project.insertion.prepared import PreparedShot
-from relume.project.insertion.quick_look import SmallShot, quick, quick_renderer, rough_shot, small_shot
-from relume.project.insertion.render_change import Motion, Rendering, render_change
+from relume.project.insertion.quick_look import (
+    SmallShot,
+    look_about,
+    quick,
+    quick_renderer,
+    rough_shot,
+    small_shot,
+)
+from relume.project.insertion.render_change import AROUND, Motion, Rendering, render_change
 from relume.project.shot_file.objects import doubts_about, placed_meshes
 from relume.project.shot_file.shot import Shot
 from relume.project.stages import Progress, Stages, Steps
@@ -54,6 +61,7 @@ def insert(
     force: Callable[[int, str], None] | None = None,
     preview: bool = False,
     cluster: str | os.PathLike[str] | Client | Cluster | None = None,
+    about: tuple[float, float] | None = None,
 ) -> Inserted:
     """Do the whole job and write composite.exr and .png, layers.exr, light.exr and response.json.
 
@@ -72,6 +80,8 @@ def insert(
         picture first, and then says so as the step "first picture"
     cluster : workers that trace the passes, as `run_tasks` takes them, or the parts of a large plate; all else is done
         here. All see `out` by the same path. The bits are those of one process; None renders here
+    about : the place, shares of the picture's width and height, whose surroundings previews show first; the step
+        "around the pointer" says when. The result is the same
 
     `report.write_report` makes a page of the result. Raises RelumeError; nothing is written to `out` but kept stages
     and previews before everything is computed.
@@ -82,7 +92,7 @@ def insert(
     if cluster is not None:
         _check_spread(renderer, motion, preview)
     if preview:
-        return _quick_look(shot, out, steps, renderer, threads)
+        return _quick_look(shot, out, steps, renderer, threads, about)
     with GatheredDoubts() as gathered, ExitStack() as stack:
         # Photographs → calibrated → place → change → composite.
         meshes = placed_meshes(shot)
@@ -101,7 +111,7 @@ def insert(
         calibrated = on_one_scale(shot, calibrated, fit.camera)
         place = find_place(shot, calibrated, fit, meshes, renderer, steps)
         development = development_of(shot, calibrated)
-        rendering = Rendering(renderer, threads, motion, restart, force and HardStop(force), workers)
+        rendering = Rendering(renderer, threads, motion, restart, force and HardStop(force), workers, about)
         change = render_change(shot, calibrated, place, meshes, development.film, steps, rendering)
         composite = composited(shot, calibrated, place, change, development, steps)
         # What the user should know.
@@ -130,7 +140,10 @@ def _check_spread(renderer: Renderer | None, motion: Motion | None, preview: boo
         raise ValueError(f"cluster: {what}; leave it out")
 
 
-def _quick_look(shot: Shot, out: Path, steps: Steps, renderer: Renderer | None, threads: int | None) -> Inserted:
+def _quick_look(
+    shot: Shot, out: Path, steps: Steps, renderer: Renderer | None, threads: int | None,
+    about: tuple[float, float] | None,
+) -> Inserted:  # fmt: skip
     """The same chain over a small copy of the plate, whose own stages are kept apart; over a smaller one before."""
     folder = steps.stages.folder / "preview"
     own = Steps(Stages(folder), steps.progress, steps.seconds, steps.kept)
@@ -152,8 +165,16 @@ def _quick_look(shot: Shot, out: Path, steps: Steps, renderer: Renderer | None, 
         # A rough picture at once, where an earlier look has found its place.
         if known:
             with GatheredDoubts():
-                write_picture(looked(rough, first), out, "preview")
+                roughly = looked(rough, first)
+                write_picture(roughly, out, "preview")
             steps.progress("first picture", 1.0)
+            # Then what is looked at, in the rough picture.
+            if about is not None:
+                chosen = renderer if isinstance(renderer, Differential) else quick_renderer(shot, threads)
+                with GatheredDoubts():
+                    place = find_place(shot, small.calibrated, small.fit, meshes, renderer, own)
+                    look_about(shot, small, place, roughly.composite, about, meshes, chosen, out)
+                steps.progress(AROUND, 1.0)
         result = looked(small, own)
         doubts = doubts_about(meshes, result.camera, result.place.bare.local)
     with steps.timed("write"):

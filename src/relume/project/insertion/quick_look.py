@@ -6,9 +6,10 @@ small copy is kept, so that a second look, after an object was moved, reads no p
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 from math import sqrt
+from pathlib import Path
 
 import numpy as np
 
@@ -16,12 +17,15 @@ from relume.image.photograph import Photograph
 from relume.image.radiance import RadianceMap
 from relume.image.resizing import cropped, resized
 from relume.project.insertion.agreement import on_one_scale
+from relume.project.insertion.composite import development_of
 from relume.project.insertion.photographs import Calibrated, calibrate, read_photographs
-from relume.project.insertion.place import find_camera
+from relume.project.insertion.place import Place, find_camera
+from relume.project.insertion.render_change import Previews, change_about
 from relume.project.shot_file.shot import Shot
 from relume.project.stages import Stages, Steps
 from relume.renderers.mitsuba.differential import Differential
 from relume.scene.cameras.fit import CameraFit
+from relume.scene.shapes.shapes import Mesh
 
 PIXELS = 140_000
 """Of the small plate, about 460 × 305: large enough to see where a thing stands and how it is lit."""
@@ -79,6 +83,33 @@ def quick_renderer(shot: Shot, threads: int | None) -> Differential:
 def rough_shot(small: SmallShot) -> SmallShot:
     """The same still smaller: what it shows comes in a second, and is worth as much."""
     return _smaller(small.calibrated, small.fit, ROUGHER)
+
+
+def look_about(
+    shot: Shot, small: SmallShot, place: Place, rough: np.ndarray, about: tuple[float, float], meshes: Sequence[Mesh],
+    renderer: Differential, out: Path,
+) -> None:  # fmt: skip
+    """Write the previews with the small plate's own pixels about a place, and a rougher composite around them.
+
+    place : of the small plate
+    rough : (h, w, 3) the composite of `rough_shot`
+    about : shares of the picture's width and height
+    """
+    from relume.renderers.mitsuba.denoise import denoised
+
+    calibrated, plate = small.calibrated, small.calibrated.plate
+    change, part = change_about(
+        renderer, place.relit(shot).adding(*meshes), place.camera, plate.radiance, about, shot.render.seed
+    )
+    real = place.recovered
+    change = denoised(change, plate.radiance[part], None if real is None else real.textured[part], True)
+    # Each rough pixel as large as it is; what is left of the plate at the ends is like the last.
+    rows, columns = (
+        np.minimum(np.arange(many) // ROUGHER, few - 1)
+        for many, few in zip(plate.radiance.shape[:2], rough.shape[:2], strict=True)
+    )
+    around = RadianceMap(rough[np.ix_(rows, columns)], unit=plate.unit)
+    Previews(out, plate, development_of(shot, calibrated).film).of_part(change, part, around)
 
 
 def _made_from(shot: Shot) -> list[object]:

@@ -19,18 +19,25 @@ from relume.project.shot_file.shot import Shot
 from relume.project.stages import Steps
 from relume.renderers.mitsuba.differential import Differential
 from relume.renderers.progressive.accumulation import RenderSession, forget
-from relume.renderers.progressive.convergence import Sums
+from relume.renderers.progressive.convergence import LEAST, ChangeError, Sums
 from relume.renderers.progressive.fingerprint import fingerprint, without_threads
 from relume.renderers.progressive.graceful_shutdown import HardStop
 from relume.renderers.progressive.pass_workers import PassWorkers
 from relume.renderers.renderer import Moments, Renderer
 from relume.renderers.results import Change
+from relume.scene.cameras.camera import Camera
 from relume.scene.motion.keyframes import Shutter
 from relume.scene.scene import Scene
 from relume.scene.shapes.shapes import Mesh
 from relume.virtual_camera.developing import develop
 from relume.virtual_camera.film.film import Film
 
+AROUND = "around the pointer"
+"""The step that says that previews show the surroundings of a place."""
+AROUND_SHARE, AROUND_PIXELS, AROUND_RAYS = 0.35, 60_000, 16
+"""Of each side of the picture that is shown first about a place, its pixels at most, and their rays: half a second."""
+NOISE = "noise"
+"""The attribute of preview.exr that holds the relative error to be expected where objects change anything."""
 MOMENTS = 33
 """Moments of the exposure whose shots identify a kept render where something moves."""
 
@@ -64,6 +71,8 @@ class Rendering:
     restart : discard the saved state of an interrupted render
     force : how a first Ctrl-C is answered in time, for programs that own their process
     workers : who traces the passes of a still; None for this process
+    about : the place whose surroundings the previews show first, shares of the picture's width and height from its left
+        and top; None for none. It costs those rays once more
     """
 
     renderer: Renderer | None = None
@@ -72,6 +81,7 @@ class Rendering:
     restart: bool = False
     force: HardStop | None = None
     workers: PassWorkers | None = None
+    about: tuple[float, float] | None = None
 
 
 def render_change(
@@ -134,6 +144,11 @@ def render_change(
             )  # fmt: skip
             return finish((slice(None), slice(None)))(change)
 
+        # What is looked at first, for the previews alone.
+        if rendering.about is not None and table.preview and isinstance(renderer, Differential) and motion is None:
+            first, part = change_about(renderer, scene, place.camera, plate.radiance, rendering.about, table.seed)
+            previews.of_part(finish(part)(first), part, plate)
+            steps.progress(AROUND, 1.0)
         # Render, from the saved state where it is of this render.
         try:
             change = trace(watch)
@@ -181,6 +196,32 @@ class Finishing:
         return denoised(change, self.plate, self.textured, self.quick)
 
 
+def change_about(
+    renderer: Differential, scene: Scene, camera: Camera, plate: np.ndarray, about: tuple[float, float], seed: int
+) -> tuple[Change, tuple[slice, slice]]:  # fmt: skip
+    """What the objects change about a place, with few rays, and which rows and columns of the picture that is.
+
+    plate : (H, W, 3) what is seen without them
+    about : shares of the picture's width and height
+    """
+    part = _part_about(camera.width, camera.height, about)
+    rows, columns = part
+    seen = camera.window(columns.start, rows.start, columns.stop - columns.start, rows.stop - rows.start)
+    few = replace(renderer, samples=min(AROUND_RAYS, renderer.samples), noise=None, quick=True)
+    return few.change(scene, seen, seed=seed, plate=plate[part]), part
+
+
+def _part_about(width: int, height: int, about: tuple[float, float]) -> tuple[slice, slice]:
+    """Rows and columns about a place, AROUND_SHARE of each side and AROUND_PIXELS at most, all within the picture."""
+    share = min(AROUND_SHARE, (AROUND_PIXELS / (width * height)) ** 0.5)
+    found = []
+    for side, place in ((height, about[1]), (width, about[0])):
+        length = max(1, round(share * side))
+        start = min(max(round(place * side - length / 2), 0), side - length)
+        found.append(slice(start, start + length))
+    return found[0], found[1]
+
+
 def _scene_at(place: Place, shot: Shot) -> Scene:
     return place.relit(shot).adding(*placed_meshes(shot))
 
@@ -199,7 +240,7 @@ class Previews:
     film: Film
 
     def __call__(self, sums: Sums) -> None:
-        """Write them, of a render that is smaller than the plate at its own size.
+        """Write them, of a render that is smaller than the plate at its own size, with the noise that is left.
 
         A full disk costs the preview, with a warning, and not the render.
         """
@@ -212,9 +253,23 @@ class Previews:
             )
             plate = plate[np.ix_(rows, columns)]
         composite = np.asarray(plate * (1 - matte[..., None]) + difference + objects, np.float32)
+        # A single pass has no scatter, and few are off by more than half.
+        variance, said = None, {}
+        if sums.passes >= LEAST:
+            variance = np.asarray(sums.variance("objects") + sums.variance("difference"), np.float32)
+            said = {NOISE: f"{ChangeError(plate)(sums):.3g}"}
+        self._write(RadianceMap(composite, variance, None, self.plate.unit, said))
+
+    def of_part(self, change: Change, part: tuple[slice, slice], around: RadianceMap) -> None:
+        """Write them, of what the objects change in a part of the picture, its rows and columns, and what is around."""
+        shown = around.radiance.copy()
+        shown[part] = self.plate.radiance[part] * (1 - change.matte[..., None]) + change.difference + change.objects
+        self._write(RadianceMap(shown, unit=self.plate.unit))
+
+    def _write(self, picture: RadianceMap) -> None:
         try:
-            files.write(self.folder / "preview.exr", RadianceMap(composite, unit=self.plate.unit))
-            files.write(self.folder / "preview.png", develop(composite, self.film))
+            files.write(self.folder / "preview.exr", picture)
+            files.write(self.folder / "preview.png", develop(picture.radiance, self.film))
         except OutputNotWritten as error:
             warn(f"no preview: {error}")
 

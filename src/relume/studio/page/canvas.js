@@ -1,16 +1,19 @@
 // The HDR canvas: a picture of floats, panned and enlarged, developed on the graphics card; nothing of the file changes.
 
-import { COLOURS, COMPARE, COPY, INSIDE, PLAIN, QUAD, TILE as SHOW } from "./shaders.js";
+import { Programs } from "./programs.js";
+import { COLOURS } from "./shaders.js";
 import { Source, texture, TILE } from "./source.js";
 
 /** @typedef {import("./source.js").LayerFacts} LayerFacts */
+/** @typedef {import("./programs.js").Linked} Linked */
 
 const LARGEST_ZOOM = 256;
 const INSIDE_WIDTH = 2048; // columns of a map from inside: finer than a screen shows of it
 const SLOW = 24, MOVING = 150; // milliseconds: a frame that lasts longer is rough, while others follow within the second
+const GAP = 2; // pixels of the screen between two pictures side by side
 const ROUGH_PIXELS = 400_000; // of a rough frame, about; a processor that draws by software takes 10 ms for them
 
-/** @typedef {"picture" | "wipe" | "difference" | "inside"} Mode */
+/** @typedef {"picture" | "wipe" | "beside" | "difference" | "inside"} Mode */
 
 export class HdrCanvas {
   /** @param {HTMLCanvasElement} canvas @param {() => void} drawn called after every frame @param {(e: Error) => void} failed */
@@ -22,18 +25,16 @@ export class HdrCanvas {
     if (!gl) throw new Error("this browser has no WebGL 2, which the picture is drawn by; try Firefox, Chrome, Edge or Safari");
     if (!gl.getExtension("EXT_color_buffer_float")) throw new Error("this graphics card draws no floats; try another browser");
     this.gl = gl;
-    this.programs = {
-      show: program(gl, SHOW), plain: program(gl, PLAIN), copy: program(gl, COPY), compare: program(gl, COMPARE),
-      inside: program(gl, INSIDE),
-    };
+    this.programs = new Programs(gl);
     this.colours = this.colourTexture();
     /** @type {Source | null} */ this.one = null;
     /** @type {Source | null} */ this.other = null;
+    /** The relative error of each pixel of the picture, where that is known and wanted. @type {Source | null} */ this.errors = null;
     /** @type {WebGLTexture | null} */ this.map = null;
     this.mapScale = 1;
     this.mapTiles = 0; // that are still to come
     this.view = {
-      x: 0, y: 0, zoom: 1, stops: 0, channel: 0, falseColour: false, low: -10, high: 10, clipping: false, marked: false,
+      x: 0, y: 0, zoom: 1, stops: 0, channel: 0, falseColour: false, low: -10, high: 10, clipping: false, marked: false, errors: false,
       /** @type {Mode} */ mode: "picture", wipe: 0.5, wipeLies: false, gain: 1, yaw: 0, pitch: 0, field: Math.PI / 2,
     };
     /** @type {{texture: WebGLTexture, buffer: WebGLFramebuffer}[]} */ this.floats = [];
@@ -57,6 +58,7 @@ export class HdrCanvas {
     const before = reference ? this.other : this.one;
     if (before && before.layer.digest === layer.digest) return;
     before?.close();
+    if (!reference) this.closeErrors();
     const source = new Source(this.gl, layer, fetched, () => this.draw(), this.failed);
     if (reference) this.other = source;
     else {
@@ -70,7 +72,23 @@ export class HdrCanvas {
   closeReference() {
     this.other?.close();
     this.other = null;
-    if (this.view.mode === "wipe" || this.view.mode === "difference") this.view.mode = "picture";
+    if (this.view.mode !== "inside") this.view.mode = "picture";
+    this.draw();
+  }
+
+  /** Draw the picture's errors over it, which stays for the next picture where that has them. @param {LayerFacts} layer @param {import("./source.js").Fetched} fetched */
+  openErrors(layer, fetched) {
+    if (this.errors?.layer.digest !== layer.digest) {
+      this.errors?.close();
+      this.errors = new Source(this.gl, layer, fetched, () => this.draw(), this.failed);
+    }
+    this.set({ errors: true });
+  }
+
+  closeErrors() {
+    this.errors?.close();
+    this.errors = null;
+    this.view.errors = false;
     this.draw();
   }
 
@@ -100,16 +118,43 @@ export class HdrCanvas {
 
   // Where things are. Screen coordinates are pixels of the screen, from its left and top.
 
+  /** How wide the picture's part of the screen is: a half, where another one is beside it. */
+  get across() {
+    return this.isBeside ? Math.max(1, Math.floor((this.width - GAP) / 2)) : this.width;
+  }
+
+  get isBeside() {
+    return this.view.mode === "beside" && this.other !== null;
+  }
+
+  /** Where the picture to the right begins, as a screen's column. */
+  get right() {
+    return this.width - this.across;
+  }
+
+  /** A column of the screen as one of the picture's own part: both show the same place there. @param {number} x */
+  within(x) {
+    return this.isBeside && x >= this.right ? x - this.right : x;
+  }
+
+  /** How many pixels of the picture one of another has as its side, where both show the same; 1 where they do not.
+   *  @param {Source} source */
+  ratio(source) {
+    if (!this.one || source === this.one) return 1;
+    const [[w, h], [a, b]] = [this.one.layer.sizes[0], source.layer.sizes[0]], found = w / a;
+    return Math.abs(found * b - h) <= Math.max(1, found) ? found : 1;
+  }
+
   /** @param {number} x @param {number} y */
   toPicture(x, y) {
     const { view } = this;
-    return [view.x + (x - this.width / 2) / view.zoom, view.y + (y - this.height / 2) / view.zoom];
+    return [view.x + (this.within(x) - this.across / 2) / view.zoom, view.y + (y - this.height / 2) / view.zoom];
   }
 
   /** @param {number} x @param {number} y */
   toScreen(x, y) {
     const { view } = this;
-    return [(x - view.x) * view.zoom + this.width / 2, (y - view.y) * view.zoom + this.height / 2];
+    return [(x - view.x) * view.zoom + this.across / 2, (y - view.y) * view.zoom + this.height / 2];
   }
 
   /** The unit vector of the world that a screen point shows of a map from inside. @param {number} x @param {number} y */
@@ -143,7 +188,7 @@ export class HdrCanvas {
   fit() {
     if (!this.one) return;
     const [width, height] = this.one.layer.sizes[0];
-    const zoom = Math.min(this.width / width, this.height / height, LARGEST_ZOOM);
+    const zoom = Math.min(this.across / width, this.height / height, LARGEST_ZOOM);
     this.set({ x: width / 2, y: height / 2, zoom, yaw: 0, pitch: 0, field: Math.PI / 2 });
   }
 
@@ -155,10 +200,10 @@ export class HdrCanvas {
     }
     if (!this.one) return;
     const [width, height] = this.one.layer.sizes[0];
-    const least = Math.min(1, this.width / width, this.height / height) / 4;
+    const least = Math.min(1, this.across / width, this.height / height) / 4;
     const zoom = Math.min(Math.max(this.view.zoom * factor, least), LARGEST_ZOOM);
     const [a, b] = this.toPicture(x, y);
-    this.set({ zoom, x: a - (x - this.width / 2) / zoom, y: b - (y - this.height / 2) / zoom });
+    this.set({ zoom, x: a - (this.within(x) - this.across / 2) / zoom, y: b - (y - this.height / 2) / zoom });
   }
 
   /** By pixels of the screen. @param {number} right @param {number} down */
@@ -235,22 +280,43 @@ export class HdrCanvas {
     gl.clear(gl.COLOR_BUFFER_BIT);
     if (!this.one) return;
     if (view.mode === "inside") this.drawInside();
-    else if ((view.mode === "wipe" || view.mode === "difference") && this.other) this.drawCompared(this.one, this.other);
-    else {
-      const plain = !view.channel && !view.falseColour && !view.clipping && !view.marked;
-      const linked = plain ? this.programs.plain : this.programs.show;
-      gl.useProgram(linked.program);
-      this.developing(linked);
-      this.drawTiles(linked, this.one);
-    }
+    else if ((view.mode === "wipe" || view.mode === "difference") && this.other) this.drawCompared(this.one, this.other, view.mode);
+    else if (this.isBeside) this.drawBeside(this.one, /** @type {Source} */ (this.other));
+    else if (view.errors && this.errors) this.drawCompared(this.one, this.errors, "errors");
+    else this.drawPicture(this.one);
+  }
+
+  /** @param {Source} source @param {number} [gain] */
+  drawPicture(source, gain = 1) {
+    const { view } = this, plain = !view.channel && !view.falseColour && !view.clipping && !view.marked;
+    const linked = this.program(plain ? "plain" : "show");
+    this.gl.useProgram(linked.program);
+    this.developing(linked);
+    this.drawTiles(linked, source, gain);
+  }
+
+  /** Two pictures at the same place of each, by the same exposure. @param {Source} one @param {Source} other */
+  drawBeside(one, other) {
+    const { gl } = this, { width, height } = this.canvas, finer = width / this.width;
+    const across = Math.round(this.across * finer);
+    gl.viewport(0, 0, across, height);
+    this.drawPicture(one);
+    gl.viewport(width - across, 0, across, height);
+    this.drawPicture(other, this.view.gain);
+    gl.viewport(0, 0, width, height);
+    gl.enable(gl.SCISSOR_TEST);
+    gl.scissor(across, 0, width - 2 * across, height);
+    gl.clearColor(0.35, 0.36, 0.38, 1);
+    gl.clear(gl.COLOR_BUFFER_BIT);
+    gl.disable(gl.SCISSOR_TEST);
   }
 
   /** @param {Linked} linked @param {Source} source @param {number} [gain] */
   drawTiles(linked, source, gain = 1) {
     const { gl } = this, { sizes } = source.layer, scale = gain * source.layer.scale;
-    const wanted = source.level(this.view.zoom);
-    const [width, height] = sizes[0];
-    const [left, top] = this.toPicture(0, 0), [right, bottom] = this.toPicture(this.width, this.height);
+    const ratio = this.ratio(source), wanted = source.level(this.view.zoom * ratio);
+    const [width, height] = sizes[0].map((each) => each * ratio); // in pixels of the picture
+    const [left, top] = this.toPicture(0, 0), right = left + this.across / this.view.zoom, bottom = top + this.height / this.view.zoom;
     gl.uniform1f(linked.at("scale"), scale);
     gl.uniform1i(linked.at("tile"), 0);
     gl.activeTexture(gl.TEXTURE0);
@@ -282,8 +348,8 @@ export class HdrCanvas {
         );
         gl.bindTexture(gl.TEXTURE_2D, tile.texture);
         gl.uniform4f(
-          linked.at("place"), (2 * x0) / this.width - 1, 1 - (2 * y1) / this.height,
-          (2 * x1) / this.width - 1, 1 - (2 * y0) / this.height,
+          linked.at("place"), (2 * x0) / this.across - 1, 1 - (2 * y1) / this.height,
+          (2 * x1) / this.across - 1, 1 - (2 * y0) / this.height,
         );
         gl.uniform4f(linked.at("part"), 0, 1, 1, 0); // row 0 is at the top
         gl.drawArrays(gl.TRIANGLE_STRIP, 0, 4);
@@ -292,19 +358,20 @@ export class HdrCanvas {
     source.end();
   }
 
-  /** @param {Source} one @param {Source} other */
-  drawCompared(one, other) {
+  /** @param {Source} one @param {Source} other @param {"wipe" | "difference" | "errors"} mode */
+  drawCompared(one, other, mode) {
     const { gl, view } = this;
     if (!this.floats.length) this.floats = [this.floatBuffer(), this.floatBuffer()];
-    gl.useProgram(this.programs.copy.program);
+    const copy = this.programs.of("copy");
+    gl.useProgram(copy.program);
     for (const [source, target] of /** @type {[Source, typeof this.floats[0]][]} */ ([[one, this.floats[0]], [other, this.floats[1]]])) {
       gl.bindFramebuffer(gl.FRAMEBUFFER, target.buffer);
       gl.clearColor(0, 0, 0, -1);
       gl.clear(gl.COLOR_BUFFER_BIT);
-      this.drawTiles(this.programs.copy, source, source === other ? view.gain : 1);
+      this.drawTiles(copy, source, source === other && mode !== "errors" ? view.gain : 1);
     }
     gl.bindFramebuffer(gl.FRAMEBUFFER, this.target);
-    const linked = this.programs.compare;
+    const linked = this.program("compare");
     gl.useProgram(linked.program);
     this.developing(linked);
     for (const [unit, name] of /** @type {[number, string][]} */ ([[0, "one"], [1, "other"]])) {
@@ -312,7 +379,7 @@ export class HdrCanvas {
       gl.bindTexture(gl.TEXTURE_2D, this.floats[unit].texture);
       gl.uniform1i(linked.at(name), unit);
     }
-    gl.uniform1i(linked.at("mode"), view.mode === "wipe" ? 1 : 2);
+    gl.uniform1i(linked.at("mode"), { wipe: 1, difference: 2, errors: 3 }[mode]);
     gl.uniform2f(linked.at("edge"), view.wipe, view.wipeLies ? 1 : 0);
     gl.uniform4f(linked.at("place"), -1, -1, 1, 1);
     gl.uniform4f(linked.at("part"), 0, 0, 1, 1);
@@ -325,7 +392,7 @@ export class HdrCanvas {
       this.loadMap(source);
       return;
     }
-    const linked = this.programs.inside, { right, up, ahead } = this.axes();
+    const linked = this.program("inside"), { right, up, ahead } = this.axes();
     gl.useProgram(linked.program);
     this.developing(linked);
     gl.activeTexture(gl.TEXTURE0);
@@ -367,6 +434,11 @@ export class HdrCanvas {
     }
   }
 
+  /** What draws to where frames are drawn now. @param {import("./programs.js").Name} name */
+  program(name) {
+    return this.programs.of(name, this.target !== null);
+  }
+
   /** @param {Linked} linked */
   developing(linked) {
     const { gl, view } = this;
@@ -376,7 +448,7 @@ export class HdrCanvas {
     gl.uniform2f(linked.at("stops"), view.low, view.high);
     gl.uniform1i(linked.at("clipping"), view.clipping ? 1 : 0);
     gl.uniform1i(linked.at("marked"), view.marked ? 1 : 0);
-    for (const name of ["extended", "turned"]) gl.uniform1i(linked.at(name), this.target ? 1 : 0);
+    gl.uniform1i(linked.at("turned"), this.target ? 1 : 0);
     gl.activeTexture(gl.TEXTURE7);
     gl.bindTexture(gl.TEXTURE_2D, this.colours);
     gl.uniform1i(linked.at("colours"), 7);
@@ -412,31 +484,7 @@ export class HdrCanvas {
 
   /** Whether every tile of the last frame is there. */
   get settled() {
-    return !this.asked && !this.rough && !this.mapTiles && (this.one?.settled ?? true) && (this.other?.settled ?? true);
+    return !this.asked && !this.rough && !this.mapTiles && (this.one?.settled ?? true) && (this.other?.settled ?? true)
+      && (this.errors?.settled ?? true);
   }
-}
-
-/** @typedef {{program: WebGLProgram, at: (name: string) => WebGLUniformLocation | null}} Linked */
-
-/** @param {WebGL2RenderingContext} gl @param {string} fragment @returns {Linked} */
-function program(gl, fragment) {
-  const made = /** @type {WebGLProgram} */ (gl.createProgram());
-  for (const [kind, text] of /** @type {[number, string][]} */ ([[gl.VERTEX_SHADER, QUAD], [gl.FRAGMENT_SHADER, fragment]])) {
-    const shader = /** @type {WebGLShader} */ (gl.createShader(kind));
-    gl.shaderSource(shader, text);
-    gl.compileShader(shader);
-    gl.attachShader(made, shader);
-    if (!gl.getShaderParameter(shader, gl.COMPILE_STATUS)) throw new Error(`shader: ${gl.getShaderInfoLog(shader)}`);
-  }
-  gl.linkProgram(made);
-  if (!gl.getProgramParameter(made, gl.LINK_STATUS)) throw new Error(`shaders: ${gl.getProgramInfoLog(made)}`);
-  /** @type {Map<string, WebGLUniformLocation | null>} */
-  const places = new Map();
-  return {
-    program: made,
-    at(name) {
-      if (!places.has(name)) places.set(name, gl.getUniformLocation(made, name));
-      return places.get(name) ?? null;
-    },
-  };
 }

@@ -49,13 +49,50 @@ export const bytes = async (address, signal) => (await answer(address, { signal 
 export const upload = async (file) =>
   (await json(`/uploads?name=${encodeURIComponent(file.name)}`, { method: "POST", body: file })).path;
 
-/** The server's words, for as long as the page is open. @param {(said: any) => void} heard @param {(line: string) => void} gone */
-export function listenTo(heard, gone) {
-  const socket = new WebSocket(`${location.protocol === "https:" ? "wss" : "ws"}://${location.host}/events`);
-  socket.addEventListener("message", (event) => heard(JSON.parse(event.data)));
-  socket.addEventListener("close", () => {
-    gone(GONE);
-    // A laptop that was closed: the server may still be there.
-    setTimeout(() => listenTo(heard, gone), 2000);
-  });
+const SILENT = "relume does not answer now; what is done here waits until it does";
+const LOOKED = 1000; // milliseconds between looks at whether the server is still heard
+const QUIET = 8000; // after which it is said that it is not: it says something every two seconds
+const AGAIN = 2000; // until a connection that was lost is tried again
+
+/** The server's words, for as long as the page is open.
+ *  @param {(said: any) => void} heard
+ *  @param {(line: string) => void} gone called when the server is not heard any more
+ *  @param {(line: string) => void} back called when it is heard again, or when this page itself slept, with the line that was said
+ *    last: what is shown may be of before */
+export function listenTo(heard, gone, back) {
+  let line = "", last = performance.now(), looked = last, slept = false;
+  /** @type {WebSocket} */ let socket;
+  const lost = (/** @type {string} */ words) => {
+    if (line !== words) gone((line = words));
+  };
+  const connect = () => {
+    socket = new WebSocket(`${location.protocol === "https:" ? "wss" : "ws"}://${location.host}/events`);
+    socket.addEventListener("message", (event) => {
+      last = performance.now();
+      if (line || slept) {
+        const said = line;
+        line = "";
+        slept = false;
+        back(said);
+      }
+      const said = JSON.parse(event.data);
+      if (!("alive" in said)) heard(said);
+    });
+    socket.addEventListener("close", () => {
+      lost(GONE);
+      // A laptop that was closed: the server may still be there.
+      setTimeout(connect, AGAIN);
+    });
+  };
+  connect();
+  setInterval(() => {
+    const now = performance.now();
+    // A page that slept itself has not listened, and hears first what there is to hear.
+    if (now - looked > 5 * LOOKED) {
+      slept = true;
+      last = now;
+    }
+    looked = now;
+    if (now - last > QUIET && socket.readyState === WebSocket.OPEN) lost(SILENT);
+  }, LOOKED);
 }

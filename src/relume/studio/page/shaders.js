@@ -9,7 +9,6 @@ uniform bool falseColour;
 uniform vec2 stops;          // of false colour: log2 of the least and of the most
 uniform sampler2D colours;
 uniform bool clipping, marked;
-uniform bool extended;       // for a screen that shows more than white: sRGB's curve goes on beyond 1
 const vec3 LUMINANCE = vec3(0.2126, 0.7152, 0.0722);
 
 vec3 encoded(vec3 light) {   // sRGB, IEC 61966-2-1; its power by a polynomial in v^¼, a hundredth of a code off
@@ -17,8 +16,11 @@ vec3 encoded(vec3 light) {   // sRGB, IEC 61966-2-1; its power by a polynomial i
   vec3 t = sqrt(sqrt(v));
   vec3 power = (((0.0813283 * t - 0.3354975) * t + 1.1226783) * t + 0.1961370) * t - 0.0646117;
   vec3 shown = mix(12.92 * v, power, step(0.0031308, v));
-  if (!extended) return shown;
+#ifdef EXTENDED                // for a screen that shows more than white: sRGB's curve goes on beyond 1
   return mix(shown, 1.055 * pow(max(light, 1.0), vec3(1.0 / 2.4)) - 0.055, step(1.0, light));
+#else
+  return shown;
+#endif
 }
 bool hatched(float width) { return mod(gl_FragCoord.x + gl_FragCoord.y, 2.0 * width) < width; }
 
@@ -83,11 +85,12 @@ export const COPY = tile("vec4(pixel.rgb * scale, pixel.a)", "precision highp fl
 export const COMPARE = `#version 300 es
 ${DEVELOP}
 uniform sampler2D one, other;
-uniform int mode;            // 1 wipe, 2 signed difference
+uniform int mode;            // 1 wipe, 2 signed difference, 3 the other is the relative error of the one
 uniform vec2 edge;           // of the wipe: its place, 0 to 1, and 0 where it is upright, 1 where it lies
 in vec2 at;
 out vec4 colour;
 const vec3 GROUND = vec3(0.07);
+const vec2 ERRORS = vec2(-9.965784, 0.0);   // log2 of the least and of the most that is shown: a thousandth, the whole
 void main() {
   vec4 a = texture(one, at), b = texture(other, at);
   if (mode == 1) {
@@ -96,6 +99,13 @@ void main() {
     colour = vec4(pixel.a < -0.5 ? GROUND : developed(pixel.rgb, pixel.a), 1.0);
   } else if (a.a < -0.5 || b.a < -0.5) {
     colour = vec4(GROUND, 1.0);
+  } else if (mode == 3) {
+    // The picture in grey, as far as its error leaves it: by false colour where there is one, of the channel that has most.
+    float error = max(b.r, max(b.g, b.b)), share = (log2(max(error, 1e-30)) - ERRORS.x) / (ERRORS.y - ERRORS.x);
+    vec3 grey = vec3(dot(developed(a.rgb, a.a), LUMINANCE));
+    bool unknown = any(isnan(b.rgb)) || any(isinf(b.rgb));
+    vec3 over = unknown ? vec3(hatched(4.0) ? 0.55 : 0.1) : texture(colours, vec2(clamp(share, 0.001, 0.999), 0.5)).rgb;
+    colour = vec4(mix(grey, over, unknown ? 1.0 : error > 0.0 ? 0.7 : 0.0), 1.0);
   } else {
     vec3 more = (a.rgb - b.rgb) * exposure;   // warm where the picture is brighter than the reference, blue where darker
     float d = dot(more, LUMINANCE);

@@ -3,7 +3,7 @@
 /** @typedef {{name: string, digest: string, half: boolean, scale: number, sizes: [number, number][], smallest: number,
  *   largest: number, median: number, odd: number, marked: boolean}} LayerFacts */
 /** @typedef {{name: string, kind: string, unit: string, mapping: string | null, size: [number, number],
- *   layers: LayerFacts[], notes: string[]}} PictureFacts */
+ *   layers: LayerFacts[], notes: string[], noise: number | null}} PictureFacts */
 /** @typedef {{texture: WebGLTexture, width: number, height: number}} Tile */
 
 export const TILE = 512;

@@ -1,10 +1,12 @@
 // The page of `relume view`: pictures side by side in time, exposure, wipes, values with their errors, maps from inside.
 
+import { markTwin, stopsBetween, twinPixel } from "./overlays/beside.js";
 import { HdrCanvas } from "./canvas.js";
 import { begin } from "./commands.js";
 import { hdrSwitch } from "./extended.js";
 import { linesOfDifference, linesOfStatistics, linesOfValue, plain, print } from "./measured.js";
-import { drawNumbers } from "./numbers.js";
+import { drawNumbers } from "./overlays/numbers.js";
+import { drawLegend, errorLayer, falseColourEnds } from "./overlays/legend.js";
 import { bytes, json, listenTo } from "./requests.js";
 import { drawTree } from "./tree.js";
 
@@ -73,7 +75,9 @@ async function open(number, layer = 0) {
     const before = state.facts.get(state.number);
     state.number = number;
     state.layer = Math.min(layer, facts.layers.length - 1);
+    const errors = canvas.view.errors, ofErrors = errorLayer(facts);
     canvas.open(facts.layers[state.layer], tilesOf(number, state.layer));
+    if (errors && state.layer === 0 && ofErrors >= 0) canvas.openErrors(facts.layers[ofErrors], tilesOf(number, ofErrors));
     if (!state.fitted || !before || before.size.join() !== facts.size.join()) fit();
     if (!state.exposed && facts.kind === "radiance map") await normalise();
     state.exposed = true;
@@ -135,14 +139,14 @@ function setStops(stops) {
 /** @param {Partial<HdrCanvas["view"]>} change */
 const change = (change) => canvas.set(change);
 
-/** @param {"picture" | "wipe" | "difference" | "inside"} mode */
+/** @param {import("./canvas.js").Mode} mode */
 function show(mode) {
   const facts = state.facts.get(state.number);
   if (mode === "inside" && facts?.mapping !== "latlong") {
     failed(new Error("only an equirectangular (lat-long) map is seen from inside; `relume convert --to latlong` makes one"));
     return;
   }
-  if ((mode === "wipe" || mode === "difference") && state.reference < 0) {
+  if (["wipe", "beside", "difference"].includes(mode) && state.reference < 0) {
     failed(new Error("choose a reference first: right-click a picture in the list, or Shift+Enter"));
     return;
   }
@@ -222,9 +226,14 @@ async function read(x, y) {
     const facts = state.facts.get(state.number);
     if (!facts || i < 0 || j < 0 || i >= facts.size[0] || j >= facts.size[1]) continue;
     try {
-      const v = await json(`/pictures/${state.number}/value?layer=${state.layer}&x=${i}&y=${j}`);
+      const twin = canvas.isBeside ? twinPixel(canvas, i, j) : null;
+      const [v, other] = await Promise.all([
+        json(`/pictures/${state.number}/value?layer=${state.layer}&x=${i}&y=${j}`),
+        twin && json(`/pictures/${state.reference}/value?layer=${state.referenceLayer}&x=${twin[0]}&y=${twin[1]}`),
+      ]);
       lastValue = v;
-      print(element("value"), linesOfValue(v, facts.unit, state.held));
+      const beside = other ? [["beside", other.rgb.map(plain).join("  ")], ["", stopsBetween(v, other, canvas.view.gain)]] : [];
+      print(element("value"), [...linesOfValue(v, facts.unit, state.held), .../** @type {[string, string][]} */ (beside)]);
     } catch (error) {
       failed(error);
     }
@@ -284,6 +293,7 @@ picture.addEventListener("pointermove", (event) => {
       drag.y = y;
     }
   }
+  markTwin(canvas, element("twin"), x, y);
   if (!drag?.moved) read(...pixelAt(x, y));
 });
 picture.addEventListener("pointerup", (event) => {
@@ -391,7 +401,7 @@ function drawn() {
   }
   for (const button of document.querySelectorAll("footer [data-mode]")) {
     const name = /** @type {string} */ (/** @type {HTMLElement} */ (button).dataset.mode);
-    const on = name === "false colour" ? view.falseColour : name === "clipping" ? view.clipping : name === "marks" ? view.marked
+    const on = name === "false colour" ? view.falseColour : name === "errors" ? view.errors : name === "clipping" ? view.clipping : name === "marks" ? view.marked
       : view.mode === name;
     button.setAttribute("aria-pressed", String(on));
   }
@@ -407,33 +417,29 @@ function drawn() {
   wipe.hidden = view.mode !== "wipe";
   wipe.style.left = `${100 * view.wipe}%`;
   wipe.setAttribute("aria-valuenow", String(Math.round(100 * view.wipe)));
-  drawLegend(facts?.unit ?? "");
-  drawNumbers(/** @type {HTMLCanvasElement} */ (element("numbers")), canvas, `/pictures/${state.number}/values?layer=${state.layer}`,
-    facts?.layers[state.layer].digest ?? "", failed);
-}
-
-/** @param {string} unit */
-function drawLegend(unit) {
-  const { view } = canvas;
-  element("legend").hidden = !view.falseColour;
-  if (!view.falseColour) return;
-  const bar = /** @type {HTMLCanvasElement} */ (element("legend-bar")), context = bar.getContext("2d");
-  element("legend-low").textContent = plain(2 ** view.low);
-  element("legend-high").textContent = `${plain(2 ** view.high)}${unit === "cd/m²" ? " cd/m²" : ""}`;
-  if (!context || bar.dataset.drawn) return;
-  import("./shaders.js").then(({ COLOURS }) => {
-    const gradient = context.createLinearGradient(0, 0, bar.width, 0), steps = COLOURS.length / 4;
-    for (let i = 0; i < steps; i++) gradient.addColorStop((i + 0.5) / steps, `rgb(${COLOURS.slice(4 * i, 4 * i + 3).join(",")})`);
-    context.fillStyle = gradient;
-    context.fillRect(0, 0, bar.width, bar.height);
-    bar.dataset.drawn = "yes";
-  });
+  if (!canvas.isBeside) element("twin").hidden = true;
+  drawLegend(canvas, facts?.unit ?? "");
+  const printed = (/** @type {number} */ number, /** @type {number} */ layer) =>
+    ({ address: `/pictures/${number}/values?layer=${layer}`, digest: state.facts.get(number)?.layers[layer]?.digest ?? "" });
+  drawNumbers(/** @type {HTMLCanvasElement} */ (element("numbers")), canvas, printed(state.number, state.layer),
+    state.reference < 0 ? null : printed(state.reference, state.referenceLayer), failed);
 }
 
 function toggleFalseColour() {
   const layer = state.facts.get(state.number)?.layers[state.layer];
-  const low = Math.log2(Math.max(layer?.smallest ?? 1e-3, 1e-12)), high = Math.log2(Math.max(layer?.largest ?? 1, 1e-9));
-  change({ falseColour: !canvas.view.falseColour, low, high: Math.max(high, low + 0.1) });
+  change({ falseColour: !canvas.view.falseColour, errors: false, ...falseColourEnds(layer) });
+}
+
+function toggleErrors() {
+  const { number } = state, layer = errorLayer(state.facts.get(number));
+  if (canvas.view.errors) return canvas.closeErrors();
+  if (layer < 0 || state.layer !== 0) {
+    failed(new Error("the file does not say how uncertain these pixels are; merged radiance and renders do"));
+    return;
+  }
+  element("message").textContent = "";
+  change({ falseColour: false, mode: "picture" });
+  canvas.openErrors(/** @type {PictureFacts} */ (state.facts.get(number)).layers[layer], tilesOf(number, layer));
 }
 
 // Commands, keys and buttons.
@@ -464,6 +470,7 @@ const commands = [
   { name: "Wipe against the reference", keys: ["W"], act: () => show("wipe") },
   { name: "Difference from the reference", keys: ["D"], act: () => show("difference") },
   { name: "The reference at the brightness of the picture, and as it is", keys: ["G"], act: equalise },
+  { name: "Side by side with the reference", keys: ["B"], act: () => show("beside") },
   { name: "Turn the wipe", keys: ["Shift+W"], act: () => change({ wipeLies: !canvas.view.wipeLies }) },
   { name: "All channels", keys: ["C"], act: () => change({ channel: 0 }) },
   { name: "Red", keys: ["Shift+R"], act: () => change({ channel: 1 }) },
@@ -473,6 +480,7 @@ const commands = [
   { name: "False colour", keys: ["V"], act: toggleFalseColour },
   { name: "Clipping: stripes above white and below black", keys: ["X"], act: () => change({ clipping: !canvas.view.clipping }) },
   { name: "Marks: what no photograph measured", keys: ["M"], act: () => change({ marked: !canvas.view.marked }) },
+  { name: "Errors: how uncertain each pixel is", keys: ["U"], act: toggleErrors },
   { name: "The map from inside", keys: ["I"], act: () => show("inside") },
   { name: "Tree of rays behind the pixel that was read last", keys: ["T"], act: () => lastValue && drawRays(lastValue.x, lastValue.y) },
   { name: "Measure the whole picture", keys: ["A"], act: () => {
@@ -502,10 +510,12 @@ function buttons(group, wanted) {
 buttons("channels", ["RGB", "R", "G", "B", "Lum"].map((text, channel) => [text, { channel: String(channel) }, () => change({ channel })]));
 buttons("modes", [
   ["Wipe", { mode: "wipe" }, () => show("wipe")],
+  ["Side by side", { mode: "beside" }, () => show("beside")],
   ["Difference", { mode: "difference" }, () => show("difference")],
   ["False colour", { mode: "false colour" }, toggleFalseColour],
   ["Clipping", { mode: "clipping" }, () => change({ clipping: !canvas.view.clipping })],
   ["Marks", { mode: "marks" }, () => change({ marked: !canvas.view.marked })],
+  ["Errors", { mode: "errors" }, toggleErrors],
   ["Inside", { mode: "inside" }, () => show("inside")],
 ]);
 element("modes").append(hdr.button);
@@ -534,6 +544,10 @@ json("/pictures").then(async ({ files, scene }) => {
   state.scene = scene ?? "";
   element("tree-part").hidden = !scene;
   list();
-  listenTo(changed, failed);
+  listenTo(changed, failed, async (line) => {
+    if (element("message").textContent === line) element("message").textContent = "";
+    state.coming.clear();
+    for (const number of [...state.facts.keys()]) await changed({ changed: number });
+  });
   await open(0);
 }).catch(failed);

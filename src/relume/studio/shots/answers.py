@@ -14,6 +14,7 @@ from starlette.responses import JSONResponse, Response
 import relume as rl
 from relume.studio.routes import UNKEPT
 from relume.studio.shots.document import Conflict
+from relume.studio.words import in_the_page
 
 LARGEST_BODY = 1024**2
 """Bytes of a request that edits; the largest of ours has some thousand."""
@@ -51,7 +52,7 @@ def taking_bytes(endpoint: Callable[[Request], Any]) -> Callable[[Request], Any]
         except HTTPException as error:
             return JSONResponse({"error": error.detail}, error.status_code, {**UNKEPT, "connection": "close"})
         except (rl.RelumeError, ValueError) as error:
-            return JSONResponse({"error": " ".join(str(error).split())}, 422, UNKEPT)
+            return JSONResponse({"error": in_the_page(str(error))}, 422, UNKEPT)
         except ClientDisconnect:
             return Response(status_code=400)
 
@@ -67,7 +68,7 @@ def _refused_in_a_line(act: Callable[[], Response]) -> Callable[[], Response]:
         except LookupError:
             return JSONResponse({"error": "there is no such file in this folder"}, 404, UNKEPT)
         except (rl.RelumeError, ValueError) as error:
-            return JSONResponse({"error": " ".join(str(error).split())}, 422, UNKEPT)
+            return JSONResponse({"error": in_the_page(str(error))}, 422, UNKEPT)
 
     return answer
 

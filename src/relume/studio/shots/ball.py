@@ -11,6 +11,7 @@ import numpy as np
 
 import relume as rl
 from relume.studio.pictures import open_picture
+from relume.studio.words import in_the_page
 
 ROWS = 128
 """Of the map that is shown beside the ball: drawn in a quarter of a second."""
@@ -45,7 +46,7 @@ def unwrapped(path: Path, rim: Sequence[float] | None, target: Path) -> dict[str
         "points": np.round(found.points[:: max(1, len(found.points) // 72)], 2).tolist(),
         "coverage": round(float(found.coverage), 3),
         "unseen": round(float(probe.unseen_solid_angle), 3),
-        "doubts": [str(each.message) for each in caught],
+        "doubts": [in_the_page(str(each.message)) for each in caught],
     }
 
 

@@ -16,6 +16,7 @@ import numpy as np
 
 import relume as rl
 from relume.studio.shots.camera_parameters import nested, settings_of
+from relume.studio.words import in_the_page
 
 TONES = ("exposure", "reinhard", "reinhard-local", "histogram", "human", "tumblin-rushmeier", "ferwerda", "pattanaik")
 
@@ -148,6 +149,6 @@ def developed(
         rl.develop_file(results / str(source), (results if keep else scratch) / way.name, settings)
     return {
         "path": way.name, "where": "results" if keep else "scratch",
-        "doubts": [" ".join(str(each.message).split()) for each in said],
+        "doubts": [in_the_page(str(each.message)) for each in said],
         "command": way.command(str(source), named, degrees), "python": way.python(str(source), named, degrees),
     }  # fmt: skip

@@ -17,6 +17,9 @@ from relume.studio.shots.worker import GO_ON, HOLD, JOBS, work
 GRACE = 8.0
 """Seconds that a job has to stop at a safe place before its process is ended: a chunk of a render takes as long."""
 LOOKED_AT_EVERY = 0.1
+SHOWN_STEPS = ("first picture", "around the pointer")
+"""Steps that say that there is another picture to be shown."""
+About = tuple[float, float] | None
 
 
 class Jobs:
@@ -35,7 +38,7 @@ class Jobs:
         self.merged: dict[str, Any] | None = None
         self.state: dict[str, Any] = {"status": "none", "number": 0}
         self._scratch = scratch
-        self._wanted: tuple[str, Path, Path] | None = None
+        self._wanted: tuple[str, Path, Path, About] | None = None
         self._stop = False
         self._closed = False
         self._wake = threading.Condition()
@@ -45,21 +48,24 @@ class Jobs:
 
     @property
     def seen(self) -> tuple[object, ...]:
-        """What a window shows of the job at once: that it begins, that there is a first picture of it, that it ends."""
+        """What a window shows of the job at once: that it begins, that there is a picture of it, that it ends."""
         state = self.state
-        return state["number"], state["status"], "first picture" in state.get("steps", ())
+        return state["number"], state["status"], sum(each in SHOWN_STEPS for each in state.get("steps", ()))
 
     @property
     def process(self) -> int | None:
         """The worker's process id; None while there is none."""
         return None if self._worker is None else self._worker[0].pid
 
-    def start(self, kind: str, shot: Path, out: Path) -> int:
-        """Do a job in place of the one that runs; returns its number. Raises ValueError for a kind there is none of."""
+    def start(self, kind: str, shot: Path, out: Path, about: About = None) -> int:
+        """Do a job in place of the one that runs; returns its number. Raises ValueError for a kind there is none of.
+
+        about : the place that is looked at, whose surroundings come first, as `rl.insert` has it
+        """
         if kind not in JOBS:
             raise ValueError(f'there is no job "{kind[:40]}"; there are {", ".join(JOBS)}')
         with self._wake:
-            self._wanted = kind, shot, out
+            self._wanted = kind, shot, out, about
             self._stop = self.state["status"] in ("running", "stopping", "paused")
             number = self.state["number"] + 1
             if not self._stop:
@@ -100,24 +106,24 @@ class Jobs:
                 if self._closed:
                     break
                 assert self._wanted is not None
-                (kind, shot, out), self._wanted, self._stop = self._wanted, None, False
+                (kind, shot, out, about), self._wanted, self._stop = self._wanted, None, False
                 number += 1
                 self._say(
                     status="running", kind=kind, number=number, step="", share=0.0, steps=[], error=None, result=None
                 )
             try:
-                self._do(kind, shot, out)
+                self._do(kind, shot, out, about)
             except OSError as error:
                 self._say(status="failed", error=f"the worker process cannot be started: {error.strerror}")
                 self._end()
         self._end()
 
-    def _do(self, kind: str, shot: Path, out: Path) -> None:
+    def _do(self, kind: str, shot: Path, out: Path, about: About) -> None:
         """One job to its end, whatever that is."""
         process, pipe = self._worker or self._started()
         begun, asked_to_stop = time.monotonic(), None
         try:
-            pipe.send((kind, str(shot), str(out), str(self._scratch)))
+            pipe.send((kind, str(shot), str(out), str(self._scratch), about))
             while True:
                 # What it says, as long as it lives.
                 if pipe.poll(LOOKED_AT_EVERY):

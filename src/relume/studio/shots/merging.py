@@ -10,6 +10,7 @@ from typing import Any
 import numpy as np
 
 import relume as rl
+from relume.studio.words import in_the_page
 
 CURVE_POINTS, SAMPLES = 65, 250
 """Points of a response's curve and observations of a channel that a page draws."""
@@ -32,14 +33,14 @@ def merged_facts(shot: Path, scratch: Path, progress: Callable[[str, float], Non
                 "name": name, "file": file, "camera": bracket.camera, "unit": bracket.picture.unit,
                 "scale": None if bracket.scale is None else str(bracket.scale), "clipped": _clipped(bracket.clipping),
                 "frames": [_frame(shot.parent, each, residuals.get(each.name)) for each in bracket.frames],
-                "doubts": [doubt.line for doubt in bracket.doubts],
+                "doubts": [in_the_page(doubt.line) for doubt in bracket.doubts],
             }
         )  # fmt: skip
     return {
         "brackets": brackets,
         "cameras": {name: _camera(each) for name, each in found.cameras.items()},
         "made_from": {"plate": made_from.get("plate"), "light": {"balls": made_from.get("light", {}).get("balls", [])}},
-        "doubts": [doubt.line for doubt in found.doubts],
+        "doubts": [in_the_page(doubt.line) for doubt in found.doubts],
     }
 
 

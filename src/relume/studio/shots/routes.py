@@ -21,7 +21,7 @@ from starlette.websockets import WebSocket
 import relume as rl
 from relume.studio.library import Library
 from relume.studio.pages import page_routes
-from relume.studio.routes import UNKEPT, answered, closed, picture_routes
+from relume.studio.routes import ALIVE, BEAT, UNKEPT, answered, closed, picture_routes
 from relume.studio.shots.answers import in_json, taking_bytes, taking_json
 from relume.studio.shots.ball import unwrapped
 from relume.studio.shots.bundles import LIST_THEM, LONGEST_LIST, Bundle, listed
@@ -35,6 +35,7 @@ from relume.studio.shots.light_edits import cut_rectangle, cut_slice, diffuse_ma
 from relume.studio.shots.material_balls import MaterialBalls
 from relume.studio.shots.objects import PlacedObjects
 from relume.studio.shots.photographs import Thumbnails, brackets
+from relume.studio.words import in_the_page
 
 LARGEST_MATTE = 64 * 1024**2
 """Bytes of a painted matte: as many as a plate of 60 megapixels may have."""
@@ -140,7 +141,7 @@ class Studio:
             found = unwrapped(path, rim, target)
         except rl.errors.BallNotFound as error:
             candidates = [[round(float(v), 1) for v in each] for each in error.candidates]
-            return JSONResponse({"error": " ".join(str(error).split()), "candidates": candidates}, 422, UNKEPT)
+            return JSONResponse({"error": in_the_page(str(error)), "candidates": candidates}, 422, UNKEPT)
         return in_json(found | {"number": self.library.add(target)})
 
     def board(self, _request: Request, body: dict[str, Any]) -> Response:
@@ -206,7 +207,15 @@ class Studio:
         self.document.look()
         if self.document.fault is not None:
             raise ValueError(f"the shot is not finished: {self.document.fault}")
-        return in_json({"number": self.jobs.start(str(body.get("kind")), self.document.path, self.out)})
+        about = body.get("about")
+        if about is not None and not (
+            isinstance(about, list)
+            and len(about) == 2
+            and all(isinstance(v, int | float) and 0 <= v <= 1 for v in about)
+        ):
+            raise ValueError("about is a place, shares of the picture's width and height, 0 to 1")
+        place = None if about is None else (float(about[0]), float(about[1]))
+        return in_json({"number": self.jobs.start(str(body.get("kind")), self.document.path, self.out, place)})
 
     def stop(self, _request: Request, _body: dict[str, Any]) -> Response:
         """Stop the job that runs."""
@@ -320,7 +329,7 @@ class Studio:
         await socket.accept()
         ended, seen, job = asyncio.create_task(closed(socket)), None, None
         stamps: list[tuple[int, int]] = []
-        next_look = 0.0
+        next_look = next_beat = 0.0
         while not ended.done():
             # Now and then; at once when a job begins, has a picture, or ends.
             if time.monotonic() >= next_look or self.jobs.seen != job:
@@ -336,6 +345,9 @@ class Studio:
                     await socket.send_json({"state": await run_in_threadpool(self.state)})
                     seen = now
                 next_look = time.monotonic() + LOOKED_AT_EVERY
+            if time.monotonic() >= next_beat and not ended.done():
+                await socket.send_json(ALIVE)
+                next_beat = time.monotonic() + BEAT
             await asyncio.wait([ended], timeout=JOB_LOOKED_AT_EVERY)
 
 

@@ -13,6 +13,7 @@ from typing import Any
 import relume as rl
 from relume.studio.shots.measured import measured_facts
 from relume.studio.shots.merging import merged_facts
+from relume.studio.words import in_the_page
 
 Report = Callable[[str, float], None]
 HOLD, GO_ON = "hold", "go on"
@@ -24,8 +25,9 @@ TRIED_AGAIN = 0.05
 def work(pipe: Connection) -> None:
     """Do the jobs that come through the pipe, until it is closed; a job is stopped by Ctrl-C's signal.
 
-    A job is (kind, shot, folder of results, scratch folder). What goes back is ("step", name, share) for progress and,
-    last, ("done", facts), ("failed", line) or ("stopped",). After HOLD a job rests at its next report, until GO_ON.
+    A job is (kind, shot, folder of results, scratch folder, place looked at or None). What goes back is
+    ("step", name, share) for progress and, last, ("done", facts), ("failed", line) or ("stopped",). After HOLD a job
+    rests at its next report, until GO_ON.
     """
     signal.signal(signal.SIGINT, stop_where_modules_are_whole)
     if hasattr(signal, "SIGALRM"):
@@ -39,9 +41,9 @@ def work(pipe: Connection) -> None:
             return
         if asked in (HOLD, GO_ON):  # the same
             continue
-        kind, shot, out, scratch = asked
+        kind, shot, out, scratch, about = asked
         try:
-            answer = _answer(pipe, kind, Path(shot), Path(out), Path(scratch))
+            answer = _answer(pipe, kind, Path(shot), Path(out), Path(scratch), about)
         except KeyboardInterrupt:
             answer = ("stopped",)
         try:
@@ -60,7 +62,9 @@ def stop_where_modules_are_whole(number: int, frame: FrameType | None) -> None:
     raise KeyboardInterrupt
 
 
-def _answer(pipe: Connection, kind: str, shot: Path, out: Path, scratch: Path) -> tuple[Any, ...]:
+def _answer(
+    pipe: Connection, kind: str, shot: Path, out: Path, scratch: Path, about: tuple[float, float] | None
+) -> tuple[Any, ...]:  # fmt: skip
     def report(step: str, share: float) -> None:
         pipe.send(("step", step, share))
         held = False
@@ -70,7 +74,8 @@ def _answer(pipe: Connection, kind: str, shot: Path, out: Path, scratch: Path) -
     try:
         with warnings.catch_warnings():
             warnings.simplefilter("ignore")  # they come back as the result's doubts
-            return ("done", JOBS[kind](shot, out, scratch, report))
+            seen = {} if about is None or kind not in PICTURED else {"about": about}
+            return ("done", JOBS[kind](shot, out, scratch, report, **seen))
     except rl.errors.Interrupted:
         return ("stopped",)
     except MemoryError:
@@ -81,7 +86,7 @@ def _answer(pipe: Connection, kind: str, shot: Path, out: Path, scratch: Path) -
     except OSError as error:
         return ("failed", f"{error.filename or out}: {error.strerror or error}")
     except (rl.RelumeError, ValueError) as error:
-        return ("failed", " ".join(str(error).removeprefix(f"{shot}: ").split()))
+        return ("failed", in_the_page(str(error).removeprefix(f"{shot}: ")))
     except Exception as error:
         return ("failed", f"a fault of relume itself: {type(error).__name__}: {' '.join(str(error).split())[:300]}")
 
@@ -92,10 +97,12 @@ def _check(shot: Path, _out: Path, _scratch: Path, report: Report) -> dict[str, 
     return {"facts": {name: _shown(value) for name, value in found.facts.items()}, "doubts": _lines(found.doubts)}
 
 
-def _look(shot: Path, out: Path, scratch: Path, report: Report) -> dict[str, Any]:
+def _look(
+    shot: Path, out: Path, scratch: Path, report: Report, about: tuple[float, float] | None = None
+) -> dict[str, Any]:  # fmt: skip
     """A quick look at the composite, and with it the light and the camera."""
     table = rl.read_shot(shot)
-    result = rl.insert(table, out, progress=report, preview=True)
+    result = rl.insert(table, out, progress=report, preview=True, about=about)
     # The small plate has whole squares of the plate's pixels as its own.
     small = result.camera
     whole = _plate_size(table)
@@ -105,14 +112,16 @@ def _look(shot: Path, out: Path, scratch: Path, report: Report) -> dict[str, Any
     return found | {"picture": "preview.png", "radiance": "preview.exr"}
 
 
-def _insert(shot: Path, out: Path, scratch: Path, report: Report) -> dict[str, Any]:
+def _insert(
+    shot: Path, out: Path, scratch: Path, report: Report, about: tuple[float, float] | None = None
+) -> dict[str, Any]:  # fmt: skip
     """The whole job, as `relume insert` does it."""
     table = rl.read_shot(shot)
     if table.sequence is not None:
         made = rl.insert_frames(table, out, progress=report, finished=rl.write_report)
         rl.write_report(made, out)
         return {"frames": len(made.frames), "doubts": _lines(made.doubts), "report": "report.html"}
-    result = rl.insert(table, out, progress=report)
+    result = rl.insert(table, out, progress=report, about=about)
     report("report", 0.0)
     rl.write_report(result, out)
     found = measured_facts(table, result, result.camera, 1, scratch) | {"doubts": _lines(result.doubts)}
@@ -124,12 +133,14 @@ def _merge(shot: Path, _out: Path, scratch: Path, report: Report) -> dict[str, A
     return merged_facts(shot, scratch, report)
 
 
-JOBS: dict[str, Callable[[Path, Path, Path, Report], dict[str, Any]]] = {
+JOBS: dict[str, Callable[..., dict[str, Any]]] = {
     "check": _check,
     "merge": _merge,
     "look": _look,
     "insert": _insert,
 }
+PICTURED = ("look", "insert")
+"""Those that show a picture while they go on."""
 
 
 def _plate_size(shot: rl.Shot) -> tuple[int, int]:
@@ -140,7 +151,7 @@ def _plate_size(shot: rl.Shot) -> tuple[int, int]:
 
 
 def _lines(doubts: Any) -> list[str]:
-    return [each.line for each in doubts]
+    return [in_the_page(each.line) for each in doubts]
 
 
 def _shown(value: object) -> str:

@@ -1,9 +1,12 @@
 // The studio's page: the steps along the light, one picture, and the shot file that every act edits.
 
+import { markTwin, stopsBetween, twinPixel } from "../overlays/beside.js";
 import { HdrCanvas } from "../canvas.js";
 import { begin } from "../commands.js";
 import { hdrSwitch } from "../extended.js";
 import { plain } from "../measured.js";
+import { drawNumbers } from "../overlays/numbers.js";
+import { drawLegend, errorLayer, falseColourEnds } from "../overlays/legend.js";
 import { cameraPane } from "./panes/camera.js";
 import { deliverPane } from "./panes/deliver.js";
 import { developPane } from "./panes/develop.js";
@@ -101,9 +104,19 @@ export class Studio {
   start(kind) {
     return this.attempt(async () => {
       this.say("");
-      await post("/jobs/start", { kind });
+      await post("/jobs/start", { kind, about: this.lookedAt() });
     });
   }
+
+  /** Where the pointer is in the plate, for its surroundings to be rendered first: shares of its width and height; null elsewhere.
+   *  @returns {[number, number] | null} */
+  lookedAt() {
+    const ofPlate = this.shownPath === this.platePath || (this.shownWhere === "results" && /^(composite|preview)\./.test(this.shownPath));
+    if (!this.pointer || !this.size || !ofPlate) return null;
+    const [u, v] = this.canvas.toPicture(...this.pointer).map((each, i) => each / /** @type {[number, number]} */ (this.size)[i]);
+    return u >= 0 && u <= 1 && v >= 0 && v <= 1 ? [u, v] : null;
+  }
+  /** The pointer on the screen, while it is over the picture. @type {[number, number] | null} */ pointer = null;
 
   /** Hold the job, or let it go on. */
   pause() {
@@ -130,7 +143,10 @@ export class Studio {
       this.size = facts.size;
       this.shownPath = path;
       this.shownWhere = where;
+      const errors = this.canvas.view.errors;
       this.canvas.open(facts.layers[0], this.tilesOf(number, 0));
+      if (errors && !this.canvas.view.errors) await this.showErrors(false);
+      if (turn !== this.turn) return;
       if (fit || !before || !this.keepPlace(before, facts.size)) this.canvas.fit();
       // Kept as it is set while pictures of one kind are looked at.
       const ofPlate = where === "results" && /^(composite|preview)\./.test(path) && facts.kind === "radiance map", kind = ofPlate ? "over the plate" : facts.kind;
@@ -140,7 +156,8 @@ export class Studio {
       }
       if (turn !== this.turn) return;
       this.exposedFor = kind;
-      element("caption").textContent = path;
+      const { noise } = facts;
+      element("caption").textContent = path + (typeof noise === "number" ? `: noise ${plain(Number((100 * noise).toPrecision(2)))} %` : "");
       this.drawn();
     });
   }
@@ -157,15 +174,46 @@ export class Studio {
     return true;
   }
 
-  /** Wipe a result against the plate, made as bright by the medians. @param {string} name */
-  async compare(name) {
+  /** A result against the plate, made as bright by the medians. @param {string} name @param {"wipe" | "beside" | "difference"} [mode] */
+  async compare(name, mode = "wipe") {
     await this.show(name, "results");
     return this.attempt(async () => {
       const { number } = await post("/opened", { path: this.platePath }), facts = await this.factsOf(number);
       const ratio = await this.ratio(this.number, number);
       this.canvas.open(facts.layers[0], this.tilesOf(number, 0), true);
-      this.canvas.set({ mode: "wipe", wipe: 0.5, gain: ratio ?? 1 });
-      this.say("left: the composite; right: the plate. Drag, or use the arrow keys; W ends it");
+      this.reference = number;
+      this.canvas.set({ mode, wipe: 0.5, gain: ratio ?? 1 });
+      this.say({
+        wipe: "left: the composite; right: the plate. Drag, or use the arrow keys; W ends it",
+        beside: "left: the composite; right: the plate, as bright by their medians. Both move together; B ends it",
+        difference: "the composite less the plate, as bright by their medians: grey is alike; D ends it",
+      }[mode]);
+    });
+  }
+
+  /** The last render, or the quick look, against the plate; or that ended. @param {"wipe" | "beside" | "difference"} mode */
+  async against(mode) {
+    if (this.canvas.view.mode === mode) return this.uncompare();
+    const name = ["composite.exr", "preview.exr"].find((each) => this.state.results.includes(each));
+    return name ? this.compare(name, mode) : this.say("there is no picture to compare yet: take a quick look (L), or render the composite");
+  }
+
+  /** How uncertain each pixel is, drawn over the picture; or that ended. @param {boolean} [asked] whether it is said where nothing is
+   *  known, and not only that the picture is another by now */
+  async showErrors(asked = true) {
+    if (this.canvas.view.errors) {
+      this.say("");
+      return this.canvas.closeErrors();
+    }
+    return this.attempt(async () => {
+      // What a render leaves of the composite's noise stands in its layers.
+      const ofRender = this.shownWhere === "results" && /^composite\./.test(this.shownPath) && this.state.results.includes("layers.exr");
+      const number = ofRender ? (await post("/opened", { path: "layers.exr", where: "results" })).number : this.number;
+      const facts = await this.factsOf(number), layer = errorLayer(facts);
+      if (layer < 0) return asked && this.say("nothing says how uncertain these pixels are; merged radiance (under Radiance) and renders do");
+      this.canvas.set({ falseColour: false, mode: "picture" });
+      this.canvas.openErrors(facts.layers[layer], this.tilesOf(number, layer));
+      if (asked) this.say(ofRender ? "the error that the render's rays leave in each pixel, before the denoiser; U ends it" : "the error of each pixel, as a share of it; U ends it");
     });
   }
 
@@ -176,10 +224,14 @@ export class Studio {
     return this.attempt(async () => {
       const { number } = await post("/opened", right), facts = await this.factsOf(number);
       this.canvas.open(facts.layers[0], this.tilesOf(number, 0), true);
+      this.reference = number;
       this.canvas.set({ mode: "wipe", gain: 1 });
       this.say(words);
     });
   }
+
+  /** The picture that this one is compared with. */
+  reference = -1;
 
   uncompare() {
     this.canvas.closeReference();
@@ -236,6 +288,22 @@ export class Studio {
   get platePath() {
     const files = this.state.plate;
     return files.length ? files[Math.floor((files.length - 1) * 0.7)] : "";
+  }
+
+  /** Show everything as it is now, after what was not heard. @param {string} line that was said meanwhile */
+  async lookAgain(line) {
+    if (element("message").textContent === line) this.say("");
+    await this.attempt(async () => {
+      this.facts.clear();
+      const state = await json("/shot");
+      // Another server counts from its own beginning.
+      if (state.revision < this.state.revision) this.state.revision = -1;
+      this.take(state, true);
+      this.brackets = (await json("/brackets")).brackets;
+      this.rebuild();
+      const { shownPath, shownWhere, state: { results } } = this;
+      if (shownPath && (shownWhere !== "results" || results.includes(shownPath))) await this.show(shownPath, shownWhere);
+    });
   }
 
   /** What the server says the shot is. @param {any} state @param {boolean} [anyway] */
@@ -320,6 +388,7 @@ export class Studio {
   go(step) {
     if (step === this.step || !this.panes[step]) return;
     this.panes[this.step]?.hidden?.();
+    if (this.canvas.isBeside) this.uncompare();
     this.step = step;
     document.querySelectorAll("#steps button").forEach((button, i) => {
       if (i === step) button.setAttribute("aria-current", "step");
@@ -340,8 +409,14 @@ export class Studio {
     /** @type {HTMLInputElement} */ (element("exposure")).value = String(view.stops);
     element("exposure-shown").textContent = `${view.stops >= 0 ? "+" : "−"}${Math.abs(view.stops).toFixed(2)} stops`;
     const pane = this.panes[this.step];
+    // What is drawn on the picture stays in its own half.
+    element("overlay").style.clipPath = this.canvas.isBeside ? "inset(0 50% 0 0)" : "";
+    if (!this.canvas.isBeside) element("twin").hidden = true;
     this.overlay.draw(pane?.drawing?.() ?? {});
     pane?.drawn?.();
+    drawLegend(this.canvas, this.facts.get(this.number)?.unit ?? "");
+    const printed = (/** @type {number} */ number) => ({ address: `/pictures/${number}/values?layer=0`, digest: this.facts.get(number)?.layers[0].digest ?? "" });
+    drawNumbers(element("numbers"), this.canvas, printed(this.number), this.reference < 0 ? null : printed(this.reference), (error) => this.say(error));
   }
 
   /** Read the pixel under the pointer. @param {number} x @param {number} y */
@@ -354,10 +429,12 @@ export class Studio {
       this.wanted = null;
       if (!facts || i < 0 || j < 0 || i >= facts.size[0] || j >= facts.size[1]) continue;
       try {
-        const v = await json(`/pictures/${this.number}/value?layer=0&x=${i}&y=${j}`);
+        const twin = this.canvas.isBeside ? twinPixel(this.canvas, i, j) : null;
+        const [v, other] = await Promise.all([json(`/pictures/${this.number}/value?layer=0&x=${i}&y=${j}`),
+          twin && json(`/pictures/${this.reference}/value?layer=0&x=${twin[0]}&y=${twin[1]}`)]);
         const sigma = v.sigma ? ` ± ${v.sigma.map(plain).join(" ")}` : "";
         element("value").textContent = `${i}, ${j}: ${v.rgb.map(plain).join("  ")}${sigma}${facts.unit === "cd/m²" ? " cd/m²" : ""}`
-          + (v.codes ? `  (${v.codes.join(" ")})` : "");
+          + (v.codes ? `  (${v.codes.join(" ")})` : "") + (other ? `  |  ${other.rgb.map(plain).join("  ")}, ${stopsBetween(v, other, this.canvas.view.gain)}` : "");
       } catch { /* the picture went meanwhile */ }
     }
     this.reading = false;
@@ -386,16 +463,21 @@ picture.addEventListener("pointerdown", (event) => {
     drag = { x, y, taken: false, from: [NaN, NaN] };
     return;
   }
-  drag = { x, y, taken: studio.panes[studio.step]?.drag?.(event, "begin") ?? false, from: [x, y] };
+  // Side by side both move together: nothing is dragged on them.
+  const taken = !studio.canvas.isBeside && (studio.panes[studio.step]?.drag?.(event, "begin") ?? false);
+  drag = { x, y, taken, from: [x, y] };
 });
+picture.addEventListener("pointerleave", () => (studio.pointer = null));
 picture.addEventListener("pointermove", (event) => {
   const [x, y] = screenPoint(event);
+  studio.pointer = [x, y];
   if (drag && studio.canvas.view.mode === "wipe") studio.canvas.set({ wipe: Math.min(Math.max(x / studio.canvas.width, 0), 1) });
   else if (drag?.taken) studio.panes[studio.step].drag?.(event, "move");
   else if (drag) {
     studio.canvas.pan(x - drag.x, y - drag.y);
     Object.assign(drag, { x, y });
   } else studio.read(...studio.overlay.at(event));
+  markTwin(studio.canvas, element("twin"), x, y);
 });
 picture.addEventListener("pointerup", (event) => {
   const [x, y] = screenPoint(event);
@@ -444,29 +526,17 @@ const commands = [
   { name: "One pixel to one pixel", keys: ["1"], act: () => studio.canvas.enlarge(1 / studio.canvas.view.zoom, ...middle()) },
   { name: "Enlarge", keys: ["+", "="], act: () => studio.canvas.enlarge(2, ...middle()) },
   { name: "Reduce", keys: ["-"], act: () => studio.canvas.enlarge(0.5, ...middle()) },
-  { name: "Wipe against the plate", keys: ["W"], act: () => {
-    const name = ["composite.exr", "preview.exr"].find((each) => studio.state.results.includes(each));
-    if (studio.canvas.view.mode === "wipe") studio.uncompare();
-    else if (name) studio.compare(name);
-  } },
-  { name: "Difference from the plate", keys: ["D"], act: async () => {
-    const name = ["composite.exr", "preview.exr"].find((each) => studio.state.results.includes(each));
-    if (studio.canvas.view.mode === "difference") studio.uncompare();
-    else if (name && (await studio.compare(name), studio.canvas.view.mode === "wipe")) {
-      studio.canvas.set({ mode: "difference" });
-      studio.say("the composite less the plate, as bright by their medians: grey is alike; D ends it");
-    }
-  } },
+  { name: "Wipe against the plate", keys: ["W"], act: () => studio.against("wipe") },
+  { name: "Side by side with the plate", keys: ["B"], act: () => studio.against("beside") },
+  { name: "Difference from the plate", keys: ["D"], act: () => studio.against("difference") },
   hdr.command,
   { name: "Wipe to the left", keys: ["ArrowLeft"], act: () => studio.canvas.set({ wipe: Math.max(studio.canvas.view.wipe - 0.02, 0) }) },
   { name: "Wipe to the right", keys: ["ArrowRight"], act: () => studio.canvas.set({ wipe: Math.min(studio.canvas.view.wipe + 0.02, 1) }) },
   { name: "Clipping: stripes above white and below black", keys: ["X"], act: () => studio.canvas.set({ clipping: !studio.canvas.view.clipping }) },
-  { name: "False colour by the logarithm of luminance", keys: ["V"], act: () => {
-    const facts = studio.facts.get(studio.number), layer = facts?.layers[0], falseColour = !studio.canvas.view.falseColour;
-    const low = Math.log2(Math.max(layer?.smallest ?? 1e-3, 1e-12)), high = Math.max(Math.log2(Math.max(layer?.largest ?? 1, 1e-9)), low + 0.1);
-    studio.canvas.set({ falseColour, low, high });
-    studio.say(falseColour ? `false colour from ${plain(2 ** low)} to ${plain(2 ** high)}${facts?.unit === "cd/m²" ? " cd/m²" : ""}, by the logarithm; V ends it` : "");
-  } },
+  { name: "False colour by the logarithm of luminance", keys: ["V"], act: () => studio.canvas.set({
+    falseColour: !studio.canvas.view.falseColour, errors: false, ...falseColourEnds(studio.facts.get(studio.number)?.layers[0]),
+  }) },
+  { name: "Errors: how uncertain each pixel is", keys: ["U"], act: () => studio.showErrors() },
   { name: "Marks: what no photograph measured", keys: ["M"], act: () => studio.canvas.set({ marked: !studio.canvas.view.marked }) },
   ...["All channels", "Red", "Green", "Blue", "Luminance"].map((name, channel) => ({ name, keys: [["C"], ["Shift+R"], ["Shift+G"], ["Shift+B"], []][channel],
     act: () => studio.canvas.set({ channel }) })),
@@ -505,5 +575,5 @@ studio.attempt(async () => {
       const { shownPath, shownWhere, state: { results } } = studio;
       if (changed === studio.number && (shownWhere !== "results" || results.includes(shownPath))) studio.show(shownPath, shownWhere);
     }
-  }, (line) => studio.say(line));
+  }, (line) => studio.say(line), (line) => studio.lookAgain(line));
 }).catch((error) => error instanceof Refused && studio.say(error));

@@ -10,6 +10,16 @@ export function deliverPane(studio) {
     else if (studio.platePath) studio.show(studio.platePath);
   }
 
+  /** The render that is watched as it refines. */
+  let watched = -1;
+  function watch() {
+    const { job, results } = studio.state;
+    if (job.kind !== "insert" || job.status !== "running" || job.step !== "render" || watched === job.number) return;
+    if (!results.includes("preview.exr")) return;
+    watched = job.number;
+    studio.show("preview.exr", "results");
+  }
+
   return {
     name: "Deliver",
     keys: ["render", "sequence"],
@@ -42,6 +52,7 @@ export function deliverPane(studio) {
       ];
     },
     shown: show,
+    changed: watch,
     done: show,
     hidden: () => studio.uncompare(),
   };

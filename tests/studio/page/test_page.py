@@ -267,6 +267,22 @@ def test_frames_that_come_slowly_are_rough_while_they_move_and_sharp_after(page:
     assert shown == pytest.approx(encoded(gradient()[0, 300]), abs=1.01)
 
 
+def test_a_plain_screen_draws_by_programs_without_the_way_beyond_white(page: Page):
+    # A processor that draws by software works out both ways of a choice made while it draws: a third of a frame.
+    page.press("v")
+    used, *sources, choices = page.tab.evaluate(
+        "() => { const c = relume.canvas, { gl, programs } = c; c.drawNow(); const used = [...programs.kept.keys()];"
+        " const made = [false, true].map((e) => programs.of('plain', e).program), choices = [];"
+        " const count = gl.getProgramParameter(made[0], gl.ACTIVE_UNIFORMS);"
+        " for (let i = 0; i < count; i++) choices.push(gl.getActiveUniform(made[0], i));"
+        " return [used, ...made.map((p) => gl.getAttachedShaders(p).map((s) => gl.getShaderSource(s)).join('')),"
+        " choices.filter((u) => u.type === gl.BOOL).map((u) => u.name)]; }"
+    )
+    assert sorted(used) == ["plain", "show"]  # what was needed so far; nothing else is compiled
+    assert ["#define EXTENDED" in each for each in sources] == [False, True]
+    assert choices == ["turned"]  # which the corners ask about, not the pixels
+
+
 @pytest.mark.parametrize("mode", ["picture", "wipe", "difference", "inside"])
 def test_a_rough_frame_shows_what_the_sharp_one_does(page: Page, mode: str):
     page.tab.locator("#files button").nth(1).click(button="right")
