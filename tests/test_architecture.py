@@ -36,7 +36,6 @@ ORDER = [
     "light",
     "scene",
     "renderers",
-    "surface",
     "virtual_camera",
     "composite",
     "lightstage",
@@ -162,7 +161,7 @@ def folders_too_full(package: Path) -> list[str]:
     """Folders in which a reader loses the thread."""
     entries: dict[str, set[str]] = {}
     for file in package.rglob("*"):
-        if file.suffix in (".py", ".pyi", ".toml"):  # py.typed is a mark for type checkers alone
+        if file.suffix in (".py", ".pyi", ".toml", ".typed"):
             parts = file.relative_to(package).parts
             for depth, part in enumerate(parts):
                 entries.setdefault("/".join(parts[:depth]), set()).add(part)

@@ -10,6 +10,7 @@ from .capture.exposure.bracket import read_bracket as read_bracket
 from .capture.merging import merge as merge
 from .capture.response.calibration import recover_response as recover_response
 from .composite.differential import differential as differential
+from .composite.surface.reflectance import recover_reflectance as recover_reflectance
 from .errors import RelumeError as RelumeError
 from .export.json_lights import read_lights as read_lights
 from .export.light_files import LightFiles as LightFiles
@@ -69,7 +70,6 @@ from .sphere.environment_map import EnvironmentMap as EnvironmentMap
 from .studio.notebook import show as show
 from .studio.server import view as view
 from .studio.shots.studio import open_studio as open_studio
-from .surface.reflectance import recover_reflectance as recover_reflectance
 from .virtual_camera import film as film
 from .virtual_camera import lens as lens
 from .virtual_camera import tone as tone

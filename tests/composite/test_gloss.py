@@ -5,6 +5,12 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from relume.composite.surface import projection
+from relume.composite.surface.gloss import FittedGloss, Gloss, fit_gloss, glossy
+from relume.composite.surface.projection import box_mesh, shining
+from relume.composite.surface.recovery import Recovery
+from relume.composite.surface.reflectance import recover_reflectance
+from relume.composite.surface.two_views import ViewOfProbe, common_points
 from relume.image.radiance import RadianceMap
 from relume.renderers.mitsuba.lobes import arriving
 from relume.renderers.mitsuba.path_tracer import Mitsuba
@@ -14,12 +20,6 @@ from relume.scene.scene import Box, Scene
 from relume.scene.shapes.shapes import Mesh, Plane
 from relume.sphere.environment_map import EnvironmentMap
 from relume.sphere.mappings.mapping import LatLong, pixel_directions
-from relume.surface import projection
-from relume.surface.gloss import FittedGloss, Gloss, fit_gloss, glossy
-from relume.surface.projection import box_mesh, shining
-from relume.surface.recovery import Recovery
-from relume.surface.reflectance import recover_reflectance
-from relume.surface.two_views import ViewOfProbe, common_points
 
 WIDTH, HEIGHT = 96, 64
 CAMERA = Camera.looking_at(

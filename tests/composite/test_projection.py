@@ -3,10 +3,10 @@
 import numpy as np
 import pytest
 
+from relume.composite.surface.projection import box_mesh, projected, triangles_of_shape
 from relume.scene.cameras.camera import Camera
 from relume.scene.materials.materials import Diffuse
 from relume.scene.shapes.shapes import Mesh, Plane, Polygon, Shape, Sphere
-from relume.surface.projection import box_mesh, projected, triangles_of_shape
 
 GREY = Diffuse((0.5, 0.5, 0.5))
 CAMERA = Camera.looking_at(np.array([0.1, 0.6, 1.2]), np.zeros(3), width=192, height=128, focal_length=175.0)
@@ -85,7 +85,7 @@ def test_what_the_camera_does_not_see_stays_whole():
 
 
 def test_too_few_triangles_are_reported(monkeypatch):
-    monkeypatch.setattr("relume.surface.projection.MOST", 100)
+    monkeypatch.setattr("relume.composite.surface.projection.MOST", 100)
     with pytest.warns(UserWarning, match="triangles do not follow the photograph"):
         projected(Plane(GREY), CAMERA)
 

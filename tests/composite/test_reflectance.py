@@ -5,6 +5,12 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from relume.composite.surface import reflectance
+from relume.composite.surface.clean_pixels import filled_in, trustworthy
+from relume.composite.surface.gloss import Gloss, glossy
+from relume.composite.surface.projection import box_mesh
+from relume.composite.surface.recovery import ConstantAlbedo, KnownMaterial, RecoveredLocal, Recovery
+from relume.composite.surface.reflectance import _Work, recover_reflectance
 from relume.image.radiance import SATURATED, RadianceMap
 from relume.renderers.mitsuba.path_tracer import Mitsuba
 from relume.renderers.raytrace.raycast import RayCaster
@@ -15,12 +21,6 @@ from relume.scene.scene import Box, Scene
 from relume.scene.shapes.shapes import Mesh, Plane
 from relume.sphere.environment_map import EnvironmentMap
 from relume.sphere.mappings.mapping import LatLong, pixel_directions
-from relume.surface import reflectance
-from relume.surface.clean_pixels import filled_in, trustworthy
-from relume.surface.gloss import Gloss, glossy
-from relume.surface.projection import box_mesh
-from relume.surface.recovery import ConstantAlbedo, KnownMaterial, RecoveredLocal, Recovery
-from relume.surface.reflectance import _Work, recover_reflectance
 
 CAMERA = Camera.looking_at(np.array([0.1, 0.6, 1.2]), np.zeros(3), width=96, height=64, focal_length=90.0)
 QUICK = Mitsuba(samples=64, depth=6)

@@ -13,14 +13,14 @@ from typing import Any
 import numpy as np
 import pytest
 
+from relume.composite.surface.gloss import FittedGloss, Gloss, glossy
+from relume.composite.surface.recovery import RecoveredLocal, RecoveredSurface
 from relume.image.photograph import Settings
 from relume.probe.ball.blending import Probe
 from relume.project.stages import Stages, Steps, packed, unpacked
 from relume.scene.materials.materials import Diffuse
 from relume.scene.shapes.shapes import Mesh, Plane
 from relume.sphere.environment_map import EnvironmentMap
-from relume.surface.gloss import FittedGloss, Gloss, glossy
-from relume.surface.recovery import RecoveredLocal, RecoveredSurface
 
 GENERATOR = np.random.default_rng(1)
 ALBEDO, WITHOUT, LIGHT = (GENERATOR.random((5, 7, 3)).astype(np.float32) for _ in range(3))

@@ -1,1 +1,1 @@
-"""Renders + plate → picture."""
+"""What real surfaces reflect, and renders + plate → picture."""

@@ -9,6 +9,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from relume.composite.surface.projection import triangles_of_shape
 from relume.image.files import read_radiance
 from relume.image.radiance import OUTSIDE
 from relume.lightstage.field.field import Pictures
@@ -23,7 +24,6 @@ from relume.scene.cameras.camera import Camera
 from relume.scene.materials.materials import Material
 from relume.scene.shapes.meshes import read_meshes
 from relume.scene.shapes.shapes import Mesh, Sphere
-from relume.surface.projection import triangles_of_shape
 from small_stages import SeparatedPictures
 
 LIGHTS = StageLights.towards(even_directions(100))

@@ -15,6 +15,7 @@ from pathlib import Path
 import numpy as np
 from scipy import ndimage
 
+from relume.composite.surface.projection import projected
 from relume.errors import OutputNotWritten, warn
 from relume.image import files
 from relume.image.colour import encode_srgb
@@ -28,7 +29,6 @@ from relume.scene.cameras.camera import Camera
 from relume.scene.gltf.writing import write_glb
 from relume.scene.materials.materials import Material
 from relume.scene.shapes.shapes import Mesh
-from relume.surface.projection import projected
 
 SOOT = 0.01
 """An albedo below that of soot and black velvet."""

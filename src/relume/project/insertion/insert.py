@@ -13,8 +13,8 @@ from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from relume.cluster.claims import held
 from relume.cluster.connection import connect
-from relume.cluster.folder_lock import held
 from relume.errors import GatheredDoubts, ranked, warn
 from relume.project.forecast import memory_for, require_room
 from relume.project.insertion.agreement import on_one_scale

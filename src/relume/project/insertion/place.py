@@ -11,6 +11,9 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from relume.capture.lens.vignetting import Vignetting
+from relume.composite.surface.recovery import RecoveredLocal
+from relume.composite.surface.reflectance import recover_reflectance
+from relume.composite.surface.two_views import ViewOfProbe
 from relume.errors import InvalidShot, warn
 from relume.image.radiance import RadianceMap
 from relume.light.constellations.local_lamps import free_lamp
@@ -36,9 +39,6 @@ from relume.scene.scene import Infinite, Scene
 from relume.scene.shapes.shapes import Mesh
 from relume.sphere.directions import UP, rotation_about
 from relume.sphere.environment_map import EnvironmentMap
-from relume.surface.recovery import RecoveredLocal
-from relume.surface.reflectance import recover_reflectance
-from relume.surface.two_views import ViewOfProbe
 
 
 @dataclass(frozen=True, eq=False)

@@ -9,6 +9,9 @@ from typing import Annotated, Literal
 import numpy as np
 from pydantic import Field, model_validator
 
+from relume.composite.surface.gloss import Gloss, glossy
+from relume.composite.surface.projection import box_mesh
+from relume.composite.surface.recovery import ConstantAlbedo, EstimatedGloss, KnownMaterial, Recovery, TexturedAlbedo
 from relume.errors import InvalidShot
 from relume.project.mesh_tables import Placement, placed
 from relume.project.schema import Positive, Share, Table, Vector
@@ -16,9 +19,6 @@ from relume.scene.materials.materials import Diffuse, Material
 from relume.scene.scene import Box, Distant, Dome, Enclosure, Infinite
 from relume.scene.shapes.meshes import read_meshes
 from relume.scene.shapes.shapes import Mesh, Plane, Shape, Sphere
-from relume.surface.gloss import Gloss, glossy
-from relume.surface.projection import box_mesh
-from relume.surface.recovery import ConstantAlbedo, EstimatedGloss, KnownMaterial, Recovery, TexturedAlbedo
 
 GREY = Diffuse((0.5, 0.5, 0.5))
 """What a surface is made of until its reflectance is recovered."""

@@ -13,6 +13,19 @@ from math import sqrt
 
 import numpy as np
 
+from relume.composite.surface.clean_pixels import enlarged, filled_in, trustworthy
+from relume.composite.surface.gloss import FittedGloss, Gloss, fit_gloss, glossy
+from relume.composite.surface.projection import Projected, projected, shining
+from relume.composite.surface.recovery import (
+    ConstantAlbedo,
+    EstimatedGloss,
+    KnownMaterial,
+    RecoveredLocal,
+    RecoveredSurface,
+    Recovery,
+    TexturedAlbedo,
+)
+from relume.composite.surface.two_views import ViewOfProbe
 from relume.errors import warn
 from relume.image.bands import BAND, in_bands
 from relume.image.radiance import RadianceMap
@@ -28,19 +41,6 @@ from relume.scene.materials.checks import triple
 from relume.scene.materials.materials import Colour, Diffuse
 from relume.scene.scene import Scene
 from relume.scene.shapes.shapes import Plane, Shape
-from relume.surface.clean_pixels import enlarged, filled_in, trustworthy
-from relume.surface.gloss import FittedGloss, Gloss, fit_gloss, glossy
-from relume.surface.projection import Projected, projected, shining
-from relume.surface.recovery import (
-    ConstantAlbedo,
-    EstimatedGloss,
-    KnownMaterial,
-    RecoveredLocal,
-    RecoveredSurface,
-    Recovery,
-    TexturedAlbedo,
-)
-from relume.surface.two_views import ViewOfProbe
 
 STEADY = 0.005
 """Share by which the arriving light may still change when the iteration ends."""

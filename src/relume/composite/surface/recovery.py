@@ -6,9 +6,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from relume.composite.surface.gloss import FittedGloss, Gloss
 from relume.scene.materials.materials import Colour
 from relume.scene.shapes.shapes import Shape
-from relume.surface.gloss import FittedGloss, Gloss
 
 
 @dataclass(frozen=True)

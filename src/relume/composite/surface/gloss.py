@@ -14,12 +14,12 @@ from functools import lru_cache
 
 import numpy as np
 
+from relume.composite.surface.two_views import Shared, ViewOfProbe, common_points, plate_points
 from relume.image.radiance import RadianceMap
 from relume.renderers.mitsuba.lobes import Arriving, arriving
 from relume.scene.cameras.camera import Camera
 from relume.scene.materials.materials import Colour, Material
 from relume.scene.scene import Scene
-from relume.surface.two_views import Shared, ViewOfProbe, common_points, plate_points
 
 LOW, HIGH = np.array([0.0, 0.05]), np.array([0.3, 1.0])
 """Of F₀ and roughness: F₀ 0.3 is past every dielectric (diamond has 0.17); smoother than 0.05 is a mirror."""

@@ -6,6 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from relume.composite.surface.projection import triangles_of_shape
 from relume.image.bilinear import bilinear
 from relume.image.radiance import RadianceMap
 from relume.light.reflection.convolution import as_latlong
@@ -13,7 +14,6 @@ from relume.renderers.raytrace.raycast import RayCaster
 from relume.scene.cameras.camera import Camera
 from relume.scene.scene import Scene
 from relume.sphere.mappings.mapping import LatLong, pixel_points
-from relume.surface.projection import triangles_of_shape
 
 ROWS = 96
 """Of the lat-long grid of places: cells of 1.9°."""
