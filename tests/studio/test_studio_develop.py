@@ -130,10 +130,13 @@ def test_a_lens_a_film_and_a_display_are_set_by_sliders_and_the_command_says_the
     page.press("ArrowLeft")
     page.until(lambda: "vignetting.coefficients=[-0.31, 0, 0]" in sent(), "the slider")
     part("tone")
+    # What is shown unless given is the chosen camera's own: a slide's film, where others begin with black-and-white.
+    assert page.tab.locator("#right-tone-stock").input_value() == '"slide"'
     page.tab.locator("#right-tone").select_option("darkroom")
     page.until(lambda: "tone.kind=darkroom" in sent(), "the film")
-    page.tab.locator("#right-tone-stock").select_option(label="slide")
-    page.until(lambda: "tone.stock=slide" in sent(), "the slide film")
+    assert page.tab.locator("#right-tone-stock").input_value() == '"slide"'
+    page.tab.locator("#right-tone-stock").select_option(label="colour-negative")
+    page.until(lambda: "tone.stock=colour-negative" in sent(), "the other film")
     page.tab.locator("#right-tone-grain").uncheck()
     page.until(lambda: "tone.grain=false" in sent(), "no grain")
     stops = page.tab.get_by_label("Film exposed by, stops")
@@ -171,7 +174,7 @@ def test_a_lens_a_film_and_a_display_are_set_by_sliders_and_the_command_says_the
     # It is the picture of that very camera: its corner darker, by the polynomial.
     tables = {
         "vignetting": {"kind": "polynomial", "coefficients": [-0.31, 0, 0]},
-        "tone": {"kind": "darkroom", "stock": "slide", "grain": False, "stops": 0.7},
+        "tone": {"kind": "darkroom", "stock": "colour-negative", "grain": False, "stops": 0.7},
         "display": {"kind": "p3"}, "glare": {"kind": "camera"},
     }  # fmt: skip
     settings = rl.DevelopSettings(

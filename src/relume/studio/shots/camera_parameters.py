@@ -215,6 +215,14 @@ def settings_of(given: Any) -> dict[str, dict[str, Any]]:
     return {table: dict(keys) for table, keys in given.items()}
 
 
+def flattened(keys: Mapping[str, Any]) -> dict[str, Any]:
+    """A table with screen = { white } as "screen.white"; `nested` undoes it."""
+    found: dict[str, Any] = {}
+    for key, value in keys.items():
+        found |= {f"{key}.{inner}": each for inner, each in value.items()} if isinstance(value, dict) else {key: value}
+    return found
+
+
 def nested(keys: Mapping[str, Any]) -> dict[str, Any]:
     """A table with "screen.white" as screen = { white }."""
     found: dict[str, Any] = {}

@@ -15,7 +15,7 @@ from typing import Any
 import numpy as np
 
 import relume as rl
-from relume.studio.shots.camera_parameters import nested, settings_of
+from relume.studio.shots.camera_parameters import flattened, nested, settings_of
 from relume.studio.words import in_the_page
 
 TONES = ("exposure", "reinhard", "reinhard-local", "histogram", "human", "tumblin-rushmeier", "ferwerda", "pattanaik")
@@ -115,6 +115,12 @@ def presets() -> dict[str, str]:
     """The built-in cameras whose pictures a page can show, name → what it is."""
     known = rl.CameraPreset.builtin()
     return {name: title for name, title in known.items() if "display" not in tomllib.loads(rl.CameraPreset.text(name))}
+
+
+def preset_parameters(name: str) -> dict[str, dict[str, Any]]:
+    """What a built-in camera sets, by table and key as `camera_parameters` has them."""
+    tables = tomllib.loads(rl.CameraPreset.text(name))
+    return {table: flattened(keys) for table, keys in tables.items() if isinstance(keys, dict)}
 
 
 def has_depth(results: Path, source: str) -> bool:

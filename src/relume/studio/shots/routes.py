@@ -27,7 +27,7 @@ from relume.studio.shots.ball import unwrapped
 from relume.studio.shots.bundles import LIST_THEM, LONGEST_LIST, Bundle, listed
 from relume.studio.shots.camera_parameters import parameters
 from relume.studio.shots.cameras import board_camera, camera_of
-from relume.studio.shots.developed import TONES, developed, has_depth, presets
+from relume.studio.shots.developed import TONES, developed, has_depth, preset_parameters, presets
 from relume.studio.shots.document import Document
 from relume.studio.shots.folder import LARGEST_UPLOAD, Folder
 from relume.studio.shots.jobs import Jobs
@@ -252,7 +252,9 @@ class Studio:
     def ways(self, _request: Request) -> Response:
         """The cameras and tone operators by which a composite may be developed."""
         depth = has_depth(self.out, "composite.exr")
-        return in_json({"presets": presets(), "tones": TONES, "parameters": parameters(depth=depth)})
+        known = presets()
+        own = {name: preset_parameters(name) for name in known}
+        return in_json({"presets": known, "own": own, "tones": TONES, "parameters": parameters(depth=depth)})
 
     def develop(self, _request: Request, body: dict[str, Any]) -> Response:
         """A result through another camera."""

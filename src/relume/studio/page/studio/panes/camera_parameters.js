@@ -13,11 +13,13 @@ const KINDS = /** @type {Record<string, string>} */ ({ natural: "natural, cos⁴
 
 /**
  * @param {Part[]} parts @param {string} side what the fields' ids begin with @param {Settings} settings changed in place
- * @param {(table: string) => string} above the kind that was chosen elsewhere @param {() => void} changed @returns {Node[]}
+ * @param {(table: string) => string} above the kind that was chosen elsewhere @param {Settings} preset what the chosen camera sets
+ * @param {() => void} changed @returns {Node[]}
  */
-export function parameterFields(parts, side, settings, above, changed) {
+export function parameterFields(parts, side, settings, above, preset, changed) {
   return parts.map((part) => {
-    const kinds = Object.keys(part.kinds), given = settings[part.table], kind = given ? given.kind ?? "" : above(part.table);
+    const kinds = Object.keys(part.kinds), given = settings[part.table], own = preset[part.table];
+    const kind = given ? given.kind ?? "" : above(part.table) || (own?.kind ?? "");
     const id = `${side}-${part.table}`, chooses = make("select", { id, onchange: () => {
       if (chooses.value === "-") delete settings[part.table];
       else {
@@ -34,7 +36,9 @@ export function parameterFields(parts, side, settings, above, changed) {
       else keys[key] = value;
       changed();
     };
-    const shown = part.kinds[kind] && (given || above(part.table)) ? part.kinds[kind] : [];
+    // Unless given, a key is as the chosen camera has it, where that is of this kind.
+    const asPreset = own && (own.kind ?? "") === kind ? own : {};
+    const shown = part.kinds[kind] && (given || above(part.table) || own) ? part.kinds[kind].map((each) => ({ ...each, otherwise: asPreset[each.key] ?? each.otherwise })) : [];
     return make("details", { data: { part: part.table } }, make("summary", {}, given ? `${part.title} •` : part.title),
       make("div", { className: "row" }, make("label", { for: id }, part.title), chooses),
       ...shown.flatMap((each) => fields(each, `${id}-${each.key}`, given?.[each.key], (value) => set(each.key, value))));

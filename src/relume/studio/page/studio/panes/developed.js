@@ -9,7 +9,8 @@ import { json, post } from "../../requests.js";
 /** @param {import("../studio.js").Studio} studio */
 export function developments(studio) {
   /** @type {Way[]} */ const ways = [{ preset: "", tone: "exposure", glare: "", exposure: 0, settings: {} }, { preset: "slide", tone: "", glare: "", exposure: 0, settings: {} }];
-  /** @type {{presets: Record<string, string>, tones: string[], parameters: import("./camera_parameters.js").Part[]}} */ let known = { presets: {}, tones: [], parameters: [] };
+  /** @type {{presets: Record<string, string>, own: Record<string, import("./camera_parameters.js").Settings>, tones: string[], parameters: import("./camera_parameters.js").Part[]}} */
+  let known = { presets: {}, own: {}, tones: [], parameters: [] };
   let worked = 1, withDepth = false; // the side whose parameters are shown
   let turn = 0, lines = ["", ""];
   /** @type {string[]} */ let doubts = [];
@@ -80,7 +81,7 @@ export function developments(studio) {
     });
     return [make("h2", {}, "Its lens, glare, film and display"), make("div", { className: "row", role: "group" }, ...of,
       make("button", { type: "button", disabled: !Object.keys(way.settings).length, onclick: () => ((way.settings = {}), compare()) }, "All as it has")),
-    ...parameterFields(known.parameters, side, way.settings, (table) => (table === "tone" ? way.tone : table === "glare" ? way.glare : ""), () => {
+    ...parameterFields(known.parameters, side, way.settings, (table) => (table === "tone" ? way.tone : table === "glare" ? way.glare : ""), known.own[way.preset] ?? {}, () => {
       studio.rebuild();
       compare();
     })];
