@@ -255,13 +255,24 @@ def _white(calibrated: Calibrated, seen: SeenByBoth | None) -> np.ndarray:
     if fixed and len(calibrated.cameras) == 1 and calibrated.untied is None:
         return np.ones(3)
     stops, scatter = np.log2(seen.white), seen.white_spread / np.log(2)
-    # Where it differs more from place to place than in the middle, smeared light or other things are compared.
-    if np.ptp(stops) < max(WHITE, scatter):
+    contrast = float(np.ptp(stops))
+    if contrast < WHITE:
+        return np.ones(3)
+    other = (
+        f"light: the plate's white is another than the light's (red {stops[0]:+.2f}, green {stops[1]:+.2f}, blue "
+        f"{stops[2]:+.2f} stops, by what both show)"
+    )
+    # Where places differ from one another by more than that, smeared light or other things may have been compared.
+    if contrast < scatter:
+        warn(
+            f"{other}, but by {scatter:.2f} stops from place to place, so it is left as it is: photograph both with one "
+            "camera and a fixed white balance, or give a tinted ball's light.ball.reflectance",
+            effect=float(np.exp2(contrast / 2) - 1),
+        )
         return np.ones(3)
     warn(
-        f"light: the plate's white is another than the light's (red {stops[0]:+.2f}, green {stops[1]:+.2f}, blue "
-        f"{stops[2]:+.2f} stops, by what both show), as automatic white balance or an unknown curve makes it; it is "
-        "given the plate's: photograph both with one camera and a fixed white balance",
+        f"{other}, as automatic white balance or an unknown curve makes it; it is given the plate's: photograph both "
+        "with one camera and a fixed white balance",
         effect=float(np.exp2(scatter / 2) - 1),
     )
     return seen.white
