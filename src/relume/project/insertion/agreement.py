@@ -265,8 +265,8 @@ def _white(calibrated: Calibrated, seen: SeenByBoth | None) -> np.ndarray:
     # Where places differ from one another by more than that, smeared light or other things may have been compared.
     if contrast < scatter:
         warn(
-            f"{other}, but by {scatter:.2f} stops from place to place, so it is left as it is: photograph both with one "
-            "camera and a fixed white balance, or give a tinted ball's light.ball.reflectance",
+            f"{other}, but by {scatter:.2f} stops from place to place, so it is left as it is: photograph both with "
+            "one camera and a fixed white balance, or give a tinted ball's light.ball.reflectance",
             effect=float(np.exp2(contrast / 2) - 1),
         )
         return np.ones(3)
