@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import base64
 import json
+import os
+import time
 import tomllib
 from collections.abc import Iterator
 from pathlib import Path
@@ -15,6 +17,8 @@ import pytest
 
 import relume as rl
 from browsing import Tab, opened
+from relume.studio.shots.bundles import Bundle, Listed
+from relume.studio.shots.folder import Folder
 from serving import Server, serving
 from small_shot import TEXT, camera, write_small_shot
 from studio_page import looked_at
@@ -209,3 +213,126 @@ def test_files_with_folders_keep_them_and_no_name_leads_elsewhere(small_server: 
         assert status == 422 and said in answer["error"], content
     assert left_in(small) == before
     assert not [each for each in (small / "objects").iterdir() if each.name.startswith(".")]
+
+
+def naming(picture: str) -> bytes:
+    """A glTF that names its buffer and one picture."""
+    return chair()["chair.gltf"].replace(b"textures/the%20wood.png", picture.encode())
+
+
+def two_chairs() -> list[tuple[str, bytes]]:
+    buffer = chair()["chair.bin"]
+    return [
+        ("old/chair.gltf", naming("wood.png")), ("old/chair.bin", buffer), ("new/chair.gltf", naming("wood.png")),
+        ("new/chair.bin", buffer), ("new/wood.png", red_picture()),
+    ]  # fmt: skip
+
+
+def written(root: Path, files: list[tuple[str, bytes]]) -> Bundle:
+    """A drop whose files are there, not yet settled."""
+    bundle = Bundle(Folder(root), [Listed(name, len(content)) for name, content in files])
+    (place,) = (root / "objects").glob(".dropped-*")
+    for name, content in files:
+        (place / name).parent.mkdir(parents=True, exist_ok=True)
+        (place / name).write_bytes(content)
+    return bundle
+
+
+@pytest.mark.parametrize("order", [1, -1])
+def test_what_one_mesh_finds_is_not_taken_from_it_for_another(tmp_path: Path, order: int):
+    found = written(tmp_path, two_chairs()[::order]).settled()["meshes"]
+    assert found == ["objects/chair/new/chair.gltf", "objects/chair/old/chair.gltf"]
+    for name in found:
+        assert colour_of(rl.read_meshes(tmp_path / name)[0]) == pytest.approx([0.716, 0.0212, 0.0130], rel=0.02)
+
+
+def test_what_is_found_twice_takes_no_room_twice_and_none_that_is_not_there(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+):
+    written(tmp_path, two_chairs()).settled()
+    pictures = [tmp_path / "objects/chair" / name / "wood.png" for name in ("old", "new")]
+    assert pictures[0].samefile(pictures[1])
+
+    def no_links(*_: object) -> None:
+        raise PermissionError(1, "Operation not permitted")
+
+    monkeypatch.setattr(os, "link", no_links)
+    written(tmp_path, two_chairs()).settled()
+    pictures = [tmp_path / "objects/chair-2" / name / "wood.png" for name in ("old", "new")]
+    assert pictures[0].read_bytes() == pictures[1].read_bytes() and not pictures[0].samefile(pictures[1])
+    monkeypatch.setattr(Folder, "room", lambda _: 10)
+    bundle = written(tmp_path, two_chairs())
+    with pytest.raises(rl.errors.OutputNotWritten, match=r"^old/wood\.png: cannot be written \(No space left"):
+        bundle.settled()
+
+
+def test_of_several_files_that_may_be_meant_none_is_taken(small_server: Server, small: Path):
+    whole = [("chair.gltf", naming("textures/wood.png")), ("chair.bin", chair()["chair.bin"])]
+    before = left_in(small)
+    both = [*whole, ("red/wood.png", red_picture()), ("blue/wood.png", red_picture())]
+    status, answer = together(small_server, both)
+    assert status == 422 and answer["error"] == (
+        "chair.gltf names textures/wood.png, which may be any of red/wood.png, blue/wood.png; drop it where it is named"
+    )
+    # Names are compared as they are, and not as patterns.
+    strange = [("chair.gltf", naming("wood[12].png")), whole[1], ("wood1.png", red_picture())]
+    status, answer = together(small_server, strange)
+    assert status == 422 and "chair.gltf names wood[12].png, which was not dropped with it" in answer["error"]
+    assert left_in(small) == before
+
+
+def test_layers_that_name_each_other_without_an_end_are_refused(tmp_path: Path):
+    pytest.importorskip("pxr", reason="usd-core is not installed")
+    layers = [
+        (f"{name}.usda", USDA.replace("./parts/body.usda", f"./in/{other}.usda").encode())
+        for name, other in (("one", "two"), ("two", "one"))
+    ]
+    bundle = written(tmp_path, layers)
+    with pytest.raises(ValueError, match="without an end"):
+        bundle.settled()
+
+
+def test_tiles_of_a_picture_get_the_place_and_the_name_that_is_named(tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
+    tiles = ["Wood.1001.png", "sub/wood.1002.png"]
+    files = [("body.obj", OBJ), ("body.mtl", b"newmtl wood\n"), *((name, red_picture()) for name in tiles)]
+    monkeypatch.setattr(
+        rl.scene, "files_beside_mesh", lambda path: ("maps/wood.<UDIM>.png",) if path.suffix == ".obj" else ()
+    )
+    written(tmp_path, files).settled()
+    assert {f"maps/wood.{n}.png" for n in (1001, 1002)} <= {
+        each.relative_to(tmp_path / "objects/body").as_posix() for each in (tmp_path / "objects").rglob("*.png")
+    }
+
+
+def test_what_cannot_be_written_is_said_in_a_line(
+    small_server: Server, small: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+):
+    before = left_in(small)
+    status, answer = together(small_server, [("body.obj", OBJ), ("a.bin", b"1"), ("a.bin/b.bin", b"1")])
+    assert status == 422 and answer["error"].startswith("a.bin/b.bin: cannot be written (")
+    # Another drop was quicker with the name.
+    bundle = written(tmp_path, [("body.obj", OBJ), ("body.mtl", b"newmtl wood\n")])
+    (tmp_path / "objects/body/taken").mkdir(parents=True)
+    monkeypatch.setattr(os.path, "lexists", lambda _: False)
+    with pytest.raises(rl.errors.OutputNotWritten, match=r"^objects/body: cannot be written \("):
+        bundle.settled()
+    assert left_in(small) == before
+
+
+def test_a_refusal_names_the_file_as_it_was_dropped(small_server: Server):
+    status, answer = together(small_server, [("parts/broken.gltf", b"{"), ("body.obj", OBJ)])
+    assert status == 422 and answer["error"].startswith("parts/broken.gltf: ")
+    assert ".dropped-" not in answer["error"]
+
+
+def test_what_a_killed_server_left_of_a_drop_goes_when_the_studio_starts(tmp_path: Path):
+    old, coming = (tmp_path / "objects" / f".dropped-{name}" for name in ("old", "coming"))
+    for each in (old, coming):
+        each.mkdir(parents=True)
+        (each / "half.bin").write_bytes(b"1")
+    (tmp_path / "objects/kept").mkdir()
+    two_hours_ago = time.time() - 7200
+    os.utime(old, (two_hours_ago, two_hours_ago))
+    with serving([tmp_path], "studio") as server:
+        assert server.json("/shot")["name"] == "shot.toml"
+        assert sorted(each.name for each in (tmp_path / "objects").iterdir()) == [".dropped-coming", "kept"]

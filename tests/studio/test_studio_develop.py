@@ -207,6 +207,7 @@ def test_axe_finds_nothing_serious_among_the_numbers_of_a_camera(page: Tab, serv
      ("glare", "/etc/passwd"), ("exposure", "1"),
      ("settings", {"glare": {"kind": "measured", "picture": "/etc/passwd"}}),
      ("settings", {"tone": {"kind": "ocio"}}), ("settings", {"tone": {"kind": "camera", "response": "x"}}),
+     ("settings", {"tone": {"kind": [1]}}), ("settings", {"tone": {"kind": {}}}),
      ("settings", {"nothing": {}}), ("settings", {"soft_focus": {"share": 2}}), ("settings", [1]),
      ("settings", {"defocus": {"focus": 1, "f_number": 2, "focal_length": 50}}), ("of", "../shot.toml"),
      ("of", "plate.exr")],

@@ -275,6 +275,25 @@ def test_what_is_no_edit_of_a_map_is_one_line_and_leaves_nothing(server: Server,
     assert (small / "shot.toml").read_text(encoding="utf-8") == TEXT
 
 
+@pytest.mark.parametrize("number", ["1e400", "-1e400", "1" + "0" * 400])
+def test_a_number_without_an_end_is_one_line_and_leaves_nothing(server: Server, small: Path, number: str):
+    revision = server.json("/shot")["revision"]
+    for path, body in (
+        ("/light/edited", '"grey": [N, 0]'),
+        ("/light/edited", '"size": N'),
+        ("/light/edited", '"gains": [1, N, 1]'),
+        ("/light/edited", '"turn": [N, 0, 0]'),
+        ("/light/edited", '"stops": N'),
+        ("/light/edited", '"blur": N'),
+        ("/light/slice", '"box": [0, 0, N, 4]'),
+        ("/light/slice", '"view": [0, N, 3]'),
+    ):
+        status, answer = server.post(path, f'{{"revision": {revision}, {body.replace("N", number)}}}'.encode())
+        assert status in (400, 422) and len(answer["error"].splitlines()) == 1, (path, body)
+    assert not list(small.glob("lights/*")) and not list(small.glob("paint/*"))
+    assert (small / "shot.toml").read_text(encoding="utf-8") == TEXT
+
+
 def test_a_map_in_place_of_the_ball_keeps_its_place_its_scale_and_its_camera():
     from relume.studio.shots.edits import edited
     from relume.studio.shots.light_edits import pointed_at

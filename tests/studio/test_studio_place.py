@@ -151,6 +151,30 @@ def test_a_lamp_is_hung_over_a_point_of_the_table_and_moved(page: Tab, small: Pa
     page.until(lambda: "lamps" not in table(small)["light"], "its end")
 
 
+def test_what_was_refused_leaves_an_older_surface_as_it_is(page: Tab, small: Path):
+    page.click('button:text-is("Draw a box")')
+    page.drag(seen(0.1, 0, -0.1), seen(0.3, 0, 0.05))
+    page.until(lambda: len(table(small)["local"]) == 2, "the box")
+    page.drag(seen(0.2, 0, -0.025), seen(0.2, 0.22, -0.025))
+    page.until(lambda: table(small)["local"][1]["high"][1] == pytest.approx(0.22, abs=1e-4), "its height")
+    page.tab.locator('[data-surface="0"]').click()
+    before = (small / "shot.toml").read_text(encoding="utf-8")
+    page.tab.evaluate(
+        "() => { const plain = fetch; window.fetch = async (address, given) => address === '/shot/edit'"
+        " ? new Response(JSON.stringify({ error: 'not now' }), { status: 422 }) : plain(address, given); }"
+    )
+    for kind in ("wall", "lamp"):
+        page.click(f'button:text-is("Draw a {kind}")')
+        page.drag(seen(-0.1, 0, -0.1), seen(-0.3, 0, 0.0))
+        page.until(lambda: "not now" in page.text("#message"), "the refusal")
+        assert "Drag upward" not in page.text("#pane")
+        # Chosen is still what was, and a drag moves the picture alone.
+        assert page.tab.locator('[data-surface="0"]').get_attribute("aria-pressed") == "true", kind
+        assert page.tab.locator("#overlay path.draft").count() == 0
+    page.drag(seen(0.0, 0, 0.0), seen(0.0, 0.1, 0.0))
+    assert (small / "shot.toml").read_text(encoding="utf-8") == before
+
+
 def test_axe_finds_nothing_serious_while_surfaces_are_drawn(page: Tab, small: Path):
     page.click('button:text-is("Draw a lamp")')
     page.click('button:text-is("Put one in the middle")')

@@ -3,7 +3,10 @@
 from __future__ import annotations
 
 import ast
+import re
+from collections.abc import Iterator
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -12,8 +15,24 @@ import relume as rl
 from relume.studio.words import in_the_page
 
 PACKAGE = Path(rl.__file__).parent
-SAID = ("probe/ball", "virtual_camera", "project/merging", "project/insertion", "project/developing", "sphere", "image")
-"""Folders whose messages the page shows."""
+SAID = {
+    "probe/ball": 8, "virtual_camera": 2, "project/merging": 1, "project/insertion": 5, "project/developing": 2,
+    "sphere": 2, "image": 8, "capture": 15, "light/editing": 8,
+}  # fmt: skip
+"""Folders whose messages the page shows, and at least how many of those name options."""
+IN_THE_SHOT_FILE = re.compile(r"“([^”]*)” in the shot file")
+
+
+def keys(schema: Any) -> Iterator[str]:
+    """Every key of a JSON schema's tables."""
+    if isinstance(schema, dict):
+        yield from schema.get("properties", {})
+        schema = list(schema.values())
+    for each in schema if isinstance(schema, list) else []:
+        yield from keys(each)
+
+
+OF_SHOTS = {key.replace("_", " ") for key in keys(rl.Shot.model_json_schema())}
 
 
 def messages(folder: Path) -> list[str]:
@@ -37,16 +56,25 @@ def messages(folder: Path) -> list[str]:
     return found
 
 
-@pytest.mark.parametrize("folder", SAID)
-def test_no_message_names_an_option_in_the_page(folder: str):
+@pytest.mark.parametrize(("folder", "at_least"), SAID.items())
+def test_no_message_names_an_option_in_the_page(folder: str, at_least: int):
     found = messages(PACKAGE / folder)
+    assert len(found) >= at_least
     for text in found:
         shown = in_the_page(text)
         assert "--" not in shown and "  " not in shown, (text, shown)
+        # What the page sends to the shot file is there.
+        named = IN_THE_SHOT_FILE.findall(shown)
+        assert set(named) <= OF_SHOTS, (text, shown)
+        assert not re.search(r"`relume |relume (merge|probe|insert|develop|convert) ", shown), (text, shown)
     if folder == "probe/ball":
-        assert len(found) >= 8
         # Each of these has a place of its own in the page.
         assert [text for text in found if "in the shot file" in in_the_page(text) and "profile" not in text] == []
+
+
+def test_the_keys_of_shots_are_known():
+    assert {"times", "neutral", "profile", "surface reflectance"} <= OF_SHOTS
+    assert not {"picture", "times from names", "ignore", "vectors"} & OF_SHOTS
 
 
 @pytest.mark.parametrize(

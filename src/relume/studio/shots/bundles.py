@@ -3,14 +3,16 @@ of USD. They come in one request and go into a folder of their own, whole or not
 
 from __future__ import annotations
 
-import fnmatch
+import errno
 import json
 import os
 import posixpath
 import re
 import shutil
 import tempfile
-from collections.abc import AsyncIterator
+import time
+from collections.abc import AsyncIterator, Iterator
+from contextlib import contextmanager, suppress
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -20,10 +22,16 @@ from relume.studio.shots.folder import MESHES, PICTURES, Folder
 
 BESIDE = (".bin", ".mtl", ".mtlx", ".webp", ".bmp", ".tga", ".avif", ".ktx2")
 """Endings of what meshes name beside pictures."""
-TAKEN = (*MESHES, *PICTURES, *BESIDE)
-SPARED = (".mtl", ".mtlx")
+ACCEPTED_ENDINGS = (*MESHES, *PICTURES, *BESIDE)
+OPTIONAL = (".mtl", ".mtlx")
 """What a mesh is read without, with a warning, where it is missing."""
+READ = (*MESHES, ".mtl")
+"""What may name other files."""
 MOST_FILES, LONGEST_LIST = 2000, 1024**2
+HIDDEN = ".dropped-"
+"""How the folder of a drop is called while its files come."""
+FORSAKEN = 3600.0
+"""Seconds after which such a folder belongs to no drop that still comes."""
 LIST_THEM = "list the files as [[name, bytes], …] in the first line"
 
 
@@ -45,23 +53,26 @@ class Bundle:
             raise ValueError("objects is a link elsewhere; nothing is written there")
         try:
             objects.mkdir(exist_ok=True)
-            self._place = Path(tempfile.mkdtemp(prefix=".dropped-", dir=objects))
+            self._place = Path(tempfile.mkdtemp(prefix=HIDDEN, dir=objects))
         except OSError as error:
             raise rl.errors.OutputNotWritten(f"{objects}: cannot be written ({error.strerror})") from None
         self._files = files
-        self._moved: dict[str, str] = {}  # what lay elsewhere than its name says, and where it was put
+        self._placed: dict[str, str] = {}  # where meshes look for what lay elsewhere, and as what it was dropped
+        self._in_place = set[str]()  # what was dropped where a mesh looks for it
 
     async def take(self, chunks: AsyncIterator[bytes], write: Any) -> None:
         """Write the files as their bytes come, one after another; raises ValueError where there are too few or many.
 
         write : awaits a function that writes, in a thread
+        Raises OutputNotWritten.
         """
-        waiting, rest = iter(self._files), b""
-        for each in waiting:
+        rest = b""
+        for each in self._files:
             target = self._place / each.name
-            target.parent.mkdir(parents=True, exist_ok=True)
-            kept = each.name.lower().endswith(TAKEN)
-            with open(target if kept else os.devnull, "wb") as file:
+            kept = each.name.lower().endswith(ACCEPTED_ENDINGS)
+            with _written(each.name):
+                target.parent.mkdir(parents=True, exist_ok=True)
+            with _written(each.name), open(target if kept else os.devnull, "wb") as file:
                 left = each.size
                 while left:
                     if not rest:
@@ -80,33 +91,24 @@ class Bundle:
     def settled(self) -> dict[str, Any]:
         """Give what the files name its place and the folder its name; the meshes that no other names, for JSON.
 
-        Raises ValueError where what a mesh names was not dropped with it, UnreadableFile.
+        Raises ValueError where what a mesh names was not dropped with it, UnreadableFile, OutputNotWritten.
         """
-        there = [each.name for each in self._files if each.name.lower().endswith(TAKEN)]
+        there = [each.name for each in self._files if each.name.lower().endswith(ACCEPTED_ENDINGS)]
         meshes = [name for name in there if name.lower().endswith(MESHES)]
         if not meshes:
             raise ValueError("there is no mesh among these files; drop a glTF, OBJ, PLY, STL or USD")
-        named: set[str] = set()
-        waiting, seen = [name for name in there if name.lower().endswith((*MESHES, ".mtl"))], set[str]()
-        while waiting:
-            name = waiting.pop()
-            if name in seen:
-                continue
-            seen.add(name)
-            if name in self._moved:
-                continue
-            for reference in rl.scene.files_beside_mesh(self._place / name):
-                found = self._given(name, reference, there)
-                named |= set(found) - {name}
-                waiting += [each for each in found if each.lower().endswith((*MESHES, ".mtl"))]
-        roots = [name for name in meshes if name not in named and name not in self._moved]
+        named = self._named(there)
+        for target, source in self._placed.items():
+            self._link(source, target)
+        roots = [name for name in meshes if name not in named]
         stem = re.sub(r"[^A-Za-z0-9._-]+", "_", Path((roots or meshes)[0]).stem).strip("._-")[:80] or "mesh"
         target, number = self._place.with_name(stem), 1
         while os.path.lexists(target):
             number += 1
             target = self._place.with_name(f"{stem}-{number}")
-        os.chmod(self._place, 0o755)
-        self._place.rename(target)
+        with _written(f"objects/{target.name}"):
+            os.chmod(self._place, 0o755)
+            self._place.rename(target)
         return {
             "meshes": [self._folder.name(target / name) for name in sorted(roots or meshes)],
             "left_out": [each.name for each in self._files if each.name not in there],
@@ -116,32 +118,102 @@ class Bundle:
         """Leave nothing behind, where it was not settled."""
         shutil.rmtree(self._place, ignore_errors=True)
 
+    def _named(self, there: list[str]) -> set[str]:
+        """What the files name, as it was dropped; what lies elsewhere than they say is noted in `_placed`."""
+        named, refused = set[str](), dict[str, ValueError]()
+        waiting, seen = [name for name in there if name.lower().endswith(READ)], set[str]()
+        while waiting:
+            name = waiting.pop()
+            if name in seen:
+                continue
+            seen.add(name)
+            dropped = self._placed.get(name, name)
+            try:
+                references = rl.scene.files_beside_mesh(self._place / dropped)
+            except rl.errors.UnreadableFile as error:
+                raise rl.errors.UnreadableFile(str(error).replace(f"{self._place}{os.sep}", "")) from None
+            for reference in references:
+                try:
+                    found = self._given(name, reference, there)
+                except ValueError as error:
+                    refused[name] = error
+                    break
+                named |= {self._placed.get(each, each) for each in found} - {dropped}
+                waiting += [each for each in found if each.lower().endswith(READ)]
+        # What is read from another place alone need not find anything from where it was dropped.
+        elsewhere = set(self._placed.values()) - self._in_place
+        for name, error in refused.items():
+            if name not in elsewhere:
+                raise error
+        return named
+
     def _given(self, name: str, reference: str, there: list[str]) -> list[str]:
-        """The files that a reference stands for, put where it says from those of the same name elsewhere."""
+        """The files that a reference stands for, by where it says; those of the same name elsewhere get that place."""
         wanted = posixpath.normpath(posixpath.join(posixpath.dirname(name), reference))
+        optional = reference.lower().endswith(OPTIONAL)
         if re.match(r"^([A-Za-z]:|/|[a-z]+://)", reference) or wanted.startswith(".."):
-            if reference.lower().endswith(SPARED):
+            if optional:
                 return []
             raise ValueError(f"{name} names {reference[:120]}, which is not below it; export it with relative paths")
-        pattern = re.sub(r"<UDIM>", "[0-9][0-9][0-9][0-9]", wanted)
-        found = fnmatch.filter(there, pattern) if pattern != wanted else [wanted]
-        found = [each for each in found if (self._place / each).is_file()]
+        tiles = re.compile(re.escape(wanted).replace("<UDIM>", "([0-9]{4})"))
+        found = [each for each in there if tiles.fullmatch(each)]
+        self._in_place |= set(found)
         if found:
             return found
-        base = posixpath.basename(pattern).lower()
-        for other in (each for each in there if fnmatch.fnmatch(posixpath.basename(each).lower(), base)):
-            target = wanted if pattern == wanted else posixpath.join(posixpath.dirname(wanted), Path(other).name)
-            place = self._place / target
-            place.parent.mkdir(parents=True, exist_ok=True)
-            if other in self._moved and not place.is_file():
-                shutil.copyfile(self._place / self._moved[other], place)
-            elif other not in self._moved:
-                (self._place / other).rename(place)
-                self._moved[other] = target
-            found.append(target)
-        if not found and not reference.lower().endswith(SPARED):
+        base = re.compile(re.escape(posixpath.basename(wanted)).replace("<UDIM>", "([0-9]{4})"), re.IGNORECASE)
+        candidates: dict[str, list[str]] = {}
+        for other in there:
+            same = base.fullmatch(posixpath.basename(other))
+            if same and other != self._placed.get(name, name):
+                target = wanted.replace("<UDIM>", same[1]) if base.groups else wanted
+                candidates.setdefault(target, []).append(other)
+        for target, sources in candidates.items():
+            if len(sources) > 1:
+                any_of = ", ".join(each[:120] for each in sources[:4])
+                raise ValueError(
+                    f"{name} names {reference[:120]}, which may be any of {any_of}; drop it where it is named"
+                )
+            self._placed[target] = sources[0]
+        if len(self._placed) > MOST_FILES:
+            raise ValueError(f"{name} names {reference[:120]}, and so on without an end; export it again")
+        if not candidates and not optional:
             raise ValueError(f"{name} names {reference[:120]}, which was not dropped with it; drop them together")
-        return found
+        return list(candidates)
+
+    def _link(self, source: str, target: str) -> None:
+        """Let a file be found under another name too, without bytes of its own where the disk can do that.
+
+        Raises OutputNotWritten.
+        """
+        one, other = self._place / source, self._place / target
+        with _written(target):
+            other.parent.mkdir(parents=True, exist_ok=True)
+            try:
+                os.link(one, other)
+            except OSError:
+                if one.stat().st_size > self._folder.room():
+                    raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC)) from None
+                shutil.copyfile(one, other)
+
+
+def sweep(folder: Folder) -> None:
+    """Remove what drops left behind whose server was killed before they were whole."""
+    objects = folder.root / "objects"
+    if objects.is_symlink() or not objects.is_dir():
+        return
+    for each in objects.glob(f"{HIDDEN}*"):
+        with suppress(OSError):  # another studio of this folder may be sweeping too
+            if not each.is_symlink() and time.time() - each.lstat().st_mtime > FORSAKEN:
+                shutil.rmtree(each, ignore_errors=True)
+
+
+@contextmanager
+def _written(name: str) -> Iterator[None]:
+    """Raises OutputNotWritten, which names the file, where the block cannot write."""
+    try:
+        yield
+    except OSError as error:
+        raise rl.errors.OutputNotWritten(f"{name}: cannot be written ({error.strerror or error})") from None
 
 
 def listed(line: bytes) -> list[Listed]:

@@ -202,7 +202,7 @@ def settings_of(given: Any) -> dict[str, dict[str, Any]]:
         if kinds is None or not isinstance(keys, dict):
             raise ValueError(f"there is no such part of a camera; there are {', '.join(PARAMETERS)}")
         kind = keys.get("kind", "")
-        if kind not in kinds:
+        if not isinstance(kind, str) or kind not in kinds:
             raise ValueError(f"{table}: there is no such kind; there are {', '.join(kinds)}")
         for key, value in keys.items():
             if key != "kind" and key not in kinds[kind]:

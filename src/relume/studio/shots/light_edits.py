@@ -188,4 +188,10 @@ def _box(asked: Mapping[str, Any]) -> tuple[int, int, int, int]:
 def _number(value: object, name: str) -> float:
     if not isinstance(value, int | float) or isinstance(value, bool):
         raise ValueError(f"{name} is a number, or some of them")
-    return float(value)
+    try:
+        number = float(value)
+    except OverflowError:  # a whole number of more than 308 digits
+        number = math.inf
+    if not math.isfinite(number):
+        raise ValueError(f"{name} is a finite number, or some of them")
+    return number

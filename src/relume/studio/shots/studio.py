@@ -68,10 +68,12 @@ def _application(shot: Path, out: Path) -> Iterator[Callable[[], Starlette]]:
 
         def make() -> Starlette:
             # Here and not above, for one line to say what is not installed.
+            from relume.studio.shots.bundles import sweep
             from relume.studio.shots.document import Document
             from relume.studio.shots.jobs import Jobs
             from relume.studio.shots.routes import Studio, studio_application
 
+            sweep(Folder(shot.parent))
             jobs = Jobs(Path(scratch))
             kept.append(jobs.close)
             return studio_application(

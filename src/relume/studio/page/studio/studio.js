@@ -65,7 +65,8 @@ export class Studio {
   }
 
   /** Change the shot file, after what was asked for before. @param {any[] | (() => Promise<any[]>)} wanted the changes, or what says
-   *  them once the changes before are made @param {boolean} [unfinished] whether the shot may lack something after it */
+   *  them once the changes before are made @param {boolean} [unfinished] whether the shot may lack something after it
+   *  @returns {Promise<unknown>} true where the file has them now */
   edit(wanted, unfinished = false) {
     this.edits = this.edits.then(() => this.attempt(async () => {
       const changes = typeof wanted === "function" ? await wanted() : wanted;
@@ -73,6 +74,7 @@ export class Studio {
       try {
         this.take(await post("/shot/edit", { changes, revision: this.state.revision, unfinished: unfinished || this.state.fault !== null }));
         this.say("");
+        return true;
       } catch (error) {
         // The page shows what the file holds, not what was refused.
         this.take(await json("/shot"), true);
@@ -205,16 +207,36 @@ export class Studio {
       this.say("");
       return this.canvas.closeErrors();
     }
+    return this.openErrors(asked);
+  }
+
+  /** The errors as their file holds them now. @param {boolean} asked */
+  openErrors(asked) {
+    const { turn } = this;
     return this.attempt(async () => {
       // What a render leaves of the composite's noise stands in its layers.
       const ofRender = this.shownWhere === "results" && /^composite\./.test(this.shownPath) && this.state.results.includes("layers.exr");
       const number = ofRender ? (await post("/opened", { path: "layers.exr", where: "results" })).number : this.number;
       const facts = await this.factsOf(number), layer = errorLayer(facts);
+      // Another picture is shown by now.
+      if (turn !== this.turn) return;
       if (layer < 0) return asked && this.say("nothing says how uncertain these pixels are; merged radiance (under Radiance) and renders do");
       this.canvas.set({ falseColour: false, mode: "picture" });
       this.canvas.openErrors(facts.layers[layer], this.tilesOf(number, layer));
+      this.errorsNumber = number;
       if (asked) this.say(ofRender ? "the error that the render's rays leave in each pixel, before the denoiser; U ends it" : "the error of each pixel, as a share of it; U ends it");
     });
+  }
+  /** The picture that the errors were read of: a render's are in a file of their own, which is written after the composite. */
+  errorsNumber = -1;
+
+  /** A file holds another picture now. @param {number} number */
+  changed(number) {
+    this.facts.delete(number);
+    const { shownPath, shownWhere, state: { results } } = this;
+    // A preview goes when the job that wrote it has ended.
+    if (number === this.number && (shownWhere !== "results" || results.includes(shownPath))) this.show(shownPath, shownWhere);
+    else if (number === this.errorsNumber && this.canvas.view.errors) this.openErrors(false);
   }
 
   /** Wipe between two pictures of one size, each as it is. @param {{path: string, where: string}} left @param {{path: string, where: string}} right
@@ -277,6 +299,7 @@ export class Studio {
         if (error instanceof Refused && error.status === 410 && this.facts.get(number)?.layers[layer].digest === digest) {
           this.facts.delete(number);
           if (number === this.number) this.show(this.shownPath, this.shownWhere);
+          else if (number === this.errorsNumber && this.canvas.view.errors) this.openErrors(false);
           return new Promise(() => {});
         }
         throw error;
@@ -569,11 +592,6 @@ studio.attempt(async () => {
   studio.go(Math.max(named, 0));
   listenTo(({ state, changed }) => {
     if (state) studio.take(state);
-    if (changed !== undefined) {
-      studio.facts.delete(changed);
-      // A preview goes when the job that wrote it has ended.
-      const { shownPath, shownWhere, state: { results } } = studio;
-      if (changed === studio.number && (shownWhere !== "results" || results.includes(shownPath))) studio.show(shownPath, shownWhere);
-    }
+    if (changed !== undefined) studio.changed(changed);
   }, (line) => studio.say(line), (line) => studio.lookAgain(line));
 }).catch((error) => error instanceof Refused && studio.say(error));

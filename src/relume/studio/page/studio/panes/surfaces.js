@@ -52,12 +52,22 @@ export function surfaces(studio, begun) {
   /** What a new entry holds. @param {Solid} s */
   const entry = (s) => ({ ...placed(s), reflectance: "recover" });
 
-  /** Add a surface; the table that was taken without a word is then described too, lest it go. @param {Solid} s */
+  /** Add a surface; the table that was taken without a word is then described too, lest it go. @param {Solid} s
+   *  @returns {Promise<boolean>} whether it was not refused */
   async function add(s) {
-    const ofBall = !["grid", "pose", "lines", "file"].some((key) => studio.state.table.camera?.[key]);
-    const first = tables().length || s.kind === "table" ? [] : [{ append: ["local"], value: ofBall ? entry(usual()) : { shape: "plane", reflectance: "recover" } }];
-    await studio.edit([...first, { append: ["local"], value: entry(s) }]);
-    choose(false, tables().length - 1);
+    const written = await studio.edit(async () => {
+      const ofBall = !["grid", "pose", "lines", "file"].some((key) => studio.state.table.camera?.[key]);
+      const first = tables().length || s.kind === "table" ? [] : [{ append: ["local"], value: ofBall ? entry(usual()) : { shape: "plane", reflectance: "recover" } }];
+      return [...first, { append: ["local"], value: entry(s) }];
+    });
+    return chooseLast(false, written === true);
+  }
+
+  /** Choose what was added, unless it was refused. @param {boolean} isLamp @param {boolean} written */
+  function chooseLast(isLamp, written) {
+    if (written) choose(isLamp, (isLamp ? lamps() : tables()).length - 1);
+    else choose(chosen.lamp, chosen.i);
+    return written;
   }
 
   /** @param {boolean} isLamp @param {number} i */
@@ -110,8 +120,7 @@ export function surfaces(studio, begun) {
     const hit = (lens() && onPlane(lens(), x, y, ground())) ?? [0, ground(), 0], w = usual().w / 6;
     take("");
     if (kind === "lamp") {
-      await writeLamps([...lamps(), [hit[0], ground() + USUAL.lamp, hit[2]]]);
-      choose(true, lamps().length - 1);
+      chooseLast(true, await writeLamps([...lamps(), [hit[0], ground() + USUAL.lamp, hit[2]]]) === true);
     } else if (kind === "wall") await add(wallBetween(lens(), [hit[0] - w, hit[1], hit[2]], [hit[0] + w, hit[1], hit[2]], USUAL.wall));
     else if (kind) await add(between(kind, [hit[0] - w, hit[1], hit[2] - w], [hit[0] + w, hit[1], hit[2] + w], kind === "box" ? w : 0));
   }
@@ -326,12 +335,11 @@ export function surfaces(studio, begun) {
     }
     if (drawn.lampAt) {
       const where = drawn.lampAt;
-      await writeLamps([...lamps(), where]);
-      return choose(true, lamps().length - 1);
+      return chooseLast(true, await writeLamps([...lamps(), where]) === true);
     }
     const s = /** @type {Solid} */ (drawn.solid);
     if (kind === "table") return add(s);
-    await add({ ...s, h: kind === "wall" ? USUAL.wall : Math.min(s.w, s.d) });
+    if (!(await add({ ...s, h: kind === "wall" ? USUAL.wall : Math.min(s.w, s.d) }))) return;
     raising = { i: tables().length - 1, begun: null };
     studio.rebuild();
     studio.drawn();
