@@ -113,6 +113,16 @@ def listed_exposures(paths: Sequence[Path], brightness: Callable[[], Sequence[fl
     return listed[chosen]
 
 
+def lists_beside(paths: Iterable[Path]) -> tuple[Path, ...]:
+    """The files in the folders of photographs that may be lists of their exposures, in the order of their paths."""
+    folders = sorted({path.parent for path in paths})
+    return tuple(path for folder in folders for path in sorted(folder.iterdir()) if _may_be_list(path))
+
+
+def _may_be_list(path: Path) -> bool:
+    return path.suffix.lower() in _LISTS and not path.name.startswith(".") and path.is_file()
+
+
 def _is_photograph(path: Path) -> bool:
     try:
         return kind_of(path) in (*PHOTOGRAPHS, "RAW")
@@ -130,7 +140,7 @@ def _may_be_picture(path: Path) -> bool:
 
 
 def _list_in(path: Path, paths: Sequence[Path]) -> ExposureList | None:
-    if path.suffix.lower() not in _LISTS or path.name.startswith(".") or not path.is_file():
+    if not _may_be_list(path):
         return None
     try:
         return read_times(path)
