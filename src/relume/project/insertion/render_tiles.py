@@ -159,7 +159,8 @@ def change_in_tiles(
 
         def report(share: float, index: int = job.index) -> None:
             low, high = begun[index : index + 2]
-            progress(float(low + share * (high - low)))
+            if watch.workers is None:  # else the tiles are there
+                progress(float(low + share * (high - low)))
 
         change, said = job.kept(
             stages, scene, part(job.tile.window), plate[job.tile.place], finish(job.tile.place), watch.force, report
@@ -171,7 +172,8 @@ def change_in_tiles(
                 plane[tile.place] = getattr(change, field.name)[tile.within(job.tile)]
         stages.mapped.release()
         traced += change.samples * (tile.bottom - tile.top) * (tile.right - tile.left)
-        progress(float(begun[job.index + 1]))
+        report(1.0)
+    progress(1.0)
     _warn_once(doubts, len(tiles), renderer)
     return replace(whole, samples=ceil(traced / (height * width)))
 
