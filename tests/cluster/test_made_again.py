@@ -5,6 +5,7 @@ from __future__ import annotations
 import importlib
 import warnings
 from collections.abc import Callable
+from contextlib import nullcontext
 from pathlib import Path
 from typing import Any
 
@@ -13,6 +14,11 @@ import pytest
 
 import relume as rl
 from relume.cluster.file_tasks import FileTask
+from relume.cluster.tasks import run_tasks
+from relume.image import files
+from relume.image.radiance import RadianceMap
+from relume.project.developing import frames as frames_module
+from relume.virtual_camera.lens.glare.eye import EyeGlare
 from small_brackets import write_brackets
 
 
@@ -58,3 +64,48 @@ def _seen(folder: Path) -> float | None:
     """The mean radiance of the map of the first bracket; None where it is no map."""
     path = folder / "out" / "room_0001-frame_0-frame_2.exr"
     return float(rl.read_radiance(path).radiance.mean()) if path.exists() else None
+
+
+def brightening(folder: Path, count: int = 4, black: tuple[int, ...] = ()) -> list[Path]:
+    """Frames that become brighter, some of them black."""
+    folder.mkdir()
+    rows = np.linspace(0.1, 1.0, 24, dtype=np.float32)[:, None, None] * np.ones((1, 32, 3), np.float32)
+    paths = [folder / f"f{index}.exr" for index in range(count)]
+    for index, path in enumerate(paths):
+        files.write(path, RadianceMap(rows * np.float32(0 if index in black else 2.0**index)))
+    return paths
+
+
+@pytest.fixture
+def reads(monkeypatch) -> list[Path]:
+    """Which frames are read by the steps that workers do; these are done in this process."""
+    read: list[Path] = []
+    reading = frames_module.read_scene_light
+
+    def noted(path: Path, *rest: Any, **more: Any) -> RadianceMap:
+        read.append(path)
+        return reading(path, *rest, **more)
+
+    def here(function: Any, tasks: Any, *, cluster: Any = None, memory: Any = None, paths: Any = (), **more: Any) -> Any:
+        return run_tasks(function, tasks, **more)
+
+    monkeypatch.setattr(frames_module, "read_scene_light", noted)
+    monkeypatch.setattr(frames_module, "connect", nullcontext)
+    monkeypatch.setattr(frames_module, "run_tasks", here)
+    return read
+
+
+@pytest.mark.parametrize("glare", [False, True], ids=["no lens", "glare"])
+def test_a_second_run_by_workers_reads_no_frame_that_is_there(glare, reads, tmp_path):
+    paths = brightening(tmp_path / "in")
+    camera = rl.VirtualCamera(glare=EyeGlare() if glare else None, tone=rl.tone.HistogramAdjustment())
+    settings = rl.DevelopSettings(rl.CameraPreset(camera=camera), luminance=50.0, settling=0.1)
+    rl.develop_sequence(paths, tmp_path / "out", settings, cluster="workers")
+    assert set(reads) == set(paths)
+    reads.clear()
+    again = rl.develop_sequence(paths, tmp_path / "out", settings, cluster="workers")
+    assert again["kept from before"] == 4 and reads == []
+    # Of a frame that changed the measurement is taken, and what adapts to it is developed.
+    files.write(paths[2], RadianceMap(rl.read_radiance(paths[2]).radiance / 16))
+    assert rl.develop_sequence(paths, tmp_path / "out", settings, cluster="workers")["kept from before"] == 2
+    assert paths[2] in reads and paths[0] not in reads and paths[1] not in reads
