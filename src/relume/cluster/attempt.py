@@ -15,7 +15,15 @@ from pathlib import Path
 from typing import Any
 
 from relume.cluster.program import program
-from relume.errors import ClusterUnusable, Interrupted, OutputNotWritten, RelumeError, UnreadableFile, doubt_of, printable
+from relume.errors import (
+    ClusterUnusable,
+    Interrupted,
+    OutputNotWritten,
+    RelumeError,
+    UnreadableFile,
+    doubt_of,
+    printable,
+)
 
 _ONE = threading.RLock()
 _SHARE: dict[str, int] = {}

@@ -39,13 +39,21 @@ class SharedByPlaces:
 def find_places(folders: Iterable[str | os.PathLike[str]]) -> tuple[Path, ...]:
     """The folders of places, absolute: one that holds photographs or a radiance map is one, else those inside it are.
 
-    Raises UnreadableFile for what is no folder, and for a folder without photographs and folders.
+    Where several are given, warns of one that holds folders of photographs: these may be views of one place. Raises
+    UnreadableFile for what is no folder, and for a folder without photographs and folders.
     """
     found: dict[Path, None] = {}
-    for folder in (Path(folder).absolute() for folder in folders):
+    given = [Path(folder).absolute() for folder in folders]
+    for folder in given:
         if not folder.is_dir():
             raise UnreadableFile(f"{folder}: no folder; name the folder that holds a folder for each place")
         inside = [folder] if pictures_in(folder, _is_view) else folders_in(folder) or [folder]
+        if len(given) > 1 and inside != [folder] and any(pictures_in(each, _is_view) for each in inside):
+            names = ", ".join(each.name for each in inside)
+            warn(
+                f"{folder}: {names} in it count as a place each; where they are views of one place, give the folder "
+                "above the places"
+            )
         found.update(dict.fromkeys(inside))
     if not found:
         raise UnreadableFile("no folders were given; name the folder that holds a folder for each place")

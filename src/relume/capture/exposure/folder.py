@@ -41,12 +41,17 @@ def every_picture(paths: Iterable[str | os.PathLike[str]], out: Path) -> tuple[P
 
     out : folder that is passed over where it lies inside another: what was written there is no input
     In a folder a file counts by its content or by its ending, so that a damaged one is not passed over. Raises
-    UnreadableFile for what is not there, and for a folder without pictures.
+    UnreadableFile for what is not there, and for a folder without pictures; ValueError where `out` is such a folder.
     """
     found: dict[Path, None] = {}
     for path in map(Path, paths):
         pictures = [path]
         if path.is_dir():
+            if path.resolve() == out.resolve():
+                raise ValueError(
+                    f"{path}: both the folder of the inputs and that of the outputs, which a second run would take for "
+                    "inputs; choose another -o"
+                )
             inside = out.absolute() if path.absolute() in out.absolute().parents else None
             pictures = [each for each in _all_in(path, _may_be_picture) if inside not in each.absolute().parents]
         if not path.exists():
