@@ -165,7 +165,7 @@ class Interrupted(RelumeError):
 
 
 class ClusterUnusable(RelumeError):
-    """No scheduler answers, or its workers are of another version, have too little memory or do not see the files."""
+    """No scheduler answers, or its workers lack what the work takes: version, memory, files, variant."""
 
 
 class Incomplete(RelumeError):

@@ -177,6 +177,9 @@ def test_whole_passes_and_shares_of_the_neediest_pixels_have_the_bits_of_one_pro
     # Passes of all pixels four at a time; then two shares of a pass, and the light that the glass gathers.
     assert {type(part) for part in asked[0]} == {int} and len(asked[0]) == 4
     assert [type(part) for part in asked[-1]] == [SomePixels, SomePixels, Lit]
+    # What the shares of a pass read, no other pass is given by that name.
+    read = [{part.chosen for part in each if isinstance(part, SomePixels)} for each in asked]
+    assert len(read[-1]) == 1 and sum(map(len, read)) == len(set.union(*read)) > 1
     # Once here and once by workers: glass gathers light, or the last of them would hold nothing.
     assert float(here.difference.max()) > 0
 
@@ -212,11 +215,16 @@ def test_a_still_has_the_bits_of_one_process(two, tmp_path):
 def test_the_parts_of_a_large_plate_have_the_bits_of_one_process(two, asked, tmp_path, monkeypatch):
     for name, value in {"VIEWED": 6144, "SIDE": 64, "BORDER": 8, "PILOT": 1000}.items():
         monkeypatch.setattr(render_tiles, name, value)
+    shares: list[float] = []
     shot = rl.read_shot(write_small_shot(tmp_path / "shot"))
     with unheard():
         rl.insert(shot, tmp_path / "here")
-        rl.insert(shot, tmp_path / "there", cluster=two)
+        rl.insert(
+            shot, tmp_path / "there", cluster=two,
+            progress=lambda step, share: shares.append(share) if step == "render" else None,
+        )  # fmt: skip
     assert [len(each) for each in asked] == [6]
+    assert shares == sorted(shares) and len(set(shares)) >= 7 and shares[-1] == 1
     for name in ("composite.exr", "composite.png", "layers.exr"):
         assert (tmp_path / "here" / name).read_bytes() == (tmp_path / "there" / name).read_bytes(), name
     assert not list((tmp_path / "there").rglob("render_tile*"))

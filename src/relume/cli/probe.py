@@ -182,7 +182,8 @@ def probe(
         Parameter(
             negative="",
             help="Make a map of every place, a folder inside the folder that is given, to -o FOLDER/place.exr; one "
-            "where no ball is found is named, the others are written, and what is there is kept.",
+            "where no ball is found is named, the others are written, and what is there is kept. Give the folder above "
+            "the places: of PLACES/* the folders of views inside would count as places.",
         ),
     ] = False,
     cluster: ClusterWord = None,

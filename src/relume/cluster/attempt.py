@@ -15,7 +15,15 @@ from pathlib import Path
 from typing import Any
 
 from relume.cluster.program import program
-from relume.errors import Interrupted, OutputNotWritten, RelumeError, UnreadableFile, doubt_of, printable
+from relume.errors import (
+    ClusterUnusable,
+    Interrupted,
+    OutputNotWritten,
+    RelumeError,
+    UnreadableFile,
+    doubt_of,
+    printable,
+)
 
 _ONE = threading.RLock()
 _SHARE: dict[str, int] = {}
@@ -71,6 +79,9 @@ def attempt(function: Callable[[Any], Any], task: Any, needs: Needs | None = Non
             result, failed, again = function(task), None, False
         except Interrupted:
             raise
+        except ClusterUnusable as error:
+            # This machine is not one for the task.
+            return Outcome(failed=reason(error), again=True, unfit=needs is not None, worker=worker)
         except Exception as error:
             result, failed, again = None, reason(error), may_go_elsewhere(error)
         doubts = [doubt_of(each.message) for each in caught if issubclass(each.category, UserWarning)]

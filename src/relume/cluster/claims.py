@@ -42,7 +42,8 @@ def held(folder: str | os.PathLike[str]) -> Iterator[Path]:
     """Hold a folder, made where it is missing, for the block; the file that says so is what the block is given.
 
     Where another run holds it, OutputNotWritten says which. What a process of this machine left behind as it died is
-    taken over; of another machine nobody here can know, and the message says what to delete.
+    taken over. Not so on Windows, nor what one of another machine left: nobody here can know whether that process is
+    gone, so the folder stays held, and the message says what to delete.
     """
     path = Path(folder) / IN_USE
     try:
@@ -61,7 +62,8 @@ def claim(path: Path, waiting: Callable[[str], None] | None = None, *, sure: boo
 
     waiting : called with the holder's name now and then while another process has the lock, else Claimed is raised
     sure : a file that is there where locks do not reach, of another machine or of a file system without them, counts as
-        held unless its process is dead for certain; else it stops nobody, as what two write has the same bits
+        held unless its process is dead for certain. If not sure, it stops nobody: then two processes may do the same
+        work, which is for work whose result has the same bits whoever does it
     Raises OutputNotWritten where the file cannot be made.
     """
     file = _taken(path, waiting, sure)

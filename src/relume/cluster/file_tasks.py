@@ -32,12 +32,14 @@ class FileTask:
     sources : files that it depends on; where one changes it is made again
     targets : what is written; mostly one file
     value : what else it depends on, pickled with the task
+    beside : files that were found beside the sources and are read with them, such as lists of exposures
     """
 
     name: str
     sources: tuple[Path, ...]
     targets: tuple[Path, ...]
     value: Any
+    beside: tuple[Path, ...] = ()
     settings_key: str = ""
 
 
@@ -105,7 +107,8 @@ def _made(given: tuple[Callable[[FileTask], dict[str, Any]], FileTask]) -> FileM
     for source in task.sources:
         if not source.is_file():
             raise UnreadableFile(f"{source}: no such file; check the path")
-    key = key_of(task.sources, task.settings_key, [target.name for target in task.targets])
+    beside = [path for path in task.beside if path.is_file()]
+    key = key_of([*task.sources, *beside], task.settings_key, [target.name for target in task.targets])
     found = [recorded(target, key) for target in task.targets]
     kept = all(found)
     if not kept:

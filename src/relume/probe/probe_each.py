@@ -8,7 +8,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from relume.capture.exposure.folder import folders_in, pictures_in
+from relume.capture.exposure.folder import folders_in, lists_beside, pictures_in
 from relume.capture.response.camera_profile import CameraProfile, read_profile
 from relume.cluster.file_tasks import FileMade, FileTask, make_each
 from relume.errors import RelumeError, UnreadableFile, warn
@@ -26,7 +26,7 @@ MEMORY = 60
 
 
 @dataclass(frozen=True, eq=False)
-class _Place:
+class SharedByPlaces:
     """What all places have in common."""
 
     camera: Point
@@ -39,13 +39,21 @@ class _Place:
 def find_places(folders: Iterable[str | os.PathLike[str]]) -> tuple[Path, ...]:
     """The folders of places, absolute: one that holds photographs or a radiance map is one, else those inside it are.
 
-    Raises UnreadableFile for what is no folder, and for a folder without photographs and folders.
+    Where several are given, warns of one that holds folders of photographs: these may be views of one place. Raises
+    UnreadableFile for what is no folder, and for a folder without photographs and folders.
     """
     found: dict[Path, None] = {}
-    for folder in (Path(folder).absolute() for folder in folders):
+    given = [Path(folder).absolute() for folder in folders]
+    for folder in given:
         if not folder.is_dir():
             raise UnreadableFile(f"{folder}: no folder; name the folder that holds a folder for each place")
         inside = [folder] if pictures_in(folder, _is_view) else folders_in(folder) or [folder]
+        if len(given) > 1 and inside != [folder] and any(pictures_in(each, _is_view) for each in inside):
+            names = ", ".join(each.name for each in inside)
+            warn(
+                f"{folder}: {names} in it count as a place each; where they are views of one place, give the folder "
+                "above the places"
+            )
         found.update(dict.fromkeys(inside))
     if not found:
         raise UnreadableFile("no folders were given; name the folder that holds a folder for each place")
@@ -78,7 +86,7 @@ def probe_each(
         raise ValueError(f"ending {ending}: give .exr or .hdr")
     out = Path(out).absolute()
     known = None if profile is None else read_profile(Path(profile))
-    shared = _Place(camera, None if turns is None else tuple(turns), known, times_from_names, settings)
+    shared = SharedByPlaces(camera, None if turns is None else tuple(turns), known, times_from_names, settings)
     tasks: list[FileTask] = []
     failed: list[tuple[str, str]] = []
     for place in find_places(folders):
@@ -89,7 +97,8 @@ def probe_each(
         except RelumeError as error:
             failed.append((place.name, str(error)))
             continue
-        tasks.append(FileTask(place.name, paths, (out / f"{place.name}{ending}",), (place, shared)))
+        target = out / f"{place.name}{ending}"
+        tasks.append(FileTask(place.name, paths, (target,), (place, shared), lists_beside(paths)))
     return make_each(
         _probed, tasks, out, step="places", cluster=cluster, progress=progress, failed=failed, dry_run=dry_run,
         memory=_memory(tasks) if cluster is not None else None,

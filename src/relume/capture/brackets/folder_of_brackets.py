@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING
 
 from relume.capture.brackets.settings import MergeSettings
 from relume.capture.brackets.shoot import MergePlan, merge_shoot, targets
-from relume.capture.exposure.folder import expand, name_order
+from relume.capture.exposure.folder import expand, lists_beside, name_order
 from relume.capture.exposure.grouping import group_files
 from relume.capture.response.camera_profile import read_profile
 from relume.cluster.file_tasks import FileTask, make_each
@@ -102,7 +102,7 @@ def merge_each(
     found = find_brackets(folders, out)
     value = MergePlan((), (), False, None, ignore, true_shutter, known, name, None, settings, (), times_from_names)
     tasks = [
-        FileTask(target.stem, group, (target,), value)
+        FileTask(target.stem, group, (target,), value, lists_beside(group))
         for group, target in zip(found.groups, found.targets, strict=True)
     ]
     made = make_each(

@@ -41,12 +41,17 @@ def every_picture(paths: Iterable[str | os.PathLike[str]], out: Path) -> tuple[P
 
     out : folder that is passed over where it lies inside another: what was written there is no input
     In a folder a file counts by its content or by its ending, so that a damaged one is not passed over. Raises
-    UnreadableFile for what is not there, and for a folder without pictures.
+    UnreadableFile for what is not there, and for a folder without pictures; ValueError where `out` is such a folder.
     """
     found: dict[Path, None] = {}
     for path in map(Path, paths):
         pictures = [path]
         if path.is_dir():
+            if path.resolve() == out.resolve():
+                raise ValueError(
+                    f"{path}: both the folder of the inputs and that of the outputs, which a second run would take for "
+                    "inputs; choose another -o"
+                )
             inside = out.absolute() if path.absolute() in out.absolute().parents else None
             pictures = [each for each in _all_in(path, _may_be_picture) if inside not in each.absolute().parents]
         if not path.exists():
@@ -113,6 +118,16 @@ def listed_exposures(paths: Sequence[Path], brightness: Callable[[], Sequence[fl
     return listed[chosen]
 
 
+def lists_beside(paths: Iterable[Path]) -> tuple[Path, ...]:
+    """The files in the folders of photographs that may be lists of their exposures, in the order of their paths."""
+    folders = sorted({path.parent for path in paths})
+    return tuple(path for folder in folders for path in sorted(folder.iterdir()) if _may_be_list(path))
+
+
+def _may_be_list(path: Path) -> bool:
+    return path.suffix.lower() in _LISTS and not path.name.startswith(".") and path.is_file()
+
+
 def _is_photograph(path: Path) -> bool:
     try:
         return kind_of(path) in (*PHOTOGRAPHS, "RAW")
@@ -130,7 +145,7 @@ def _may_be_picture(path: Path) -> bool:
 
 
 def _list_in(path: Path, paths: Sequence[Path]) -> ExposureList | None:
-    if path.suffix.lower() not in _LISTS or path.name.startswith(".") or not path.is_file():
+    if not _may_be_list(path):
         return None
     try:
         return read_times(path)

@@ -116,7 +116,8 @@ class _Work:
 
     def adapted(self, seen: float | None, settled: Settled) -> FrameMeasured:
         """Behind the lens, too."""
-        if self.before and self.before["eye"] == settled.eye:
+        # Without a lens nothing is drawn by what the eye has settled on.
+        if self.before and (not self.camera.optics or self.before["eye"] == settled.eye):
             return FrameMeasured(seen, tuple(self.before["own"]))
         own = self.camera.tone.adapt(self._image(settled), self._view(settled))
         return FrameMeasured(seen, tuple(own.values.tolist()))

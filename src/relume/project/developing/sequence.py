@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING, Any
 
 from relume.capture.exposure.folder import every_picture
 from relume.cluster.file_tasks import FileTask, make_each, refuse_clashes
+from relume.errors import UnreadableFile
 from relume.image import files
 from relume.image.radiance import RadianceMap
 from relume.project.developing.develop_files import (
@@ -49,9 +50,9 @@ def develop_sequence(
         sequence
     cluster : workers that develop the frames, as `run_tasks` takes them; None develops here
 
-    The camera of a sequence is chosen by its first frame. A frame that cannot be developed is left out of what the
-    adaptation follows. Raises Incomplete, with the others written, where some could not be developed (no .mp4 is
-    written then); ValueError, UnreadableFile, OutputNotWritten, ClusterUnusable.
+    The camera of a sequence is chosen by the first frame that can be read and is not black. A frame that cannot be
+    developed is left out of what the adaptation follows. Raises Incomplete, with the others written, where some could
+    not be developed (no .mp4 is written then); ValueError, UnreadableFile, OutputNotWritten, ClusterUnusable.
     """
     if settings.depth is not None or settings.vectors is not None:
         raise ValueError("depth and vectors are of one picture; develop the frames of a sequence one by one")
@@ -78,13 +79,13 @@ def develop_sequence(
         tasks = [replace(task, value=_everywhere(settings)) for task in tasks]
         return _each_by_itself(tasks, out, dry_run, cluster, progress)
 
-    # Read the first frame; choose the camera of all by it.
-    first = read_scene_light(sources[0], settings)
+    # Choose the camera of all by the first frame in which there is light.
+    first = _first_lit(sources, settings)
     camera, facts = camera_for(settings, first)
     if movie and camera.display != Srgb():
         raise ValueError("an .mp4 is for sRGB screens; leave the display out, or write pictures into a folder")
     if dry_run:
-        return {"would write": str(out), "frames": len(sources), **facts}
+        return {"would write": str(out), "frames": len(sources), **({} if movie else _listed(targets)), **facts}
     shared = Shared(_everywhere(settings), camera, settings.view(first, camera))
     if movie and cluster is None:
         white, black = _movie_of(sources, out, shared, progress)
@@ -129,7 +130,7 @@ def _each_by_itself(tasks: Sequence[FileTask], out: Path, dry_run: bool, cluster
         _developed_alone, tasks, out.absolute(), step="developing", cluster=cluster, progress=progress, dry_run=dry_run
     )
     if dry_run:
-        return {"would write": str(out), "pictures": len(made)}
+        return {"would write": str(out), "pictures": len(made), **_listed([each.target for each in made])}
     return {
         "written": str(out), "pictures": len(made), "kept from before": sum(each.kept for each in made),
         "white in the worst picture": max(each.facts["white"] for each in made),
@@ -140,6 +141,21 @@ def _each_by_itself(tasks: Sequence[FileTask], out: Path, dry_run: bool, cluster
 def _developed_alone(task: FileTask) -> dict[str, Any]:
     """Develop one file by itself."""
     return develop_file(task.sources[0], task.targets[0], task.value).facts
+
+
+def _first_lit(paths: Sequence[Path], settings: DevelopSettings) -> RadianceMap:
+    """The first frame that could be developed by itself; what is wrong with the first of all where none could."""
+    refused: list[UnreadableFile | ValueError] = []
+    for path in paths:
+        try:
+            return read_scene_light(path, settings)
+        except (UnreadableFile, ValueError) as error:
+            refused.append(error)
+    raise refused[0]
+
+
+def _listed(targets: Sequence[Path]) -> Facts:
+    return {"files": [str(target) for target in targets]}
 
 
 def _summary(out: Path, frames: int, kept: int | None, facts: Facts, white: float, black: float) -> Facts:

@@ -23,6 +23,7 @@ from relume.errors import CannotResume, Doubt, GatheredDoubts, OutputNotWritten,
 from relume.image.files import replacing
 from relume.project.stages import Stages
 from relume.renderers.mitsuba.differential import Differential
+from relume.renderers.mitsuba.path_tracer import require_here
 from relume.renderers.progressive.accumulation import Preview, RenderSession, forget, pass_seed
 from relume.renderers.progressive.allocation import weighed_variance
 from relume.renderers.progressive.graceful_shutdown import HardStop
@@ -118,6 +119,8 @@ def change_in_tiles(
     # The scene is made ready once; what it is seen through changes.
     height, width = camera.height, camera.width
     tiles = list(_tiles(height, width))
+    if watch.workers is not None:
+        renderer = renderer.for_workers()
     if watch.restart:
         forget_tiles(stages)
 
@@ -156,7 +159,8 @@ def change_in_tiles(
 
         def report(share: float, index: int = job.index) -> None:
             low, high = begun[index : index + 2]
-            progress(float(low + share * (high - low)))
+            if watch.workers is None:  # else the tiles are there
+                progress(float(low + share * (high - low)))
 
         change, said = job.kept(
             stages, scene, part(job.tile.window), plate[job.tile.place], finish(job.tile.place), watch.force, report
@@ -168,7 +172,8 @@ def change_in_tiles(
                 plane[tile.place] = getattr(change, field.name)[tile.within(job.tile)]
         stages.mapped.release()
         traced += change.samples * (tile.bottom - tile.top) * (tile.right - tile.left)
-        progress(float(begun[job.index + 1]))
+        report(1.0)
+    progress(1.0)
     _warn_once(doubts, len(tiles), renderer)
     return replace(whole, samples=ceil(traced / (height * width)))
 
@@ -232,6 +237,7 @@ class SharedByTiles:
 
     def ready(self) -> Callable[[Path], dict[str, np.ndarray]]:
         """The function that makes and keeps one tile, and says nothing of it."""
+        require_here(self.renderer.variant)
         threads = self.renderer.threads or worker_threads()
         prepared = replace(self.renderer, threads=threads).prepare(self.scene, self.camera)
         stages = Stages(self.folder)

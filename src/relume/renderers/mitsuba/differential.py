@@ -133,7 +133,9 @@ class Differential(PathTracing):
             if watch.workers is not None:
                 if moments is not None:
                     raise ValueError("workers trace a still; of what moves they make whole frames (insert_frames)")
-                parts = stack.enter_context(watch.workers.sharing(ChangeParts(self, scene, camera, samples)))
+                parts = stack.enter_context(
+                    watch.workers.sharing(ChangeParts(self.for_workers(), scene, camera, samples))
+                )
                 trace = SpreadChange(parts, still, samples, list(at)[:even])
 
             # The passes.

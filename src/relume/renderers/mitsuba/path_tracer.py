@@ -6,20 +6,22 @@ Only `render/mitsuba*` imports Mitsuba and Dr.Jit, and only when something is re
 from __future__ import annotations
 
 import os
+import socket
 import sys
 from collections.abc import Callable, Iterator
 from contextlib import ExitStack, contextmanager
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import lru_cache
 from math import isqrt
-from typing import Any
+from typing import Any, Self
 
 import numpy as np
 
 from relume.cluster.attempt import threads as worker_threads
+from relume.errors import ClusterUnusable
 from relume.renderers.mitsuba.materials import filling
 from relume.renderers.mitsuba.scene import matte_dictionary, scene_dictionary, surfaces_dictionary
-from relume.renderers.mitsuba.variant import choose_variant
+from relume.renderers.mitsuba.variant import choose_llvm, choose_variant, why_not_here
 from relume.renderers.progressive.accumulation import NO_SESSION, Planes, RenderSession, accumulate, pass_seed
 from relume.renderers.progressive.convergence import Target, standard_error
 from relume.renderers.progressive.fingerprint import render_key
@@ -62,6 +64,10 @@ class PathTracing(Renderer):
         if self.threads is not None and self.threads < 1:
             raise ValueError(f"threads is {self.threads}; expected at least 1, or none for all cores")
 
+    def for_workers(self) -> Self:
+        """The same with the variant that runs here named, for all parts of a picture are of one."""
+        return replace(self, variant=self.variant or _imported(None)[2])
+
 
 @dataclass(frozen=True)
 class Mitsuba(PathTracing):
@@ -97,7 +103,7 @@ class Mitsuba(PathTracing):
             passes = self.passes or max(self.samples // side**2, 2)
             early = self.noise is not None and self.passes is None
             # A pass by its seed: traced here, or by workers.
-            whole = PlainPasses(self, scene, camera, side)
+            whole = PlainPasses(self.for_workers(), scene, camera, side)
             if watch.workers is None:
                 trace = whole.made(mi)
             else:
@@ -155,7 +161,11 @@ class PlainPasses:
 def in_worker(
     made: Callable[[Any], Callable[[Any], Planes]], variant: str | None, threads: int | None
 ) -> Callable[[Any], Planes]:
-    """A function that `made` makes of Mitsuba, for a process where other work may set another variant in between."""
+    """A function that `made` makes of Mitsuba, for a process where other work may set another variant in between.
+
+    Raises ClusterUnusable where the variant does not run here.
+    """
+    require_here(variant)
     with _mitsuba(variant, threads or worker_threads()) as mi:
         trace = made(mi)
 
@@ -164,6 +174,14 @@ def in_worker(
             return trace(part)
 
     return with_variant
+
+
+def require_here(variant: str | None) -> None:
+    """Raise ClusterUnusable where a worker's machine has not the variant of the process that gave it the work."""
+    if variant is not None and (why := why_not_here(variant)):
+        raise ClusterUnusable(
+            f"a worker on {socket.gethostname()} cannot render by Mitsuba's {variant} as this machine does: {why}"
+        )
 
 
 def _side(camera: Camera, samples: int) -> int:
@@ -244,7 +262,7 @@ def _mitsuba(variant: str | None, threads: int | None) -> Iterator[Any]:
 
 @lru_cache
 def _imported(variant: str | None) -> tuple[Any, Any, str]:
-    choice = choose_variant()
+    choice = choose_llvm() if variant is not None and variant.startswith("llvm") else choose_variant()
     # Dr.Jit reads the path when it is imported.
     if choice.library is not None:
         os.environ["DRJIT_LIBLLVM_PATH"] = choice.library

@@ -44,8 +44,24 @@ class Variant:
 
 def choose_variant() -> Variant:
     """The fastest variant that is sure not to abort on this machine."""
-    libraries = _libraries(os.environ)
-    return _choice(_cuda_answers(), (p for p in libraries if (llvm_version(p) or 0) < OLDEST_LLVM or _loads(p)))
+    return _choice(_cuda_answers(), _unfailing())
+
+
+def choose_llvm() -> Variant:
+    """The LLVM variant also beside a GPU; the scalar one where no libLLVM is sure not to abort."""
+    return _choice(False, _unfailing())
+
+
+def why_not_here(name: str) -> str:
+    """Why a variant of Mitsuba does not run on this machine, or ""."""
+    if name.startswith("cuda"):
+        return "" if _cuda_answers() else "no NVIDIA GPU answers"
+    return choose_llvm().reason if name.startswith("llvm") and choose_llvm().library is None else ""
+
+
+def _unfailing() -> Iterable[str]:
+    """The libraries that are there, without new ones that do not load."""
+    return (p for p in _libraries(os.environ) if (llvm_version(p) or 0) < OLDEST_LLVM or _loads(p))
 
 
 def _choice(cuda: bool, libraries: Iterable[str]) -> Variant:

@@ -45,7 +45,8 @@ def render_key(scene: Scene | str, camera: Camera, settings: object, seed: int) 
     assert is_dataclass(settings)
     chosen = {f.name: str(getattr(settings, f.name)) for f in fields(settings) if f.name != "threads"}
     parts = {"scene": fingerprint(scene), "camera": fingerprint(camera), "renderer": type(settings).__name__}
-    return parts | chosen | {"seed": str(seed)} | program()
+    variant = getattr(settings, "variant", None)
+    return parts | chosen | {"seed": str(seed)} | program() | ({"variant": variant} if variant else {})
 
 
 def without_threads(renderer: Any) -> Any:

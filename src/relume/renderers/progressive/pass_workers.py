@@ -117,8 +117,11 @@ class Parts:
         return planes
 
     def kept(self, name: str, array: np.ndarray) -> Path:
-        """A file with an array that the parts of one round share."""
-        path = self.folder / f"{name}.npy"
+        """A file with an array that the parts of one round share.
+
+        No two rounds have one name: over a network a worker may for a while see what a file held before.
+        """
+        path = self.folder / f"{name}_{self.asked:06d}.npy"
         with replacing(path) as temporary, open(temporary, "wb") as file:
             np.save(file, array)
         return path
