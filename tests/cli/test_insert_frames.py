@@ -24,7 +24,7 @@ def shot(tmp_path_factory):
         (["--job", "job", "--to", "usd"], "--job and --to are different jobs"),
         (["--frames", "1", "--dry-run"], "--frames makes frames, and --dry-run does not; leave one of them out"),
         (["--frames", "1", "--prepare"], "--frames makes frames, and --prepare does not"),
-        (["--cluster", "local:1", "--job", "job"], "--cluster makes frames, and --job does not; leave one of them out"),
+        (["--cluster", "local:1", "--job", "job"], "--cluster renders, and --job does not; leave one of them out"),
         (["--chunk", "2"], "--chunk is for --job; leave it out"),
         (["--progress", "openjd", "--json"], "--progress and --json both write to standard output"),
         (["--frames", "0-3"], "frame 0 is not in the shot's [sequence], which has 1-6"),

@@ -97,7 +97,12 @@ class Estimator:
         if not pixels.size:
             planes = {name: np.zeros((0, 3), np.float32) for name in ("objects", "difference", "taken")}
             return planes | {"matte": np.zeros(0, np.float32)}
-        return self._over(samples, seed, self._traced, pixels)
+        planes = self._over(samples, seed, self._traced, pixels)
+        # What is the same in all pixels, as 0 where there is no surface, may come as one value.
+        return {
+            name: values if len(values) == len(pixels) else np.repeat(values, len(pixels), axis=0)
+            for name, values in planes.items()
+        }
 
     def on_picture(self, pixels: np.ndarray, planes: Planes) -> Planes:
         """What `of_pixels` gave of these pixels, in order, in planes of the whole picture that are 0 elsewhere."""
