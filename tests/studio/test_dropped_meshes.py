@@ -186,7 +186,7 @@ def test_an_obj_and_usd_files_are_chosen_with_what_they_name(page: Tab, small: P
 
 
 def test_files_with_folders_keep_them_and_no_name_leads_elsewhere(small_server: Server, small: Path):
-    layers = [("thing/thing.usda", USDA.encode()), ("thing/parts/body.usda", BODY.encode())]
+    layers = [("layered/layered.usda", USDA.encode()), ("layered/parts/body.usda", BODY.encode())]
     pytest.importorskip("pxr", reason="usd-core is not installed")
     status, answer = together(small_server, layers)
     assert (status, answer["left_out"]) == (200, [])
