@@ -48,6 +48,7 @@ def test_a_task_that_kills_every_worker_is_named_and_the_others_are_done(folders
     assert raised.value.results == [0, None, 2, 3, 4, 5]
 
 
+@pytest.mark.slow
 def test_a_worker_that_joins_late_takes_its_share(folders):
     cluster, tasks = folders
     with by_hand(cluster, workers=1) as started:
@@ -70,6 +71,7 @@ def some_are_done(folder: Path) -> None:
         time.sleep(0.05)
 
 
+@pytest.mark.slow
 def test_after_a_scheduler_is_restarted_the_job_redoes_what_is_not_there(folders, monkeypatch):
     monkeypatch.setattr("relume.cluster.spreading.LOST", 3.0)
     cluster, tasks = folders
@@ -106,6 +108,7 @@ def test_another_relume_is_refused_with_both_versions(folders, tmp_path):
     assert not list(tasks.iterdir())
 
 
+@pytest.mark.slow
 def test_another_relume_that_joins_late_is_given_nothing_to_do(folders, tmp_path):
     other = tmp_path / "other"
     shutil.copytree(cluster_tasks.SOURCE / "relume", other / "relume", ignore=shutil.ignore_patterns("__pycache__"))

@@ -112,6 +112,7 @@ def test_frames_that_do_not_fit_into_the_memory_together_are_made_in_bands_to_th
             np.testing.assert_array_equal(one, other)
 
 
+@pytest.mark.slow
 def test_with_a_mesh_two_workers_relight_to_the_bytes_of_one_process(stage, two):
     mesh = SubjectMesh([stage_blocks.mesh()])
     settings = RelightSettings(memory=144 * COLUMNS * 96 * 26)
@@ -121,6 +122,7 @@ def test_with_a_mesh_two_workers_relight_to_the_bytes_of_one_process(stage, two)
         np.testing.assert_array_equal(one, other)
 
 
+@pytest.mark.slow
 def test_two_workers_see_a_new_view_as_one_process_does(stage, two):
     new = Camera.looking_at(np.array([2.0, 0, 3.4]), np.zeros(3), width=40, height=64, focal_length=80.0)
     mesh = SubjectMesh([stage_blocks.mesh()])
@@ -131,6 +133,7 @@ def test_two_workers_see_a_new_view_as_one_process_does(stage, two):
     assert found.picture.radiance.max() > 0
 
 
+@pytest.mark.slow
 def test_two_workers_measure_a_surface_to_the_bytes_of_one_process(stage, banded, two):
     expected = measure_surface(read_stage(stage))
     found = measure_surface(read_stage(stage), cluster=two)

@@ -97,6 +97,7 @@ def test_a_store_in_a_bucket_is_the_store_in_a_folder(bucket, local):
         build_store(FIELD, url)
 
 
+@pytest.mark.slow
 def test_workers_import_to_a_bucket_and_relight_from_it_with_a_bucket_as_their_only_shared_place(bucket, local):
     pytest.importorskip("distributed", reason="Dask distributed is not installed")
     url = f"{bucket}/by_workers.zarr"

@@ -178,6 +178,7 @@ def test_what_is_looked_at_comes_first_and_the_look_stays_the_same_to_the_bit(sh
     assert (plain / "preview.png").read_bytes() == (out / "preview.png").read_bytes()
 
 
+@pytest.mark.slow
 def test_a_render_shows_what_is_looked_at_first_says_its_noise_and_stays_the_same_to_the_bit(shot):
     found = read_shot(shot)
     plain = inserting.insert(found, shot.parent / "plain").composite

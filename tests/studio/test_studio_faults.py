@@ -241,6 +241,7 @@ def test_a_window_says_that_its_server_sleeps_and_what_was_done_meanwhile_is_don
         assert page.tab.evaluate("() => relume.studio.state.table.render.seed") == 5
 
 
+@pytest.mark.slow
 def test_a_window_that_slept_looks_again_at_everything_and_says_nothing(browser: Any, tmp_path: Path):
     shot = write_small_shot(tmp_path / "shot")
     with serving([shot], "studio") as server, window(browser, server) as page:

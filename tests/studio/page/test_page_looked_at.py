@@ -16,6 +16,7 @@ for needed in ("uvicorn", "tomlkit"):
     pytest.importorskip(needed, reason="the extra studio is not installed")
 
 
+@pytest.mark.slow
 def test_a_look_begins_about_the_pointer_and_a_render_says_its_noise(browser: Any, tmp_path: Path):
     shot = write_small_shot(tmp_path / "shot")
     with serving([shot], "studio") as server, opened(browser, f"{server.address}#objects", refusals=True) as page:
