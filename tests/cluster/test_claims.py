@@ -16,7 +16,7 @@ from relume.cluster import claims
 from relume.cluster.claims import Claimed, claim, held
 from relume.errors import OutputNotWritten
 
-pytestmark = pytest.mark.skipif(sys.platform == "win32", reason="Windows has no such locks; all go on there")
+pytestmark = pytest.mark.skipif(sys.platform == "win32", reason="shows locks of fcntl, which Windows lacks")
 # Counts to itself in a file that it reads, adds to and writes: two at once would lose counts.
 COUNT = """
 import sys, time
