@@ -95,12 +95,16 @@ def _world(scene: Any, light: np.ndarray) -> None:
 def _lamp(scene: Any, table: dict[str, Any]) -> None:
     kind = "POINT" if "position" in table else "SUN"
     data = bpy.data.lights.new("lamp", kind)
-    colour = np.array(table["intensity" if kind == "POINT" else "irradiance"])
+    given = next(key for key in ("intensity", "radiance", "irradiance") if key in table)
+    colour = np.array(table[given])
     data.color = (colour / colour.max()).tolist()
     made = bpy.data.objects.new("lamp", data)
-    if kind == "POINT":
+    if "radius" in table:
+        data.energy, data.shadow_soft_size = float(4 * np.pi**2 * table["radius"] ** 2 * colour.max()), table["radius"]
+        made.location = (UP @ np.array(table["position"])).tolist()
+    elif kind == "POINT":
         # A point of intensity I sends 4πI in all, and Cycles divides a point's watts by 4π² (a sphere of radiance
-        # P / 4π²r²); so P = 4π²·I.
+        # P / 4π²r²); so P = 4π²·I. It shows a sphere that has a radius as such.
         data.energy, data.shadow_soft_size = float(4 * np.pi**2 * colour.max()), 0.0
         made.location = (UP @ np.array(table["position"])).tolist()
     else:

@@ -56,10 +56,10 @@ def pack(scene: rl.Scene, camera: rl.Camera, path: Path) -> None:
                 arrays[f"{key}.{part}"] = getattr(mesh, part)
         table = _material(mesh.material)
         colour = "reflectance" if "reflectance" in table else "base_color"
-        if isinstance(table[colour], np.ndarray):
+        if isinstance(table.get(colour), np.ndarray):
             arrays[f"{key}.image"], table[colour] = table[colour], None
         surfaces.append({"key": key, "name": mesh.name, "object": index >= len(scene.local), "material": table})
-    lights = [{k: list(v) for k, v in vars(light).items() if isinstance(v, tuple)} for light in scene.lights]
+    lights = [{k: v for k, v in vars(light).items() if isinstance(v, tuple | float)} for light in scene.lights]
     table = {"width": camera.width, "height": camera.height, "focal_length": camera.focal_length}
     arrays["tables"] = np.array(json.dumps({"camera": table, "surfaces": surfaces, "lights": lights}))
     np.savez(path, **arrays)
@@ -68,6 +68,8 @@ def pack(scene: rl.Scene, camera: rl.Camera, path: Path) -> None:
 def _material(material: Any) -> dict[str, Any]:
     if isinstance(material, rl.Diffuse):
         return {"reflectance": tuple(map(float, material.reflectance))}
+    if material.emits:
+        return {"emission": tuple(map(float, material.emission))}
     colour = material.base_color
     return {
         "base_color": colour if isinstance(colour, np.ndarray) else tuple(map(float, colour)),

@@ -1,0 +1,132 @@
+"""Whole pictures by `rl.Mitsuba` and by Blender's Cycles: the Cornell box, light through glass, balls in a place.
+
+    python benchmarks/natural_light.py [PYTHON_WITH_BPY] [--quick]      # without it, Cycles is left out
+
+Efficiency = 1 / (error × seconds), of relMSE and of mean squared error, each also without the worst hundredth of the
+values, which fireflies decide. Both renderers trace all light, with 12 bounces and nothing clamped; seconds are of one
+call after a warm one, the median of three seeds. Without denoisers the error is the variance over the seeds, and with
+them the distance to a long render of each renderer's own, so that neither is blamed for the other's model. The means
+of both are printed: they say whether the two render the same thing.
+"""
+
+from __future__ import annotations
+
+import os
+import sys
+import time
+from collections.abc import Callable
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+from insert_scenes import Cycles
+from natural_light_scenes import cornell_box, glass_caustic, natural_light
+
+import relume as rl
+from relume.renderers.mitsuba.denoise import denoised_render
+
+BOUNCES, SEEDS, LONG = 12, (11, 12, 13), 16
+QUICK = "--quick" in sys.argv
+WIDTH = 96 if QUICK else 256
+Estimate = Callable[[int, int], tuple[np.ndarray, float]]
+"""From samples and a seed: the picture (H, W, 3) and the seconds it took."""
+
+
+@dataclass(frozen=True)
+class Row:
+    """What was measured of one way to render a scene; the second of each pair is without the worst hundredth."""
+
+    name: str
+    samples: int
+    seconds: float
+    squared: tuple[float, float]
+    relative: tuple[float, float]
+    mean: float
+
+
+def ours(scene: rl.Scene, camera: rl.Camera, denoise: bool) -> Estimate:
+    """By relume."""
+
+    def estimate(samples: int, seed: int) -> tuple[np.ndarray, float]:
+        begun = time.perf_counter()
+        picture = rl.Mitsuba(samples=samples, depth=BOUNCES).render(scene, camera, seed=seed)
+        if denoise:
+            picture = denoised_render(picture)
+        return picture.radiance.astype(np.float64), time.perf_counter() - begun
+
+    return estimate
+
+
+def theirs(peer: Cycles, scene: rl.Scene, camera: rl.Camera, denoise: bool) -> Estimate:
+    """By Cycles, in a process whose first picture builds the scene."""
+
+    def job(name: str, samples: int, seed: int) -> dict[str, object]:
+        return {"name": name, "samples": samples, "seed": seed, "objects": True, "catcher": False,
+                "denoise": denoise, "bounces": BOUNCES}  # fmt: skip
+
+    def estimate(samples: int, seed: int) -> tuple[np.ndarray, float]:
+        done = peer.pictures(scene, camera, [job("warm", 1, 1), job("picture", samples, seed)])
+        layers, seconds = done["picture"]
+        return layers["Combined"][..., :3], seconds
+
+    return estimate
+
+
+def trimmed(values: np.ndarray) -> tuple[float, float]:
+    """The mean of all, and of all but the largest hundredth."""
+    rising = np.sort(values.ravel())
+    return float(rising.mean()), float(rising[: round(0.99 * rising.size)].mean())
+
+
+def measured(name: str, estimate: Estimate, samples: int, truth: np.ndarray | None) -> Row:
+    """Three pictures of other seeds: against a truth, or against each other where there is none."""
+    estimate(4, 1)
+    runs = [estimate(samples, seed) for seed in SEEDS]
+    pictures = np.stack([picture for picture, _ in runs])
+    mean = pictures.mean(0)
+    squares = pictures.var(0, ddof=1) if truth is None else ((pictures - truth) ** 2).mean(0)
+    level = mean if truth is None else truth
+    relative = squares / (level**2 + 1e-2 * float(level.mean()) ** 2)
+    seconds = float(np.median([each for _, each in runs]))
+    return Row(name, samples, seconds, trimmed(squares), trimmed(relative), float(mean.mean()))
+
+
+def printed(row: Row, first: Row) -> None:
+    """One row of a table; how many times as efficient relume is, by each measure."""
+    pairs = zip((*row.relative, *row.squared), (*first.relative, *first.squared), strict=True)
+    times = [theirs * row.seconds / (own * first.seconds) for theirs, own in pairs]
+    figures = f"{row.seconds:.2f} | {row.relative[0]:.3g} | {row.relative[1]:.3g}"
+    listed = " | ".join(f"{each:.3g}" for each in times)
+    print(f"| {row.name} | {row.samples} | {figures} | {listed} | {row.mean:.5g} |", flush=True)
+
+
+def main(python: str | None) -> None:
+    peer = None if python is None else Cycles(python)
+    scenes = {"Cornell box": cornell_box, "glass caustic": glass_caustic, "natural light": natural_light}
+    samples = 16 if QUICK else 64
+    print(f"{WIDTH} pixels wide, {BOUNCES} bounces, {os.cpu_count()} processors")
+    print(
+        "The four last but one: how often relume is as efficient, by relMSE, without its worst 1 %, MSE, without 1 %."
+    )
+    for title, make in scenes.items():
+        scene, camera = make(WIDTH)
+        for denoise in (False, True):
+            print(f"\n{title}{', denoised' if denoise else ''}\n")
+            print("| | rays a pixel | seconds | relMSE | without 1 % | × | × | × | × | mean |\n|" + "---|" * 10)
+            ways = [("relume", ours(scene, camera, denoise), ours(scene, camera, False))]
+            if peer is not None:
+                ways.append(("Cycles", theirs(peer, scene, camera, denoise), theirs(peer, scene, camera, False)))
+            first: Row | None = None
+            for name, way, plain in ways:
+                truth = plain(LONG * samples, 1001)[0] if denoise else None
+                row = measured(name, way, samples, truth)
+                first = first or row
+                printed(row, first)
+
+
+if __name__ == "__main__":
+    given = [each for each in sys.argv[1:] if each != "--quick"]
+    if len(given) > 1 or (given and not Path(given[0]).is_file()):
+        print(__doc__)
+    else:
+        main(given[0] if given else None)
