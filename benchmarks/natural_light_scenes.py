@@ -1,4 +1,4 @@
-"""Three scenes that relume and Cycles are given alike: the Cornell box, light through a glass ball, balls in a place."""
+"""Three scenes for relume and Cycles alike: the Cornell box, light through a glass ball, balls in a place."""
 
 from __future__ import annotations
 
@@ -48,7 +48,7 @@ def ball(centre: list[float], radius: float, material: rl.Diffuse | rl.Material,
 
 
 def cornell_box(width: int) -> tuple[rl.Scene, rl.Camera]:
-    """A room of a metre with two boxes, lit by a thin box under its ceiling; sizes and colours as they are published."""
+    """A room of a metre with two boxes, lit by a thin box under its ceiling; sizes and colours as published."""
     h = 0.5
     walls = [
         quadrangle([[-h, 0, h], [h, 0, h], [h, 0, -h], [-h, 0, -h]], WHITE, "floor"),
@@ -110,7 +110,7 @@ def natural_light(width: int, light: rl.EnvironmentMap | None = None) -> tuple[r
 
 
 def sunlit(rows: int = 256) -> rl.EnvironmentMap:
-    """A light made for this: a graded sky with a soft sun and a brown ground, as bright against each other as outdoors."""
+    """A light made for this: a graded sky with a soft sun and a brown ground, as bright as outdoors."""
     from relume.sphere.mappings.mapping import LatLong, pixel_directions
 
     ways = pixel_directions(LatLong(), rows)
