@@ -49,7 +49,7 @@ class Estimator(Tracing):
             local, objects, light,
             Media(objects.shapes_dr(), media, straight) if any(m is not None for m in media) else None,
             any(isinstance(m, Material) and m.emits for m in materials), depth, caught,
-            light.map is not None and sticks_out(scene), materials,
+            light.map is not None and sticks_out(scene), materials, pierced=pierced,
         )  # fmt: skip
         super().__init__(world, camera, spheres, pierced)
         self.guide = Guide(scene.objects)

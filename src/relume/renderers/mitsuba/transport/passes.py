@@ -85,13 +85,16 @@ class Tracing:
         seen = met.is_valid()
         si = met.compute_surface_interaction(ray, mi.RayFlags.All, seen)
         albedo = si.bsdf(ray).eval_diffuse_reflectance(si, seen)
-        along = -(self.lens.back @ (si.p - self.lens.place)).z
         behind_albedo, behind_normal = first_scattered(self.world, ray, met, seen)
         return {
-            "depth": dr.select(seen, along, 0), "seen": mi.Float(seen),
+            "depth": dr.select(seen, self._depth(si), 0), "seen": mi.Float(seen),
             "normal": dr.select(seen, si.sh_frame.n, 0), "albedo": dr.select(seen, albedo, 0),
             "guide_albedo": behind_albedo + self._beyond(ray, ~seen), "guide_normal": behind_normal,
         }  # fmt: skip
+
+    def _depth(self, si: Any) -> Any:
+        """Metres along the camera's axis."""
+        return -(self.lens.back @ (si.p - self.lens.place)).z
 
     def _beyond(self, ray: Any, active: Any) -> Any:
         """What guides a denoiser where a ray from the camera meets nothing."""

@@ -43,7 +43,7 @@ class Plain(Tracing):
             Media(together.shapes_dr(), media, straight, scene.medium) if filled else None,
             any(isinstance(material, Material) and material.emits for material in materials), depth, caught,
             light.map is not None and sticks_out(scene), materials,
-            None if scene.medium is None or walls else sphere_round_all(scene),
+            None if scene.medium is None or walls else sphere_round_all(scene), pierced,
         )  # fmt: skip
         super().__init__(world, camera, spheres, pierced)
         numbers = np.array(dr.reinterpret_array(mi.UInt32, together.shapes_dr()))
@@ -87,6 +87,10 @@ class Plain(Tracing):
     def _first(self, numbers: Numbers) -> tuple[Any, Any]:
         ray = self._rays(numbers)
         return ray, self.world.within_walls(ray, self._seen_object(ray, numbers), mi.Bool(True))
+
+    def _depth(self, si: Any) -> Any:
+        # Of whole pictures depth is along the ray.
+        return dr.norm(si.p - self.lens.place)
 
     def _beyond(self, ray: Any, active: Any) -> Any:
         # The distant scene has edges, as it has in a mirror.
