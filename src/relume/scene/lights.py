@@ -128,8 +128,8 @@ class RectangleLight:
             raise ValueError(f"size of a rectangle of light is {self.size}; expected two positive lengths in metres")
         if not any(self.towards) or not any(self.up):
             raise ValueError(
-                f"a rectangle of light faces {self.towards} and its up is {self.up}; expected two directions that point "
-                "somewhere"
+                f"a rectangle of light faces {self.towards} and its up is {self.up}; expected two directions "
+                "that point somewhere"
             )
 
     @property

@@ -58,6 +58,10 @@ class Media:
         """Whether lamps are seen from within a medium, straight through what bounds it; as from empty space."""
         return dr.gather(mi.UInt32, self.clear, inside) == 1
 
+    def scatterings(self, inside: Any) -> Any:
+        """Per metre and channel."""
+        return self._of(self.scattering, inside)
+
     def extinction(self, inside: Any) -> Any:
         """Per metre and channel."""
         return self._of(self.absorption, inside) + self._of(self.scattering, inside)

@@ -8,6 +8,7 @@ import drjit
 import mitsuba
 
 from relume.renderers.mitsuba.limits import FAIR, WALK
+from relume.renderers.mitsuba.transport.photons import counted
 from relume.renderers.mitsuba.transport.sampling import Guide, Numbers, two
 from relume.renderers.mitsuba.transport.world import SHORTEN, World
 
@@ -41,6 +42,9 @@ def followed(
     scattered_first, on_surface, sent_on = mi.Bool(parted), mi.Bool(True), mi.Bool(False)
     # Whether lamps were looked for where a medium scattered the light, and then the direction's density for the map's.
     looked, turned = mi.Bool(False), mi.Float(0)
+    # Whether the light of lamps was counted in a body, where the path came into it, and what it met last.
+    known, last_added = mi.Bool(False), mi.Bool(False)
+    entry, facing = mi.Point3f(0), mi.Normal3f(0, 1, 0)
     context = mi.BSDFContext()
     result = mi.Color3f(0)
     inside = mi.UInt32(world.outside)
@@ -58,9 +62,16 @@ def followed(
                 result += throughput * _from_between(world, ray, way, inside, rng, active)
             scattered, passed, onward = world.media.crossed(ray, way, inside, rng, active)
             throughput = dr.select(active, throughput * passed, throughput)
+            if world.photons is not None and objects:
+                deep = scattered & world.media.keeps(inside) & ~known
+                depth = dr.abs(dr.dot(onward.o - entry, facing))
+                sent = counted(world.photons, world.media, onward.o, ray.d, depth, facing, inside, deep)
+                result += dr.select(deep, throughput * sent, 0)
+                known |= deep
             if world.media.open:
                 free = scattered & world.media.opens(inside)
                 looked |= free
+                known &= ~free
                 density = dr.select(free, 0, density)
                 drawn = _of_walk(world, ray, way, dr.norm(onward.o - ray.o), onward.d, inside)
                 turned = dr.select(free, drawn, turned)
@@ -105,6 +116,10 @@ def followed(
             on_surface = dr.select(bent & ~delta, True, on_surface) & ~scattered
             aimed = dr.select(bent, delta & world.is_object(si.shape) & scattered_first & on_surface, False)
             sent_on = aimed | (straight & sent_on)
+        if world.photons is not None:
+            known &= ~(bent & ~delta)
+            entry, facing = dr.select(bent, si.p, entry), dr.select(bent, si.n, facing)
+            last_added = dr.select(bent, world.is_object(si.shape), last_added)
         if world.pierced:
             # The camera's own rays have been let through holes already; through thin glass they have not.
             holes = mi.has_flag(sample.sampled_type, mi.BSDFFlags.Null) & (bounces == 0)
@@ -138,7 +153,7 @@ def followed(
         chance = dr.select(looked, turned, density)
         seen = light.arriving(
             begun if world.straight else ray.o, ray.d, reached, free, chance,
-            beyond=gone, dim=sent_on, passed=world.passing(ray, inside, free), lamps=~looked,
+            beyond=gone, dim=sent_on | (known & last_added), passed=world.passing(ray, inside, free), lamps=~looked,
         )  # fmt: skip
         result += dr.select(free, throughput * seen, 0)
         if world.foggy:

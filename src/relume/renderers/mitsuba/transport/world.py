@@ -57,6 +57,8 @@ class World:
         added = np.zeros(int(numbers.max(initial=0)) + 1, np.uint32)
         added[numbers] = 1
         self.added = mi.UInt32(added)
+        # What the light of a pass leaves in bodies; see `photons`.
+        self.photons: Any = None
         # What light goes straight through, and its colour.
         tints = [crossed_straight(material) for material in materials]
         self.straight = any(tint is not None for tint in tints)
@@ -144,6 +146,16 @@ class World:
         begun.o = ray.o + skipped * ray.d
         met.t = met.t - skipped
         return begun, met
+
+    def from_lamp(self, ray: Any, met: Any, far: Any, active: Any) -> Any:
+        """The share of light that passes the medium between bodies from a lamp, or from where it enters, to a surface.
+
+        far : whether it comes from infinity
+        """
+        assert self.media is not None
+        outside = mi.UInt32(self.outside)
+        back = mi.Ray3f(ray(met.t), -ray.d)
+        return self.media.passed(outside, self.reach(back, dr.select(far, dr.inf, met.t), outside, active))
 
     def passing(self, ray: Any, inside: Any, active: Any) -> Any:
         """A function of a distance along a ray: the share of its light that meets nothing of the medium there.
