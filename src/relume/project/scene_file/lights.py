@@ -25,6 +25,7 @@ from relume.scene.lights import (
     Light,
     Linear,
     PointLight,
+    RectangleLight,
     SphereLight,
     SquareLaw,
     Unattenuated,
@@ -125,6 +126,17 @@ class SphereTable(Table):
     radiance: GreyOrColour
 
 
+class RectangleTable(Table):
+    """A flat lamp: a rectangle that shines evenly to one side."""
+
+    kind: Literal["rectangle"]
+    position: Vector
+    towards: Vector
+    size: tuple[Positive, Positive]
+    radiance: GreyOrColour
+    up: Vector = (0.0, 1.0, 0.0)
+
+
 class AmbientTable(Table):
     """The same light from everywhere that nothing shadows."""
 
@@ -132,7 +144,8 @@ class AmbientTable(Table):
     radiance: GreyOrColour
 
 
-AnyLightTable = Annotated[PointTable | DistantTable | AmbientTable | SphereTable, Field(discriminator="kind")]
+LightTableOfAKind = PointTable | DistantTable | AmbientTable | SphereTable | RectangleTable
+AnyLightTable = Annotated[LightTableOfAKind, Field(discriminator="kind")]
 
 
 def distant_light(table: LightTable | None, path: Path) -> EnvironmentMap:
@@ -176,7 +189,7 @@ def distant_of(table: LightTable | None, path: Path) -> tuple[Distant, Vector]:
     return distant, table.probe
 
 
-def light_of(table: PointTable | DistantTable | AmbientTable | SphereTable, place: str) -> Light:
+def light_of(table: LightTableOfAKind, place: str) -> Light:
     """The light that a table stands for; raises InvalidScene naming the key below `place`."""
     with naming(place):
         match table:
@@ -186,6 +199,8 @@ def light_of(table: PointTable | DistantTable | AmbientTable | SphereTable, plac
                 return DistantLight(table.towards, table.irradiance)
             case SphereTable():
                 return SphereLight(table.position, table.radius, table.radiance)
+            case RectangleTable():
+                return RectangleLight(table.position, table.towards, table.size, table.radiance, table.up)
             case AmbientTable():
                 return AmbientLight(table.radiance)
 

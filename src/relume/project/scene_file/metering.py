@@ -6,7 +6,7 @@ import numpy as np
 
 from relume.composite.surface.projection import triangles_of_shape
 from relume.image.colour import luminance
-from relume.scene.lights import AmbientLight, DistantLight, Light, SphereLight
+from relume.scene.lights import AmbientLight, DistantLight, Light, RectangleLight, SphereLight
 from relume.scene.materials.materials import Material, mean_colour
 from relume.scene.scene import Scene
 from relume.scene.shapes.shapes import Plane, Shape, Solid, bounds
@@ -43,6 +43,13 @@ def _shown_by_white(light: Light, middle: np.ndarray, radius: float) -> float:
         return _luminance(light.radiance)
     if isinstance(light, DistantLight):
         return _luminance(light.irradiance) / np.pi
+    if isinstance(light, RectangleLight):
+        across, up, _ = light.frame.T
+        width, height = 0.5 * light.size[0] * across, 0.5 * light.size[1] * up
+        corners = (
+            np.asarray(light.position) - middle + [-width - height, width - height, width + height, height - width]
+        )
+        return _luminance(light.radiance) * _share_of_view(corners[[[0, 1, 2], [0, 2, 3]]])
     distance = max(float(np.linalg.norm(np.asarray(light.position) - middle)), radius)
     if isinstance(light, SphereLight):
         # What faces a sphere of light gets π L (r/d)²; on the sphere itself, and from within, π L.
@@ -63,11 +70,11 @@ def _shown_by_glow(shape: Shape, middle: np.ndarray) -> float:
     assert isinstance(shape.material, Material)
     mesh = triangles_of_shape(shape)
     corners = mesh.vertices[mesh.faces].astype(np.float64) - middle
-    share = _shares_of_view(corners)
+    share = _share_of_view(corners)
     return _luminance(mean_colour(shape.material.emission)) * share
 
 
-def _shares_of_view(corners: np.ndarray) -> float:
+def _share_of_view(corners: np.ndarray) -> float:
     """The form factor from a card at the origin, turned to where most comes from, to triangles (N, 3, 3) facing it.
 
     Lambert's formula (1760): Σ γ g / 2π over edges, γ the angle of one as seen, g the normal of the plane through it.

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Any, Literal
 
@@ -17,7 +16,6 @@ if TYPE_CHECKING:
 RendererName = Literal["mitsuba", "prefiltered", "whitted"]
 FilterName = Literal["plain", "subdivision", "quadrilateral", "preintegrated", "mip"]
 Shown = Literal["picture", "ray tree", "environment map"]
-Force = Callable[[int, str], None]
 ALL: tuple[RendererName, ...] = ("mitsuba", "prefiltered", "whitted")
 FOR: dict[str, tuple[RendererName, ...]] = {
     "filter": ("prefiltered",),
@@ -126,12 +124,13 @@ def renderer_name(
 
 def _nothing_for_mitsuba_alone(read: SceneFile) -> bool:
     """Whether the older renderers have a place for the scene's light and lens too."""
-    from relume.scene.lights import SphereLight
+    from relume.scene.lights import RectangleLight, SphereLight
     from relume.scene.scene import Infinite
 
     scene = read.scene
-    lamps = any(isinstance(light, SphereLight) for light in scene.lights)
-    return isinstance(scene.distant, Infinite) and not lamps and read.camera.aperture == 0
+    lamps = any(isinstance(light, SphereLight | RectangleLight) for light in scene.lights)
+    near = not isinstance(scene.distant, Infinite)
+    return not near and not lamps and scene.medium is None and read.camera.aperture == 0
 
 
 def whitted_of(read: SceneFile, settings: RenderSettings) -> Whitted:
