@@ -18,6 +18,10 @@ from .conversion.maps import crop_view as crop_view
 from .conversion.maps import put_view as put_view
 from .conversion.maps import read_cube_faces as read_cube_faces
 from .conversion.maps import read_painting as read_painting
+from .daylight.sky import Sky as Sky
+from .daylight.sky import sky as sky
+from .daylight.sun_position import SunPosition as SunPosition
+from .daylight.sun_position import sun_position as sun_position
 from .editing.edits import Balance as Balance
 from .editing.edits import Crop as Crop
 from .editing.edits import Edit as Edit
