@@ -35,6 +35,10 @@ from .editing.edits import SoftBlur as SoftBlur
 from .editing.edits import SphericalBlur as SphericalBlur
 from .editing.edits import Spin as Spin
 from .editing.edits import edit as edit
+from .editing.joining import Horizon as Horizon
+from .editing.joining import Join as Join
+from .editing.joining import Mask as Mask
+from .editing.joining import join_maps as join_maps
 from .editing.map_arithmetic import Arithmetic as Arithmetic
 from .editing.map_arithmetic import Operation as Operation
 from .editing.slices import PaintedSlice as PaintedSlice

@@ -1,7 +1,7 @@
 """Where the sun stands, seen from a place at a time: Meeus's low-precision series, to 0.01° from 1900 to 2100.
 
-J. Meeus, *Astronomical Algorithms*, 2nd edition (1998): chapters 12 (sidereal time), 22 (nutation, its largest terms), 25
-(the sun to 0.01°) and 40 (parallax); refraction by Saemundsson, eq. 16.4. NOAA's solar calculator does the same. The
+J. Meeus, *Astronomical Algorithms*, 2nd edition (1998): chapters 12 (sidereal time), 22 (nutation) and 25 (the sun
+to 0.01°), parallax of chapter 40; refraction by Saemundsson, eq. 16.4. NOAA's solar calculator does the same. The
 world's frame: +Y up, −Z north and +X east, unless a heading turns it.
 """
 
