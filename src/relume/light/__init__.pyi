@@ -50,6 +50,8 @@ from .harmonics.spherical_harmonics import Lanczos as Lanczos
 from .harmonics.spherical_harmonics import SphericalHarmonics as SphericalHarmonics
 from .harmonics.spherical_harmonics import project_sh as project_sh
 from .harmonics.spherical_harmonics import sh_basis as sh_basis
+from .light_sequence import LightSequence as LightSequence
+from .light_sequence import Moment as Moment
 from .light_set import LightSet as LightSet
 from .light_set import LightSettings as LightSettings
 from .light_set import Room as Room
