@@ -35,11 +35,11 @@ from .project.insertion.insert import insert as insert
 from .project.insertion.insert import prepare_shot as prepare_shot
 from .project.insertion.insert_frames import insert_frames as insert_frames
 from .project.presets.preset import CameraPreset as CameraPreset
-from .project.scene_file.rendering import RenderSettings as RenderSettings
 from .project.scene_file.rendering import render_environment as render_environment
 from .project.scene_file.rendering import render_scene as render_scene
 from .project.scene_file.scene_file import SceneFile as SceneFile
 from .project.scene_file.scene_file import read_scene as read_scene
+from .project.scene_file.settings import RenderSettings as RenderSettings
 from .project.shot_file.shot import Shot as Shot
 from .project.shot_file.shot import read_shot as read_shot
 from .renderers.mitsuba.differential import Differential as Differential
