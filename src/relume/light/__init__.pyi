@@ -57,6 +57,7 @@ from .light_set import LightSettings as LightSettings
 from .light_set import Room as Room
 from .light_set import SecondProbe as SecondProbe
 from .light_set import make_lights as make_lights
+from .reflection.each import reflect_each as reflect_each
 from .reflection.files import ReflectionFiles as ReflectionFiles
 from .reflection.files import reflection_facts as reflection_facts
 from .reflection.files import write_reflection_maps as write_reflection_maps

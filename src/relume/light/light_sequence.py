@@ -49,6 +49,7 @@ class LightSequence:
     rate : maps a second
     interpolation : "linear" in radiance between two maps, or "none", the earlier map until the next
     mapping : where the files do not store it
+    clamp : set negative pixels to 0, with a warning
 
     Raises ValueError for no maps, and for a rate or a word that is none.
     """
@@ -57,6 +58,7 @@ class LightSequence:
     rate: float = 24.0
     interpolation: Literal["linear", "none"] = "linear"
     mapping: Mapping | None = None
+    clamp: bool = False
 
     def __post_init__(self) -> None:
         if not self.paths:
@@ -74,21 +76,29 @@ class LightSequence:
         interpolation: Literal["linear", "none"] = "linear",
         *,
         folder: str | os.PathLike[str] = ".",
+        mapping: Mapping | None = None,
+        clamp: bool = False,
     ) -> LightSequence:
-        """The maps that patterns, names and folders stand for, by the last number in each name.
+        """The maps that patterns, names and folders stand for, by the last number in each name, or without any by name.
 
         folder : from which they start
-        Raises UnreadableFile for what is not there, for a number that is missing or there twice, and for names without
-        numbers.
+        Raises UnreadableFile for what is not there, for a number that is missing or there twice, and for a name
+        without a number among others.
         """
         words = [patterns] if isinstance(patterns, str | os.PathLike) else list(patterns)
         paths = [path for word in words for path in _matching(Path(folder), word)]
-        return cls(tuple(_in_order(paths)), rate, interpolation)
+        return cls(tuple(_in_order(paths)), rate, interpolation, mapping, clamp)
 
     @property
     def seconds(self) -> float:
         """From the first map to the last."""
         return (len(self.paths) - 1) / self.rate
+
+    def times(self, rate: float = 24.0) -> tuple[float, ...]:
+        """Seconds of the pictures of a film, so many a second, from the first map to the last."""
+        if not 0 < rate < np.inf:
+            raise ValueError(f"the rate is {rate:g} pictures a second; it must be above 0")
+        return tuple(number / rate for number in range(int(self.seconds * rate + 1e-6) + 1))
 
     def moment(self, seconds: float) -> Moment:
         """The maps round a time and where it lies between them; raises ValueError for a time that is none."""
@@ -104,19 +114,24 @@ class LightSequence:
     def at(self, seconds: float) -> EnvironmentMap:
         """The light at a time; raises UnreadableFile where the two maps round it differ in mapping, size or unit."""
         moment = self.moment(seconds)
-        first = read_environment(moment.before, self.mapping)
+        first = self._read(moment.before)
         if not moment.share:
             return first
-        second = read_environment(moment.after, self.mapping)
+        second = self._read(moment.after)
         _require_alike(moment.before, _kind(first), moment.after, _kind(second))
         share = np.float32(moment.share)
         radiance = (1 - share) * first.radiance + share * second.radiance
         return EnvironmentMap(radiance, first.mapping, first.unit, _marks(first, second), first.attributes)
 
+    def _read(self, path: Path) -> EnvironmentMap:
+        return read_environment(path, self.mapping, clamp=self.clamp)
+
     def checked(self) -> LightSequence:
         """The same, after every map was read; raises UnreadableFile for one that cannot be, or is not as the first."""
         stamps = tuple(_stamp(path) for path in self.paths)
-        kinds = [_kind_in_file(path, stamp, self.mapping) for path, stamp in zip(self.paths, stamps, strict=True)]
+        kinds = [
+            _kind_in_file(path, stamp, self.mapping, self.clamp) for path, stamp in zip(self.paths, stamps, strict=True)
+        ]
         for path, kind in zip(self.paths[1:], kinds[1:], strict=True):
             _require_alike(self.paths[0], kinds[0], path, kind)
         return self
@@ -131,8 +146,8 @@ def _kind(light: EnvironmentMap) -> _Kind:
 
 
 @lru_cache(maxsize=100_000)
-def _kind_in_file(path: Path, stamp: int, mapping: Mapping | None) -> _Kind:
-    return _kind(read_environment(path, mapping))
+def _kind_in_file(path: Path, stamp: int, mapping: Mapping | None, clamp: bool) -> _Kind:
+    return _kind(read_environment(path, mapping, clamp=clamp))
 
 
 def _stamp(path: Path) -> int:
@@ -179,9 +194,9 @@ def _matching(folder: Path, word: str | os.PathLike[str]) -> list[Path]:
 
 
 def _in_order(paths: Sequence[Path]) -> list[Path]:
-    """By the last number in each name; a single file needs none."""
-    if len(paths) == 1:
-        return list(paths)
+    """By the last number in each name; where none has a number, by name."""
+    if not any(re.search(r"\d", path.stem) for path in paths):
+        return sorted(paths)
     numbers: dict[int, Path] = {}
     for path in paths:
         digits = re.findall(r"\d+", path.stem)
