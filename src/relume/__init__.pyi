@@ -25,12 +25,12 @@ from .image.photograph import Exposure as Exposure
 from .image.photograph import Photograph as Photograph
 from .image.radiance import RadianceMap as RadianceMap
 from .light.constellations.constellation import constellation as constellation
-from .probe.ball.blending import blend_views as blend_views
 from .probe.ball.unwrapping import unwrap_ball as unwrap_ball
 from .project.developing.develop_files import DevelopSettings as DevelopSettings
 from .project.developing.develop_files import develop_file as develop_file
 from .project.developing.develop_files import undevelop_file as undevelop_file
 from .project.developing.sequence import develop_sequence as develop_sequence
+from .project.film.make_film import make_film as make_film
 from .project.insertion.insert import insert as insert
 from .project.insertion.insert import prepare_shot as prepare_shot
 from .project.insertion.insert_frames import insert_frames as insert_frames

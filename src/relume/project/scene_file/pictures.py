@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import hashlib
 import pickle
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager, suppress
 from dataclasses import dataclass, replace
 from functools import lru_cache
@@ -106,7 +106,7 @@ class Sessions:
 
 def render_into(
     target: Path, pictures: Pictures, number: int, film: Film, unit: str, report: Report, sessions: Sessions,
-    workers: PassWorkers | None = None,
+    workers: PassWorkers | None = None, write: Callable[[Path, Render, Film, str], None] = write_picture,
 ) -> None:  # fmt: skip
     """Render one picture and write it; what is kept of an earlier run that was interrupted is resumed."""
 
@@ -114,7 +114,7 @@ def render_into(
         with sessions.rendering(target) as session:
             watch = replace(session, workers=workers)
             picture = next(pictures.made(report, [number], lambda number: watch))
-            write_picture(target, picture, film, unit)
+            write(target, picture, film, unit)
 
     try:
         once(sessions)
@@ -209,7 +209,7 @@ class _Work:
         return recorded(self.target(number), self.key(number)) is not None
 
     def written(self, number: int, picture: Render) -> None:
-        write_picture(self.target(number), picture, self.film, self.unit)
+        _write_frame(self.target(number), picture, self.film, self.unit)
         record(self.target(number), self.key(number), [])
 
     def one(self, number: int, report: Report, sessions: Sessions, waiting: Report | None) -> bool:
@@ -221,9 +221,19 @@ class _Work:
             # Another process may have made it meanwhile.
             if self.there(number):
                 return True
-            render_into(self.target(number), self.pictures, number, self.film, self.unit, report, sessions)
+            render_into(
+                self.target(number), self.pictures, number, self.film, self.unit, report, sessions, write=_write_frame
+            )
             record(self.target(number), self.key(number), [])
         return False
+
+
+def _write_frame(target: Path, picture: Render, film: Film, unit: str) -> None:
+    """Write a frame: as .exr its radiance alone, for there are many."""
+    if target.suffix == ".exr":
+        files.write(target, RadianceMap(picture.radiance, unit=unit))
+    else:
+        write_picture(target, picture, film, unit)
 
 
 def _motion_made(work: _Work, plan: FramePlan, report: Report) -> int:
