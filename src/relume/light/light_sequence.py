@@ -124,7 +124,7 @@ class LightSequence:
         return EnvironmentMap(radiance, first.mapping, first.unit, _marks(first, second), first.attributes)
 
     def _read(self, path: Path) -> EnvironmentMap:
-        return read_environment(path, self.mapping, clamp=self.clamp)
+        return _map_in_file(path, _stamp(path), self.mapping, self.clamp)
 
     def checked(self) -> LightSequence:
         """The same, after every map was read; raises UnreadableFile for one that cannot be, or is not as the first."""
@@ -143,6 +143,12 @@ _Kind = tuple[str, int, str]
 
 def _kind(light: EnvironmentMap) -> _Kind:
     return light.mapping.name, light.size, light.unit
+
+
+@lru_cache(maxsize=2)
+def _map_in_file(path: Path, stamp: int, mapping: Mapping | None, clamp: bool) -> EnvironmentMap:
+    """The map of a file, read once for the times on both sides of it; `stamp` is there for the cache alone."""
+    return read_environment(path, mapping, clamp=clamp)
 
 
 @lru_cache(maxsize=100_000)
