@@ -224,7 +224,8 @@ def test_bad_maps_are_refused_in_one_line_that_counts(tmp_path, capsys):
     whole = Path(stored(tmp_path, lights.spiky(16))).read_bytes()
     (tmp_path / "torn.exr").write_bytes(whole[: len(whole) // 2])
     assert "torn.exr: damaged" in refused(["reflect", str(tmp_path / "torn.exr"), *out], capsys)
-    assert "folder" in refused(["reflect", str(tmp_path), *out], capsys)
+    (tmp_path / "empty").mkdir()
+    assert "empty: no such maps" in refused(["reflect", str(tmp_path / "empty"), *out], capsys)
     assert not (tmp_path / "made").exists()
 
 

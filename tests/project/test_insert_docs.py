@@ -12,10 +12,11 @@ from pydantic import BaseModel
 
 from relume.project.mesh_tables import MaterialTable
 from relume.project.shot_file.camera_table import CameraTable
+from relume.project.shot_file.light_table import Light
 from relume.project.shot_file.local_table import LocalTable
 from relume.project.shot_file.match_table import MatchTable
 from relume.project.shot_file.sequence_table import SequenceTable
-from relume.project.shot_file.shot import DevelopTable, Light, Object, Plate, RenderTable, Shot
+from relume.project.shot_file.shot import DevelopTable, Object, Plate, RenderTable, Shot
 from relume.scene.materials.presets import PRESETS
 
 REPOSITORY = Path(__file__).parents[2]

@@ -16,7 +16,7 @@ from relume.image.radiance import RadianceMap
 from relume.probe.ball.silhouette import outline_of_circle
 from relume.probe.ball.unwrapping import BallView, unwrap_ball
 from relume.project.insertion.slips import held_to_tape, other_time_or_place, require_measures, require_outside_ball
-from relume.project.shot_file.shot import Ball, BallPhotographs
+from relume.project.shot_file.light_table import Ball, BallPhotographs
 from relume.scene.cameras.camera import Camera
 from toml_files import shot_of
 

@@ -13,6 +13,7 @@ COMMANDS = {
     "panorama": "Stitch perspective photographs into an environment map.",
     "convert": "Convert files between formats, and light between mappings; turn it, lay it out for another program.",
     "edit": "Edit radiance maps in linear light, or through any painting program.",
+    "sky": "Make the light of a clear day: sky and sun by place, date and hour, in cd/m².",
     "sun": "Recover a sun that clipped, from a grey ball or a chart in the same light.",
     "lights": "Turn an environment map into lights for other programs: light constellations, the sun, the rest.",
     "reflect": "Turn an environment map into reflection maps, cubes for game engines and a contact sheet.",
@@ -27,7 +28,7 @@ COMMANDS = {
 }
 
 FOLDERS = {
-    "stage": "stage.", "view": "pages.", "studio": "pages.",
+    "sky": "light.", "sun": "light.", "stage": "stage.", "view": "pages.", "studio": "pages.",
     "render": "rendering.", "reflect": "rendering.", "film": "rendering.",
 }  # fmt: skip
 """Where a command's module is, if not beside this one."""

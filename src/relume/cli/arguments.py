@@ -94,6 +94,37 @@ class ReadingOptions:
         )
 
 
+@Parameter(name="*")
+@dataclass(frozen=True)
+class MapsOptions:
+    """Maps that follow one another, of which a folder is given."""
+
+    rate: Annotated[
+        float | None,
+        Parameter(
+            help="Of a folder of maps: so many a second, under pictures that are 24 a second; a picture for each map "
+            "unless given."
+        ),
+    ] = None
+    interpolation: Annotated[
+        Literal["linear", "none"] | None,
+        Parameter(help="Of a folder of maps: linear in radiance between two, or none, each until the next; linear."),
+    ] = None
+
+    def sequence(self, folder: Path, mapping: rl.mappings.Mapping | None = None, *, clamp: bool = False):
+        """The maps of a folder as light that changes with time."""
+        words = {"mapping": mapping, "clamp": clamp}
+        return rl.light.LightSequence.found(
+            folder.absolute(), 24.0 if self.rate is None else self.rate, self.interpolation or "linear", **words
+        )
+
+    def refuse(self) -> None:
+        """Refuse the options where one map is given."""
+        for name in ("rate", "interpolation"):
+            if getattr(self, name) is not None:
+                raise ValueError(f"--{name} is of maps that change with time; give a folder of them, or leave it out")
+
+
 Threads = Annotated[int | None, Parameter(help="Threads to render with; all cores unless given.")]
 Accept = Annotated[bool, Parameter(negative="", help="Exit with 0 although the result is doubtful.")]
 ClusterWord = Annotated[

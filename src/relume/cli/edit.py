@@ -1,4 +1,4 @@
-"""`relume edit`: a radiance map in, the same map cropped, scaled, combined, balanced, blurred or painted over."""
+"""`relume edit`: a radiance map in, the same map cropped, scaled, combined, balanced, blurred, joined, painted over."""
 
 from __future__ import annotations
 
@@ -19,7 +19,8 @@ FRAME = Group("First the frame", sort_key=1)
 ARITHMETIC = Group("Then arithmetic, one kind at a time", sort_key=2)
 COLOUR = Group("Then gain, then balance", sort_key=3)
 BLUR = Group("Then blur", sort_key=4)
-PAINTER = Group("Or, alone, to a painter and back", sort_key=5)
+JOIN = Group("Then another environment map under it", sort_key=5)
+PAINTER = Group("Or, alone, to a painter and back", sort_key=6)
 Operands = list[float | tuple[float, float, float] | Path]
 
 
@@ -176,6 +177,51 @@ class BlurOptions:
 
 @Parameter(name="*")
 @dataclass(frozen=True)
+class JoinOptions:
+    """A masked join with another environment map, like a photographed sky over a rendered ground."""
+
+    over: Annotated[
+        Path | None,
+        Parameter(
+            group=JOIN,
+            help="Lay this environment map over another one, in the same unit; what this one does not show comes from "
+            "there.",
+        ),
+    ] = None
+    mask: Annotated[
+        Path | None,
+        Parameter(
+            group=JOIN, help="A grey picture laid out as this map, white where it is seen; the horizon unless given."
+        ),
+    ] = None
+    horizon: Annotated[
+        float | None,
+        Parameter(group=JOIN, allow_leading_hyphen=True, help="Height from which on this map is seen, degrees; 0."),
+    ] = None
+    soft: Annotated[
+        float | None,
+        Parameter(group=JOIN, help="Width of the edge in degrees: 2 at a horizon, 0 by a mask, unless given."),
+    ] = None
+
+    def edits(self) -> Iterator[rl.light.Edit]:
+        if self.over is None:
+            if (self.mask, self.horizon, self.soft) != (None, None, None):
+                raise ValueError("--mask, --horizon and --soft say where another map is seen; give --over MAP too")
+            return
+        if self.mask is not None and self.horizon is not None:
+            raise ValueError("--mask and --horizon both say where the other map is seen; give one")
+        require_files([path for path in (self.over, self.mask) if path is not None])
+        soft = None if self.soft is None else math.radians(self.soft)
+        if self.mask is not None:
+            yield rl.light.Join(self.over, self.mask, soft or 0.0)
+        else:
+            default = rl.light.Horizon()
+            height = math.radians(self.horizon or 0.0)
+            yield rl.light.Join(self.over, rl.light.Horizon(height, default.softness if soft is None else soft))
+
+
+@Parameter(name="*")
+@dataclass(frozen=True)
 class PaintOptions:
     """The round trip through a program that paints."""
 
@@ -255,11 +301,12 @@ def edit(
     arithmetic: ArithmeticOptions = ArithmeticOptions(),
     colour: ColourOptions = ColourOptions(),
     blur: BlurOptions = BlurOptions(),
+    join: JoinOptions = JoinOptions(),
     painter: PaintOptions = PaintOptions(),
     dry_run: DryRun = False,
     output: OutputOptions = OutputOptions(),
 ) -> None:
-    """Edit a radiance map in linear light: crop, resize, arithmetic, gain, balance, blur, in this order, or paint.
+    """Edit a radiance map in linear light: crop, resize, arithmetic, gain, balance, blur, join, in order, or paint.
 
     Edits may be given together; they are done in the order in which they stand here, whatever the order of the
     words. Variance, marks of clipped pixels, unit and attributes go along. A map whose file stores its mapping is an
@@ -268,7 +315,7 @@ def edit(
     """
     with warnings_as_notes(output):
         require_files([light])
-        edits = [*frame.edits(), *arithmetic.edits(), *colour.edits(), *blur.edits()]
+        edits = [*frame.edits(), *arithmetic.edits(), *colour.edits(), *blur.edits(), *join.edits()]
         alone = "--paint" if painter.paint is not None else "--slice" if painter.cut is not None else ""
         # A crop beside a slice says which part of the map is painted on; the way back knows it.
         part = alone == "--slice" and frame == FrameOptions(crop=frame.crop)
@@ -325,4 +372,6 @@ def _check(painter: PaintOptions, alone: str, edits: list[rl.light.Edit]) -> Non
     if painter.bits != 8 and not alone:
         raise ValueError("--bits is for a slice; give --slice too")
     if not alone and not edits:
-        raise ValueError("nothing to do; give --crop, --resize, --add, --stops, --grey, --blur, --slice or another")
+        raise ValueError(
+            "nothing to do; give --crop, --resize, --add, --stops, --grey, --blur, --over, --slice or another"
+        )

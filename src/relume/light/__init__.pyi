@@ -18,6 +18,10 @@ from .conversion.maps import crop_view as crop_view
 from .conversion.maps import put_view as put_view
 from .conversion.maps import read_cube_faces as read_cube_faces
 from .conversion.maps import read_painting as read_painting
+from .daylight.sky import Sky as Sky
+from .daylight.sky import sky as sky
+from .daylight.sun_position import SunPosition as SunPosition
+from .daylight.sun_position import sun_position as sun_position
 from .editing.edits import Balance as Balance
 from .editing.edits import Crop as Crop
 from .editing.edits import Edit as Edit
@@ -31,6 +35,10 @@ from .editing.edits import SoftBlur as SoftBlur
 from .editing.edits import SphericalBlur as SphericalBlur
 from .editing.edits import Spin as Spin
 from .editing.edits import edit as edit
+from .editing.joining import Horizon as Horizon
+from .editing.joining import Join as Join
+from .editing.joining import Mask as Mask
+from .editing.joining import join_maps as join_maps
 from .editing.map_arithmetic import Arithmetic as Arithmetic
 from .editing.map_arithmetic import Operation as Operation
 from .editing.slices import PaintedSlice as PaintedSlice
@@ -42,11 +50,14 @@ from .harmonics.spherical_harmonics import Lanczos as Lanczos
 from .harmonics.spherical_harmonics import SphericalHarmonics as SphericalHarmonics
 from .harmonics.spherical_harmonics import project_sh as project_sh
 from .harmonics.spherical_harmonics import sh_basis as sh_basis
+from .light_sequence import LightSequence as LightSequence
+from .light_sequence import Moment as Moment
 from .light_set import LightSet as LightSet
 from .light_set import LightSettings as LightSettings
 from .light_set import Room as Room
 from .light_set import SecondProbe as SecondProbe
 from .light_set import make_lights as make_lights
+from .reflection.each import reflect_each as reflect_each
 from .reflection.files import ReflectionFiles as ReflectionFiles
 from .reflection.files import reflection_facts as reflection_facts
 from .reflection.files import write_reflection_maps as write_reflection_maps

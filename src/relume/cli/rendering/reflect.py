@@ -9,8 +9,24 @@ from typing import Annotated, Literal
 from cyclopts import Parameter
 
 import relume as rl
-from relume.cli.arguments import DryRun, MapFile, made_folder, require_files, require_output_folder
-from relume.cli.console import OutputOptions, note, print_facts, progress, warnings_as_notes
+from relume.cli.arguments import (
+    ClusterWord,
+    DryRun,
+    MapsOptions,
+    made_folder,
+    require_files,
+    require_output_folder,
+)
+from relume.cli.console import (
+    OutputOptions,
+    finish_each,
+    note,
+    print_facts,
+    progress,
+    spread,
+    warnings_as_doubts,
+    warnings_as_notes,
+)
 
 PICTURES = (".png", ".jpg", ".jpeg")
 
@@ -40,7 +56,10 @@ class CubeOptions:
 
 
 def reflect(
-    light_map: MapFile,
+    light_map: Annotated[
+        Path,
+        Parameter(name="MAP", help="The environment map, .exr, .hdr or another format; or a folder of maps of a film."),
+    ],
     /,
     *,
     out: Annotated[
@@ -48,7 +67,7 @@ def reflect(
         Parameter(
             alias="-o",
             help="The folder for the tables; diffuse.exr (Lambert), specular.exr (Phong, n = 50) and harmonics.json "
-            "unless lobes are named.",
+            "unless lobes are named. Of a folder of maps a folder frame_0001 and so on for each picture.",
         ),
     ],
     lobe: Annotated[
@@ -92,13 +111,22 @@ def reflect(
             allow_leading_hyphen=True,
         ),
     ] = None,
+    maps: MapsOptions = MapsOptions(),
+    cluster: ClusterWord = None,
     dry_run: DryRun = False,
     output: OutputOptions = OutputOptions(),
 ) -> None:
     """Convolve an environment map (Miller & Hoffman's illumination map) with what surfaces do to light (1984)."""
     with warnings_as_notes(output):
         # Everything that can be refused is refused before any work.
-        require_files([light_map])
+        if light_map.is_dir():
+            if sheet is not None:
+                raise ValueError("--sheet is of one map; leave it out, or name a map")
+        else:
+            maps.refuse()
+            if cluster is not None:
+                raise ValueError("--cluster is for the pictures of a film; give a folder of maps, or leave it out")
+            require_files([light_map])
         if exposure is not None and sheet is None:
             raise ValueError("--exposure is for the sheet; give --sheet too")
         require_output_folder(out)
@@ -115,6 +143,9 @@ def reflect(
             cube_format=cubes.cube_format,
             mirror=cubes.mirror,
         )
+        if light_map.is_dir():
+            _each(maps.sequence(light_map), out, wanted, cluster, dry_run, output)
+            return
         picture = None if sheet is None else (sheet[0] if sheet else out / "sheet.png")
         drawn = [] if picture is None else [picture]
         light = rl.read_environment(light_map)
@@ -139,6 +170,16 @@ def reflect(
             "unit": light.unit,
         }
         print_facts(output, facts | rl.light.reflection_facts(light))
+
+
+def _each(
+    lights: rl.light.LightSequence, out: Path, wanted: rl.light.ReflectionFiles, cluster: str | None, dry_run: bool,
+    output: OutputOptions,
+) -> None:  # fmt: skip
+    """The maps of every picture of a film."""
+    with warnings_as_doubts(output) as doubts, spread(None if dry_run else cluster, output) as (workers, advance):
+        made = rl.light.reflect_each(lights, out, wanted, dry_run=dry_run, cluster=workers, progress=advance)
+    finish_each(output, made, out, "pictures", doubts, dry_run=dry_run, accept=True)
 
 
 def _require_sheets(sheets: list[Path], out: Path) -> None:

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Annotated
 from cyclopts import Parameter
 
 import relume as rl
-from relume.cli.arguments import Clamp, require_files
+from relume.cli.arguments import Clamp, MapsOptions, require_files
 from relume.cli.option_types import Angles, numbers
 
 if TYPE_CHECKING:
@@ -44,7 +44,10 @@ class Light:
 
     light: Annotated[
         list[Path] | None,
-        Parameter(negative="", help="An environment map, or the .json of `relume lights`; again for each."),
+        Parameter(
+            negative="",
+            help="An environment map, or the .json of `relume lights`; again for each. Or a folder of maps, alone.",
+        ),
     ] = None
     direction: Annotated[
         list[Placed] | None,
@@ -110,15 +113,17 @@ class Light:
             rotation_of(self.rotate),
         )
 
-    def sequence(self, frames: int | None) -> Sequence[rl.lightstage.StageLighting]:
-        """The light of each frame: maps that turn once, or the maps of a folder."""
+    def sequence(self, frames: int | None, maps: MapsOptions) -> Sequence[rl.lightstage.StageLighting]:
+        """The light of each frame: maps that turn once, or those of a folder, one after the other."""
         if frames is not None:
             return self.lighting().turntable(frames)
-        return [self.lighting([path]) for path in self._maps_of_folder()]
+        lights = maps.sequence((self.light or [])[0], clamp=self.clamp).checked()
+        turn = rotation_of(self.rotate)
+        return [rl.lightstage.StageLighting((lights.at(time),), rotation=turn) for time in lights.times()]
 
     def _maps_of_folder(self) -> list[Path]:
         folder = (self.light or [])[0]
-        return sorted(path for path in folder.iterdir() if path.suffix.lower() in (".exr", ".hdr"))
+        return [path for path in folder.iterdir() if path.suffix.lower() in (".exr", ".hdr")]
 
 
 def _strength(placed: Placed) -> tuple[Three, Three]:

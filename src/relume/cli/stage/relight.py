@@ -8,7 +8,7 @@ from typing import Annotated, Any, Literal
 from cyclopts import Parameter
 
 import relume as rl
-from relume.cli.arguments import ClusterWord, DryRun, Threads, require_files
+from relume.cli.arguments import ClusterWord, DryRun, MapsOptions, Threads, require_files
 from relume.cli.console import OutputOptions, note, print_facts, spread, warnings_as_notes
 from relume.cli.stage.light import Light
 from relume.cli.stage.options import (
@@ -56,6 +56,7 @@ def relight(
     frames: Annotated[
         int | None, Parameter(help="Turn the maps once about the vertical, right-handed, in so many pictures.")
     ] = None,
+    maps: MapsOptions = MapsOptions(),
     compressed: Annotated[
         Literal["cosine", "low-rank"] | None,
         Parameter(
@@ -74,7 +75,7 @@ def relight(
     """Relight a subject: the sum of its pictures, each by what its light has to give (Debevec et al. 2000, eq. 4).
 
     The light is integrated over all of the sphere. Values are radiance, in the map's unit. A folder of maps as --light
-    gives a picture for each.
+    gives a picture for each, or a film of them with --rate.
     """
     with warnings_as_notes(output):
         # Everything that can be refused before the work.
@@ -82,6 +83,8 @@ def relight(
             raise ValueError("--labels chooses between the --light of each pixel; leave --direction and --lamp out")
         light.check(maps_only=frames is not None or labels is not None)
         moving = frames is not None or light.is_sequence
+        if not light.is_sequence:
+            maps.refuse()
         _check(mesh, no_mesh, moving, light, compressed, labels, cluster is not None)
         if moving:
             require_frames(out, 2 if frames is None else frames)
@@ -106,7 +109,7 @@ def relight(
         with spread(cluster, output) as (workers, report):
             share = lambda part: report("relighting", part)  # noqa: E731
             if moving:
-                lights = light.sequence(frames)
+                lights = light.sequence(frames, maps)
                 count = rl.lightstage.relight_frames(
                     field, lights, out, settings, stops=exposure, cluster=workers, progress=share
                 )

@@ -229,11 +229,7 @@ class Spin:
 
     def __call__(self, picture: RadianceMap) -> RadianceMap:
         light = _environment(picture, as_environment)
-        program, axis = picture.attributes.get("orientation"), picture.attributes.get("mirror")
-        if program is not None:
-            warn(f"laid out for {program}; written in our frame: convert --for {program} again")
-        elif axis is not None:
-            warn(f"mirrored in {axis}; written in our frame: convert --mirror {axis} again")
+        warn_of_frame(picture)
         return as_radiance_map(spun(light, self.angle))
 
 
@@ -322,6 +318,15 @@ def _audit(picture: RadianceMap) -> Audit | None:
 
 def _with_mapping(picture: RadianceMap, name: str) -> RadianceMap:
     return replace(picture, attributes={**picture.attributes, "mapping": name})
+
+
+def warn_of_frame(picture: RadianceMap) -> None:
+    """Warn that an edited map is written in our frame where it was laid out for another program."""
+    program, axis = picture.attributes.get("orientation"), picture.attributes.get("mirror")
+    if program is not None:
+        warn(f"laid out for {program}; written in our frame: convert --for {program} again")
+    elif axis is not None:
+        warn(f"mirrored in {axis}; written in our frame: convert --mirror {axis} again")
 
 
 def _in_file_layout(picture: RadianceMap) -> EnvironmentMap:

@@ -116,10 +116,10 @@ def on_one_scale(shot: Shot, calibrated: Calibrated, camera: Camera) -> Calibrat
             warn(scale.line(calibrated.untied), effect=scale.effect)
     elif seen is not None and seen.spread < SPREAD and abs(np.log2(seen.scale)) > DOUBTED:
         direction, times = ("bright", seen.scale) if seen.scale > 1 else ("dark", 1 / seen.scale)
-        if shot.light.map is None:
+        if shot.name_of_light() is None:
             what, why = "the ball's photographs", "were both taken in one light, at the exposures that they hold?"
         else:
-            what, why = f"{shot.path(shot.light.map)}", "are both on one scale, of one light?"
+            what, why = f"{shot.name_of_light()}", "are both on one scale, of one light?"
         warn(
             f"light: the plate shows the same places {times:.2g} times as {direction} as {what}; {why} If not, give "
             "light.scale",

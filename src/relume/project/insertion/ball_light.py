@@ -19,7 +19,8 @@ from relume.probe.ball.silhouette import Outline
 from relume.probe.ball.unwrapping import BallView, unwrap_ball
 from relume.project.insertion.ball_camera import BallCamera
 from relume.project.insertion.slips import held_to_tape
-from relume.project.shot_file.shot import BallPhotographs, Shot
+from relume.project.shot_file.light_table import BallPhotographs
+from relume.project.shot_file.shot import Shot
 
 FEWEST = 0.01
 """Share of a ball's picture that has to be measured."""

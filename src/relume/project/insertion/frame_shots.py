@@ -22,6 +22,8 @@ def frames_of(shot: Shot) -> list[int]:
         )
     if shot.camera.keyframes and shot.camera.pose is None:
         raise InvalidShot("camera.keyframes: the camera comes from elsewhere; give camera.pose to move it from")
+    if (maps := shot.light.sequence_of_maps(shot.folder, table.rate)) is not None:
+        maps.checked()
     if table.plates is not None:
         plates = _plates(shot, table.plates)
         if missing := [frame for frame in table.frames if frame not in plates]:
@@ -56,6 +58,7 @@ def at_frame(shot: Shot, frame: float) -> Shot:
     if pose and shot.camera.pose is not None:
         camera["pose"] = shot.camera.pose.model_dump() | pose
     light = values_at(shot.light.keyframes, frame, between, ("turn", "exposure"))
+    light |= shot.light.at_second(seconds, shot.folder, table.rate)
     changes = {
         "objects": objects,
         "camera": table_at(shot.camera, camera, "camera", frame, InvalidShot),

@@ -28,9 +28,9 @@ from relume.project.insertion.ball_light import blended, picked_outline
 from relume.project.insertion.slips import CHANGED, other_time_or_place, require_measures
 from relume.project.merging.merged_photographs import FirstFacts, Photographs, first_facts, merged_brackets
 from relume.project.merging.single_plate import is_single, read_single, why_untied
-from relume.project.shot_file.shot import MergeTable, Shot
+from relume.project.shot_file.light_table import MergeTable
+from relume.project.shot_file.shot import Shot
 from relume.project.stages import Steps
-from relume.sphere.environment_files import as_environment
 
 PLOTTED = 2000
 """Observations of a response that are kept, for its plot."""
@@ -188,9 +188,9 @@ def calibrate(shot: Shot, photographs: Photographs, steps: Steps) -> Calibrated:
         stood = steps.keep("ball", made_from, by_ball)
 
     # The light.
-    if shot.light.map is not None:
+    if shot.light.given():
         with steps.timed("light"):
-            probe = light_from_map(shot.path(shot.light.map))
+            probe = finished_light(shot)
     else:
         ball = shot.light.ball
         made_from = [
@@ -219,19 +219,17 @@ def _why_untied(shot: Shot, photographs: Photographs) -> str | None:
     """Why no exposure puts the plate's photographs on the scale of the light; None where one does."""
     if isinstance(photographs.plate, RadianceMap):
         return None
-    if shot.light.map is not None:
-        return f"{shot.path(shot.light.map)} is a finished map"
+    if (name := shot.name_of_light()) is not None:
+        return f"{name} is a finished map"
     if not is_single(photographs.plate):
         return None
     return why_untied(photographs.plate.photographs[0], photographs.balls)
 
 
-def light_from_map(path: Path) -> Probe:
-    """A finished map as light; nothing of it is uncertain."""
-    try:
-        light = as_environment(files.read_radiance(path))
-    except ValueError as error:
-        raise InvalidShot(f"{path}: {error}") from None
+def finished_light(shot: Shot) -> Probe:
+    """A finished map, maps at their time, or a sky, as light; nothing of it is uncertain."""
+    light = shot.light.finished(shot.folder, InvalidShot)
+    assert light is not None  # given
     return Probe(light, (), 0.0, 0.0, np.ones(light.radiance.shape[:2], np.float32))
 
 

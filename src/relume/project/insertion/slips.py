@@ -15,7 +15,8 @@ from relume.errors import InvalidShot, warn
 from relume.image.photograph import Settings
 from relume.image.radiance import RadianceMap
 from relume.probe.ball.unwrapping import BallView, unwrap_ball
-from relume.project.shot_file.shot import Ball, BallPhotographs, Shot
+from relume.project.shot_file.light_table import Ball, BallPhotographs
+from relume.project.shot_file.shot import Shot
 from relume.scene.cameras.camera import Camera
 
 METRES = "lengths are metres: 5 cm are 0.05"

@@ -19,7 +19,8 @@ from relume.image.photograph import Exposure
 from relume.image.radiance import RadianceMap
 from relume.image.response import Response
 from relume.project.merging.single_plate import assumed_response, is_single, merge_single
-from relume.project.shot_file.shot import MergeTable, Shot
+from relume.project.shot_file.light_table import MergeTable
+from relume.project.shot_file.shot import Shot
 
 
 @dataclass(frozen=True, eq=False)

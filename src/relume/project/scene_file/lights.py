@@ -11,6 +11,8 @@ from pydantic import BeforeValidator, Discriminator, Field, Tag, model_validator
 
 from relume.errors import InvalidScene
 from relume.image import files
+from relume.light.light_sequence import LightSequence
+from relume.project.finished_light import FinishedLight
 from relume.project.keyed_values import table_at, values_at
 from relume.project.place_tables import DistantTable as DistantSceneTable
 from relume.project.place_tables import distant_scene
@@ -42,8 +44,8 @@ EVEN_ROWS = 4
 """Rows of a map that is the same everywhere."""
 
 
-class LightTable(Table):
-    """The light of the distant scene: a map, turned about +Y counter-clockwise as seen from above, or one colour.
+class LightTable(FinishedLight):
+    """The light of the distant scene: a map, maps or a sky, turned about +Y, counter-clockwise from above, or a colour.
 
     exposure : stops by which it is brighter, beside `scale`
     distant : the shape of the distant scene, onto which the map is projected, as in the shot file
@@ -51,7 +53,6 @@ class LightTable(Table):
     keyframes : of a sequence: how far it is turned, and how much brighter it is
     """
 
-    map: str | None = None
     colour: GreyOrColour | None = None
     turn: float = 0.0
     scale: Positive = 1.0
@@ -74,8 +75,9 @@ class LightTable(Table):
 
     @model_validator(mode="after")
     def _one_source(self) -> LightTable:
-        if (self.map is None) == (self.colour is None):
-            raise ValueError(f"has {'neither' if self.map is None else 'both'}; give one of map and colour")
+        kinds = [*self.given(), *(["colour"] if self.colour is not None else [])]
+        if len(kinds) != 1:
+            raise ValueError(f"has {' and '.join(kinds) or 'none of them'}; give one of map, maps, sky and colour")
         if self.colour is not None and "turn" in self.model_fields_set:
             raise ValueError("has turn, but a colour is the same from everywhere; remove turn")
         return self
@@ -158,8 +160,21 @@ def distant_light(table: LightTable | None, path: Path) -> EnvironmentMap:
     if table.colour is not None:
         with naming(f"{path}: light.colour"):
             return _even(table.colour)
-    with naming(f"{path}: light.map"):
-        return read_light(path.parent / (table.map or ""))
+    with naming(f"{path}: light.{table.given()[0]}"):
+        if table.map is not None:
+            return read_light(path.parent / table.map)
+        light = table.finished(path.parent, InvalidScene)
+    assert light is not None  # _one_source
+    return light
+
+
+def maps_of(table: LightTable | None, path: Path, rate: float) -> LightSequence | None:
+    """Maps that follow one another, all of them read once; None without. Raises UnreadableFile.
+
+    rate : of the sequence's frames
+    """
+    maps = None if table is None else table.sequence_of_maps(path.parent, rate)
+    return None if maps is None else maps.checked()
 
 
 def adjusted_light(light: EnvironmentMap, table: LightTable | None, path: Path) -> EnvironmentMap:

@@ -21,6 +21,7 @@ from relume.project.scene_file.lights import (
     distant_light,
     distant_of,
     light_of,
+    maps_of,
     read_light,
 )
 from relume.project.scene_file.materials import SurfaceTable, made, naming
@@ -200,7 +201,8 @@ def _read_table(path: Path) -> SceneFile:
     # And how it moves.
     sequence = None
     if table.sequence is not None:
-        sequence = SceneSequence(table.sequence, path.absolute(), table.camera, table.light, read, objects)
+        maps = maps_of(table.light, path.absolute(), table.sequence.rate)
+        sequence = SceneSequence(table.sequence, path.absolute(), table.camera, table.light, read, objects, maps)
         scene = sequence.scene_at(table.sequence.frames[0], scene)
     _require_light(table, scene, path)
     return SceneFile(scene, camera, whitted_of(table.whitted, path), orbits, table.whitted is not None, sequence)

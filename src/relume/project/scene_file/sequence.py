@@ -6,6 +6,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 
+from relume.light.light_sequence import LightSequence
 from relume.project.keyed_values import BETWEEN
 from relume.project.scene_file.camera import CameraTable, camera_of
 from relume.project.scene_file.lights import LightTable, adjusted_light, light_at
@@ -25,7 +26,8 @@ class SceneSequence:
     table : the file's [sequence]
     path : the file, absolute, for messages and for the camera's file
     camera, table_of_light : the file's [camera] and [light], with their keys
-    light : the map of [light] as it was read, neither scaled nor turned
+    light : the map of [light] as it was read, neither scaled nor turned; of maps that change the first frame's
+    maps : those of [light] that follow one another; None where one stays
     objects : the file's, in order
     """
 
@@ -35,6 +37,7 @@ class SceneSequence:
     table_of_light: LightTable | None
     light: EnvironmentMap
     objects: tuple[MovingObject, ...]
+    maps: LightSequence | None = None
 
     @property
     def shutter(self) -> Shutter | None:
@@ -46,7 +49,7 @@ class SceneSequence:
         table = self.table_of_light
         if table is not None:
             table = table.model_copy(update={"scale": 1.0, "turn": 0.0, "exposure": 0.0})
-        return replace(self, light=light, table_of_light=table)
+        return replace(self, light=light, table_of_light=table, maps=None)
 
     def at(self, frame: float, scene: Scene, camera: Camera) -> tuple[Scene, Camera]:
         """The scene and the camera at a frame, of the size of `camera`; raises InvalidScene naming the key.
@@ -68,15 +71,17 @@ class SceneSequence:
             ]
             for each in self.objects
         ]  # fmt: skip
-        return [tables, files, self.light, objects]
+        maps = [] if self.maps is None else list(self.maps.paths)
+        return [tables, files, self.light, maps, objects]
 
     def scene_at(self, frame: float, scene: Scene) -> Scene:
         """The scene at a frame; its light is the very same one where no key changes it."""
         between = BETWEEN[self.table.interpolation]
         table = self.table_of_light
         light = scene.light
-        if table is not None and table.keyframes:
-            light = adjusted_light(self.light, light_at(table, frame, between, self.path), self.path)
+        if table is not None and (table.keyframes or self.maps is not None):
+            found = self.light if self.maps is None else self.maps.at(self._seconds(frame) + table.time)
+            light = adjusted_light(found, light_at(table, frame, between, self.path), self.path)
         objects = self.objects
         if any(each.moves or each.orbit is not None for each in objects):
             seconds, share = self._seconds(frame), self._share(frame)

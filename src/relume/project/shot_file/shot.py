@@ -13,53 +13,20 @@ from glob import escape, glob
 from pathlib import Path
 from typing import Annotated, Any, ClassVar, Literal
 
-import numpy as np
 from pydantic import Field, model_validator
 
-from relume.capture.brackets.settings import RESPONSE_METHODS, MergeSettings
 from relume.errors import InvalidShot, UnreadableFile
-from relume.probe.ball.silhouette import Outline, outline_of_circle, outline_through
 from relume.project.mesh_tables import MaterialTable, Placement
-from relume.project.place_tables import DistantTable
-from relume.project.schema import Names, Positive, Table, Vector, checked, read_toml
-from relume.project.shot_file.added_lights import AddedLight
+from relume.project.schema import Names, Positive, Table, checked, read_toml
 from relume.project.shot_file.camera_table import CameraTable
+from relume.project.shot_file.light_table import Light, MergeTable
 from relume.project.shot_file.local_table import LocalTable
 from relume.project.shot_file.match_table import MatchTable
 from relume.project.shot_file.new_shot import NEW_RENDER, NewShot, write_new_shot
-from relume.project.shot_file.sequence_table import LightKey, ObjectKey, SequenceTable, require_rising
-
-
-class MergeTable(Table):
-    """How photographs are merged.
-
-    align : whether frames are brought onto one another
-    deghost : whether what moved between them is left out
-    refine : whether exposures that the photographs contradict are corrected
-    method : recovers the response
-    neutral : the pixel value at which equal channels are grey; unless given as in `MergeSettings`
-    profile : a camera profile, as `relume merge --save-profile` writes it, in place of a response recovered here
-    """
-
-    align: bool = True
-    deghost: bool = True
-    refine: bool = False
-    method: Literal["debevec-malik", "mitsunaga-nayar", "robertson"] = "debevec-malik"
-    neutral: Annotated[int, Field(ge=0, le=65535)] | None = None
-    profile: str | None = None
-
-    def merge_settings(self) -> MergeSettings:
-        """The same as a value for `merge_brackets`."""
-        return MergeSettings(
-            method=RESPONSE_METHODS[self.method], refine=self.refine, align=self.align, deghost=self.deghost,
-            neutral=self.neutral,
-        )  # fmt: skip
-
+from relume.project.shot_file.sequence_table import ObjectKey, SequenceTable, require_rising
 
 TABLE = 24.0
 """Ball radii across which a table of unknown size is taken to reach: 1.2 m for a ball of 10 cm."""
-
-Mirrored = Annotated[float, Field(gt=0, le=1)]
 
 
 class Spot(Table):
@@ -82,102 +49,6 @@ class Plate(MergeTable):
     times: list[Positive] | None = None
     denoise: bool = False
     spot: Spot | None = None
-
-
-class BallPhotographs(MergeTable):
-    """A bracket of the mirrored ball and where its camera stood.
-
-    camera : unless given the plate's camera, from the plate's place; of a further view it is found by registration
-    pick : the ball's rim in pixels, [x, y, radius] or three points or more [x, y, x, y, x, y]; followed near there
-    rim : the same, taken exactly as it is
-    """
-
-    photographs: Names = Field(min_length=1)
-    camera: Vector | None = None
-    times: list[Positive] | None = None
-    focal_length: Positive | None = None
-    pick: tuple[float, ...] | None = None
-    rim: tuple[float, ...] | None = None
-
-    @model_validator(mode="after")
-    def _is_a_rim(self) -> BallPhotographs:
-        if self.pick is not None and self.rim is not None:
-            raise ValueError("pick is followed to the rim near it, rim is taken as it is; give one of them")
-        self.outline()
-        return self
-
-    def outline(self) -> Outline | None:
-        """The outline that was picked, or None; raises ValueError for what makes no circle."""
-        numbers = self.rim or self.pick
-        if numbers is None:
-            return None
-        if len(numbers) == 3:
-            return outline_of_circle(*numbers)
-        if len(numbers) < 6 or len(numbers) % 2:
-            raise ValueError("a rim is [x, y, radius], or three points or more [x, y, x, y, x, y], in pixels")
-        return outline_through(np.reshape(numbers, (-1, 2)))
-
-
-class Ball(Table):
-    """The mirrored ball; `reflectance` of its surface, 1 unless measured, "chrome" a chrome steel ball's.
-
-    centre : metres; above the origin, on the table, where the camera is found from the ball
-    """
-
-    centre: Vector | None = None
-    radius: Positive
-    reflectance: Mirrored | tuple[Mirrored, Mirrored, Mirrored] | Literal["chrome"] = 1.0
-
-
-class Light(Table):
-    """The light of the place: photographs of a mirrored ball, or a finished map.
-
-    distant : the shape of the distant scene, onto which the light is projected
-    probe : where a finished map was taken, metres; the ball's centre is known
-    heading : degrees about +Y by which a finished map is turned to stand in the scene's frame, counter-clockwise seen
-        from above
-    lamps : places of lamps that hang in the room, before its walls
-    scale : by which the light is multiplied to be on the plate's scale, before anything is measured by it; where no
-        exposure says it, it is found from a reflectance that is given, or from what both show
-    surface_reflectance : mean share of light that the surface under the objects gives back, from which the scale is
-        found where no exposure says it; its reflectance is recovered all the same
-    turn, exposure : degrees about +Y and stops, to change what was measured
-    added : lights that were never there, beside what was measured
-    """
-
-    balls: list[BallPhotographs] | None = None
-    ball: Ball | None = None
-    map: str | None = None
-    size: Annotated[int, Field(ge=16, le=8192)] = 512
-    distant: DistantTable = DistantTable()
-    probe: Vector | None = None
-    heading: float = 0.0
-    scale: Positive | None = None
-    surface_reflectance: Mirrored | None = None
-    lamps: list[Vector] = Field(default_factory=list)
-    turn: float = 0.0
-    exposure: float = 0.0
-    added: tuple[AddedLight, ...] = ()
-    keyframes: tuple[LightKey, ...] = ()
-
-    @model_validator(mode="after")
-    def _one_source(self) -> Light:
-        require_rising(self.keyframes)
-        if (self.balls is None) == (self.map is None):
-            raise ValueError("give one of balls and map")
-        if self.balls is not None and (self.ball is None or not self.balls):
-            raise ValueError("balls need ball = { radius }, and its centre where the camera is not found from the ball")
-        if self.scale is not None and self.surface_reflectance is not None:
-            raise ValueError("scale and surface_reflectance both say how bright the light is; give one of them")
-        if self.map is not None and self.ball is not None:
-            raise ValueError("ball goes with photographs of it; with a finished map give probe = [x, y, z]")
-        if self.map is None and self.probe is not None:
-            raise ValueError("probe is for a finished map; of a ball the centre is known: leave it out")
-        if self.map is None and self.heading:
-            raise ValueError("heading is for a finished map; photographs of a ball have their own: leave it out")
-        if self.map is not None and self.probe is None and (self.distant.shape != "infinite" or self.lamps):
-            raise ValueError("a near distant scene needs probe = [x, y, z], the place the map was taken at, metres")
-        return self
 
 
 class Object(Placement):
@@ -346,7 +217,8 @@ class Shot(Table):
 
     def named_files(self) -> list[str]:
         """Every file that it names beside photographs: meshes, maps, mattes."""
-        light = [name for name in (self.light.map, self.light.distant.mesh, self.match.occluder) if name is not None]
+        given = (self.light.map, self.light.distant.mesh, self.match.occluder)
+        light = [*self.light.names_of_maps(self.folder), *(name for name in given if name is not None)]
         profiles = [table.profile for table in (self.plate, *(self.light.balls or ())) if table.profile is not None]
         return [
             *profiles,
@@ -354,6 +226,11 @@ class Shot(Table):
             *(name for table in self.local for name in table.files()),
             *(o.mesh for o in self.objects),
         ]
+
+    def name_of_light(self) -> str | None:
+        """What messages call light that is not measured from photographs; None where it is."""
+        first = self.light.map or next(iter(self.light.maps or ()), None)
+        return str(self.path(first)) if first else "light.sky" if self.light.sky is not None else None
 
     def path(self, name: str) -> Path:
         """The file or folder of a name in the shot file."""

@@ -1,0 +1,1 @@
+"""Light of the sky: where the sun stands, and a model of a clear sky."""

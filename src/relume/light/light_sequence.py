@@ -1,0 +1,224 @@
+"""Light that changes with time: environment maps one after the other, as of a probe that was filmed.
+
+Between two maps radiance is interpolated linearly, in linear light, so that nothing flickers and constant light stays
+constant; before the first and after the last the ends hold. `LightSequence` is what `insert`, `render`, `reflect` and
+`stage relight` all ask for the light at a time.
+"""
+
+from __future__ import annotations
+
+import os
+import re
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass
+from functools import lru_cache
+from glob import escape, glob
+from itertools import pairwise
+from pathlib import Path
+from typing import Literal
+
+import numpy as np
+
+from relume.errors import UnreadableFile
+from relume.image.radiance import SATURATED
+from relume.sphere.environment_files import read_environment
+from relume.sphere.environment_map import EnvironmentMap
+from relume.sphere.mappings.mapping import Mapping
+
+ENDINGS = (".exr", ".hdr", ".pic")
+
+
+@dataclass(frozen=True)
+class Moment:
+    """Where a time lies between two maps of a sequence.
+
+    before, after : their files; one file twice on a map, before the first and after the last
+    share : of the second, 0 to below 1
+    """
+
+    before: Path
+    after: Path
+    share: float
+
+
+@dataclass(frozen=True)
+class LightSequence:
+    """Environment maps one after the other.
+
+    paths : files, in order; the first is at 0 s
+    rate : maps a second
+    interpolation : "linear" in radiance between two maps, or "none", the earlier map until the next
+    mapping : where the files do not store it
+    clamp : set negative pixels to 0, with a warning
+
+    Raises ValueError for no maps, and for a rate or a word that is none.
+    """
+
+    paths: tuple[Path, ...]
+    rate: float = 24.0
+    interpolation: Literal["linear", "none"] = "linear"
+    mapping: Mapping | None = None
+    clamp: bool = False
+
+    def __post_init__(self) -> None:
+        if not self.paths:
+            raise ValueError("no maps; give files, or a pattern that files have, as probe/*.exr")
+        if not 0 < self.rate < np.inf:
+            raise ValueError(f"the rate is {self.rate:g} maps a second; it must be above 0")
+        if self.interpolation not in ("linear", "none"):
+            raise ValueError(f'the interpolation is {self.interpolation!r}; expected "linear" or "none"')
+
+    @classmethod
+    def found(
+        cls,
+        patterns: str | os.PathLike[str] | Iterable[str | os.PathLike[str]],
+        rate: float = 24.0,
+        interpolation: Literal["linear", "none"] = "linear",
+        *,
+        folder: str | os.PathLike[str] = ".",
+        mapping: Mapping | None = None,
+        clamp: bool = False,
+    ) -> LightSequence:
+        """The maps that patterns, names and folders stand for, by the last number in each name, or without any by name.
+
+        folder : from which they start
+        Raises UnreadableFile for what is not there, for a number that is missing or there twice, and for a name
+        without a number among others.
+        """
+        words = [patterns] if isinstance(patterns, str | os.PathLike) else list(patterns)
+        paths = [path for word in words for path in _matching(Path(folder), word)]
+        return cls(tuple(_in_order(paths)), rate, interpolation, mapping, clamp)
+
+    @property
+    def seconds(self) -> float:
+        """From the first map to the last."""
+        return (len(self.paths) - 1) / self.rate
+
+    def times(self, rate: float = 24.0) -> tuple[float, ...]:
+        """Seconds of the pictures of a film, so many a second, from the first map to the last."""
+        if not 0 < rate < np.inf:
+            raise ValueError(f"the rate is {rate:g} pictures a second; it must be above 0")
+        return tuple(number / rate for number in range(int(self.seconds * rate + 1e-6) + 1))
+
+    def moment(self, seconds: float) -> Moment:
+        """The maps round a time and where it lies between them; raises ValueError for a time that is none."""
+        if not np.isfinite(seconds):
+            raise ValueError(f"the time is {seconds}; expected seconds")
+        # A frame's time is a sum of fractions: what is on a map but for rounding is on it.
+        place = min(max(seconds * self.rate, 0.0), len(self.paths) - 1.0)
+        place = float(np.round(place)) if abs(place - np.round(place)) < 1e-6 else place
+        first = int(place)
+        share = place - first if self.interpolation == "linear" else 0.0
+        return Moment(self.paths[first], self.paths[first + (share > 0)], share)
+
+    def at(self, seconds: float) -> EnvironmentMap:
+        """The light at a time; raises UnreadableFile where the two maps round it differ in mapping, size or unit."""
+        moment = self.moment(seconds)
+        first = self._read(moment.before)
+        if not moment.share:
+            return first
+        second = self._read(moment.after)
+        _require_alike(moment.before, _kind(first), moment.after, _kind(second))
+        share = np.float32(moment.share)
+        radiance = (1 - share) * first.radiance + share * second.radiance
+        return EnvironmentMap(radiance, first.mapping, first.unit, _marks(first, second), first.attributes)
+
+    def _read(self, path: Path) -> EnvironmentMap:
+        return _map_in_file(path, _stamp(path), self.mapping, self.clamp)
+
+    def checked(self) -> LightSequence:
+        """The same, after every map was read; raises UnreadableFile for one that cannot be, or is not as the first."""
+        stamps = tuple(_stamp(path) for path in self.paths)
+        kinds = [
+            _kind_in_file(path, stamp, self.mapping, self.clamp) for path, stamp in zip(self.paths, stamps, strict=True)
+        ]
+        for path, kind in zip(self.paths[1:], kinds[1:], strict=True):
+            _require_alike(self.paths[0], kinds[0], path, kind)
+        return self
+
+
+_Kind = tuple[str, int, str]
+"""Mapping, rows and unit."""
+
+
+def _kind(light: EnvironmentMap) -> _Kind:
+    return light.mapping.name, light.size, light.unit
+
+
+@lru_cache(maxsize=2)
+def _map_in_file(path: Path, stamp: int, mapping: Mapping | None, clamp: bool) -> EnvironmentMap:
+    """The map of a file, read once for the times on both sides of it; `stamp` is there for the cache alone."""
+    return read_environment(path, mapping, clamp=clamp)
+
+
+@lru_cache(maxsize=100_000)
+def _kind_in_file(path: Path, stamp: int, mapping: Mapping | None, clamp: bool) -> _Kind:
+    return _kind(read_environment(path, mapping, clamp=clamp))
+
+
+def _stamp(path: Path) -> int:
+    try:
+        return path.stat().st_mtime_ns
+    except OSError:
+        return 0
+
+
+def _require_alike(first: Path, one: _Kind, path: Path, other: _Kind) -> None:
+    words = ("a {} map", "a map of {} rows", "in {}")
+    for word, mine, theirs in zip(words, one, other, strict=True):
+        if mine != theirs:
+            raise UnreadableFile(
+                f"{path}: {word.format(theirs)}, but {first.name} is {word.format(mine)}; the maps of a sequence are "
+                "alike: convert them with convert --each"
+            )
+
+
+def _marks(first: EnvironmentMap, second: EnvironmentMap) -> np.ndarray | None:
+    """Marks of a mixture: a lower bound where either map is one, else unseen where either is."""
+    if first.clipped is None and second.clipped is None:
+        return None
+    empty = np.zeros(first.radiance.shape[:2], np.uint8)
+    one, other = (empty if each.clipped is None else each.clipped for each in (first, second))
+    either = np.maximum(one, other)
+    return np.where((one == SATURATED) | (other == SATURATED), SATURATED, either).astype(np.uint8)
+
+
+def _matching(folder: Path, word: str | os.PathLike[str]) -> list[Path]:
+    """The files of a name, a pattern or a folder."""
+    path = folder / word
+    if path.is_dir():
+        found = [each for each in path.iterdir() if each.suffix.lower() in ENDINGS and not each.name.startswith(".")]
+    elif path.is_file() or not any(c in os.fspath(word) for c in "*?["):
+        found = [path]
+    else:
+        # The folder is a name, whatever brackets are in it.
+        place = os.fspath(word) if Path(word).is_absolute() else os.path.join(escape(str(folder)), os.fspath(word))
+        found = [Path(name) for name in glob(place)]
+    if not found or not all(each.is_file() for each in found):
+        raise UnreadableFile(f"{path}: no such maps; give files, a folder of them, or a pattern, as probe/*.exr")
+    return found
+
+
+def _in_order(paths: Sequence[Path]) -> list[Path]:
+    """By the last number in each name; where none has a number, by name."""
+    if not any(re.search(r"\d", path.stem) for path in paths):
+        return sorted(paths)
+    numbers: dict[int, Path] = {}
+    for path in paths:
+        digits = re.findall(r"\d+", path.stem)
+        if not digits:
+            raise UnreadableFile(
+                f"{path}: no number in its name, by which maps are ordered; name them as probe_0001.exr"
+            )
+        other = numbers.setdefault(int(digits[-1]), path)
+        if other != path:
+            raise UnreadableFile(f"{path}: {other.name} has the number {int(digits[-1])} too; keep one of them")
+    order = sorted(numbers)
+    step = min(after - before for before, after in pairwise(order)) if len(order) > 1 else 1
+    for before, after in pairwise(order):
+        if after - before != step:
+            raise UnreadableFile(
+                f"{numbers[before]}: after it the map of number {before + step} is missing; the next is "
+                f"{numbers[after].name}"
+            )
+    return [numbers[number] for number in order]
