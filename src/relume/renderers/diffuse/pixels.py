@@ -12,8 +12,8 @@ from relume.renderers.diffuse.scenes import DiffuseScene, Seen
 from relume.renderers.results import Progress, Render
 from relume.scene.cameras.camera import Camera
 
-Shade = Callable[[Seen], np.ndarray]
-"""Radiance (N, 3) of what rays met, without their emission."""
+Shade = Callable[[Seen, np.random.Generator], np.ndarray]
+"""Radiance (N, 3) of what rays met, without their emission; with numbers of that cell's own."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -57,7 +57,7 @@ def picture(scene: DiffuseScene, samples: PixelSamples, shade: Shade, progress: 
         seen = scene.look(origins, directions, leaving=False)
         sums[:, :3] += seen.emission
         there = np.flatnonzero(seen.hit)
-        sums[there, :3] += shade(seen.only(there))
+        sums[there, :3] += shade(seen.only(there), np.random.default_rng([samples.seed, 0x73686164, cell]))
         if scene.sky is not None:
             missed = np.flatnonzero(~seen.hit)
             sums[missed, :3] += scene.sky.lookup(directions[missed])

@@ -176,9 +176,7 @@ class PreparedRadiosity:
     def _picture(self, camera: Camera, elements: Elements, state: Shots, progress: Progress | None) -> Render:
         method = self.method
         divided = DiffuseScene(elements.meshes, self.scene.local, self.scene.sky, self.scene.lights, self.scene.threads)
-        shown = Shown(
-            divided, elements, state.irradiance + ambient(elements, state) * method.ambient, method, self.seed
-        )
+        shown = Shown(divided, elements, state.irradiance + ambient(elements, state) * method.ambient, method)
         side = int(np.ceil(np.sqrt(method.samples)))
         return picture(divided, PixelSamples(camera, side, self.seed), shown.shade, progress)
 
@@ -191,12 +189,11 @@ class Shown:
     elements: Elements
     irradiance: np.ndarray
     method: Radiosity
-    seed: int
 
-    def shade(self, seen: Seen) -> np.ndarray:
+    def shade(self, seen: Seen, random: np.random.Generator) -> np.ndarray:
         """The radiance (N, 3) that surfaces reflect towards the eye."""
         if self.method.gather:
-            return seen.reflectance / np.pi * self._gathered(seen)
+            return seen.reflectance / np.pi * self._gathered(seen, random)
         arriving = self.irradiance[self._sides(seen)] if self.method.flat else self._between_vertices(seen)
         return seen.reflectance / np.pi * arriving * self._lines(seen)
 
@@ -222,10 +219,8 @@ class Shown:
         nearest = np.minimum(np.minimum(second, third), 1 - second - third)
         return (nearest > LINE).astype(np.float64)[:, None]
 
-    def _gathered(self, seen: Seen) -> np.ndarray:
+    def _gathered(self, seen: Seen, random: np.random.Generator) -> np.ndarray:
         """Irradiance (N, 3): straight from lights, and from the elements that rays about the normal meet."""
-        # As many numbers are drawn for a picture's every pass as places are seen in it: the same for any threads.
-        random = np.random.default_rng([self.seed, 0x67617468, len(seen.hit)])
         total = DirectLight(self.scene).irradiance(seen, max(self.method.gather // 4, 4), random)
         for ray in np.moveaxis(spread(random, self.method.gather, 2, len(seen.hit)), 1, 0):
             found = self.scene.look(seen.point, cosine_directions(ray, seen.normal))
