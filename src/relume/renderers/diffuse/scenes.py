@@ -119,9 +119,16 @@ class DiffuseScene:
 
     @cached_property
     def size(self) -> float:
-        """The longest side of the box round all that has bounds, metres; 1 where nothing has."""
-        corners = [corner for shape in self.shapes if not isinstance(shape, Plane) for corner in _box(shape)]
+        """The longest side of the box round all but endless ground, metres; 1 where there is nothing else."""
+        bounded = (shape for shape in self.shapes if not isinstance(shape, Plane) or shape.size is not None)
+        corners = [corner for shape in bounded for corner in _box(shape)]
         return float(np.ptp(corners, axis=0).max()) if corners else 1.0
+
+    @cached_property
+    def box(self) -> tuple[np.ndarray, np.ndarray]:
+        """The low and the high corner (3,), metres, of the box round all shapes."""
+        corners = np.array([corner for shape in self.shapes for corner in _box(shape)]).reshape(-1, 3)
+        return (corners.min(axis=0), corners.max(axis=0)) if len(corners) else (np.zeros(3), np.ones(3))
 
     @cached_property
     def _surfaces(self) -> Surfaces:
@@ -233,7 +240,7 @@ def _name(shape: Shape) -> str:
 
 
 def _box(shape: Shape) -> Sequence[np.ndarray]:
-    """Two corners of a box round a shape that is no plane."""
+    """Two corners of a box round a shape."""
     if isinstance(shape, Sphere):
         return np.asarray(shape.centre) - shape.radius, np.asarray(shape.centre) + shape.radius
     points = (shape.control if isinstance(shape, Patches) else as_mesh(shape).vertices).reshape(-1, 3)

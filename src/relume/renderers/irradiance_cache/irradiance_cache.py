@@ -47,7 +47,7 @@ class IrradianceCache(Renderer):
     rays: int = 512
     nearest: float = 0.03
     farthest: float = 0.5
-    bounces: int = 6
+    bounces: int = 16
     shadow_rays: int = 4
     samples: int = 4
     gather: int = 0
@@ -153,5 +153,6 @@ class PreparedCache:
         where = np.unique(row[marked])
         shown = shown.copy()
         bright = shown[where].mean(axis=-1, keepdims=True) > 0.2
-        shown[where] = np.where(bright, 0.0, 1.0)
+        # The picture adds the emission.
+        shown[where] = np.where(bright, 0.0, 1.0) - seen.emission[where]
         return shown

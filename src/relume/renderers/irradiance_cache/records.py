@@ -23,6 +23,8 @@ LOOSER = 2.0
 """The error that records for the light of other records' rays may have, over that of those that are seen."""
 SPARSER = 4
 """The share of rays that they need."""
+WIDER = 16
+"""How much farther they may be used: on open ground there is little to see, and much ground."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -92,10 +94,8 @@ class Filling:
     def cache(self, looked_at: Iterator[tuple[np.ndarray, np.ndarray]]) -> Cache:
         """A cache for places and normals that are looked at, one batch (N, 3), (N, 3) after the other."""
         fine, coarse = Hemisphere.of(self.rays), Hemisphere.of(max(self.rays // SPARSER, 8))
-        batches = list(looked_at)
-        corners = np.concatenate([places for places, _ in batches])
-        octree = Octree(corners.min(axis=0), corners.max(axis=0), LOOSER * self.error * self.farthest)
-        made = [self._records(octree, places, normals, fine, self.error) for places, normals in batches]
+        octree = Octree(*self.scene.box, LOOSER * self.error * WIDER * self.farthest)
+        made = [self._records(octree, *batch, fine, self.error, self.farthest) for batch in looked_at]
         groups = [group for group in made if len(group.place)]
         if not groups:
             nothing = np.zeros((0, 3, 3))
@@ -104,14 +104,20 @@ class Filling:
         while waiting and self.bounces > 1:
             met = waiting.pop(0).seen
             there = met.only(np.flatnonzero(met.hit))
-            more = self._records(octree, there.point, there.normal, coarse, LOOSER * self.error)
+            more = self._records(octree, there.point, there.normal, coarse, LOOSER * self.error, WIDER * self.farthest)
             if len(more.place):
                 groups.append(more)
                 waiting.append(more)
         return self._lit(octree, groups, seen)
 
     def _records(
-        self, octree: Octree, places: np.ndarray, normals: np.ndarray, hemisphere: Hemisphere, error: float
+        self,
+        octree: Octree,
+        places: np.ndarray,
+        normals: np.ndarray,
+        hemisphere: Hemisphere,
+        error: float,
+        farthest: float,
     ) -> Group:
         """New records, wherever none of the octree's may be used with this error, in the order of the places."""
         chosen: list[int] = []
@@ -124,7 +130,7 @@ class Filling:
             met = self.scene.look(np.tile(places[index], (len(directions), 1)), directions)
             # R_i: the harmonic mean of the distances, within limits.
             near = np.minimum(1 / np.maximum(met.distance, 1e-30), 1 / self.nearest)
-            reach = float(np.clip(1 / max(float(near.mean()), 1e-30), self.nearest, self.farthest))
+            reach = float(np.clip(1 / max(float(near.mean()), 1e-30), self.nearest, farthest))
             octree.insert(places[index], normals[index], reach, LOOSER * self.error * reach)
             chosen.append(index)
             parts.append(met)

@@ -73,12 +73,15 @@ def edge_lengths(mesh: Mesh) -> np.ndarray:
 
 def no_longer_than(mesh: Mesh, parent: np.ndarray, limit: float) -> tuple[Mesh, np.ndarray]:
     """The mesh divided until no edge is longer, metres; raises ValueError where that takes too many triangles."""
+    corners = np.asarray(mesh.vertices, np.float64)[mesh.faces]
+    area = 0.5 * np.linalg.norm(np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]), axis=-1).sum()
+    # A triangle without a longer edge has less than half its square.
+    if 2 * area / limit**2 > MOST:
+        raise ValueError(
+            f"{mesh.name!r} makes more than {MOST} triangles with sides of {limit:g} m; make patches larger"
+        )
     while np.any(long := edge_lengths(mesh) > limit):
         mesh, parent = divided(mesh, parent, long)
-        if len(mesh.faces) > MOST:
-            raise ValueError(
-                f"{mesh.name!r} makes more than {MOST} triangles with sides of {limit:g} m; make patches larger"
-            )
     return mesh, parent
 
 

@@ -195,7 +195,8 @@ class Shown:
         if self.method.gather:
             return seen.reflectance / np.pi * self._gathered(seen, random)
         arriving = self.irradiance[self._sides(seen)] if self.method.flat else self._between_vertices(seen)
-        return seen.reflectance / np.pi * arriving * self._lines(seen)
+        shown = seen.emission + seen.reflectance / np.pi * arriving
+        return shown * self._lines(seen) - seen.emission
 
     def _sides(self, seen: Seen) -> np.ndarray:
         triangle = self.elements.first[np.maximum(seen.shape, 0)] + seen.primitive

@@ -23,7 +23,7 @@ from relume.renderers.raytrace.raycast import Hits, RayCaster
 
 FEWEST = 16
 """Rays of a shot, at least: so many that a dim patch too sends light to more than its neighbour."""
-SKY_RAYS = 32
+SKY_RAYS = 256
 """Shadow rays from each element's side to the environment map."""
 
 
