@@ -26,6 +26,8 @@ from relume.scene.shapes.shapes import Shape
 
 RAYS_OF_LIGHT = 8
 """Samples of the picture for each ray that is followed from the light: those few carry its noise easily."""
+SAMPLES_A_PHOTON = 2
+"""The same into bodies that scatter light, where paths from the camera walk far longer."""
 MOST_RAYS = 1_000_000
 """Rays of light a pass, at most: in a large picture they lie close enough."""
 BAND = 2_000_000
@@ -60,7 +62,7 @@ class Tracing:
         """Follow a pass's light into bodies that scatter it, for the paths of this seed."""
         if not self.floods:
             return
-        wanted = self.camera.width * self.camera.height * samples // RAYS_OF_LIGHT
+        wanted = self.camera.width * self.camera.height * samples // SAMPLES_A_PHOTON
         count = min(max(wanted, FEWEST_PHOTONS), MOST_PHOTONS)
         self.world.photons = Photons(self.world, self.spheres, self.sizes, count, seed)
 

@@ -32,11 +32,11 @@ SLOTS = 8
 """Scatterings of one ray of light that are kept: of more, some by chance, which then count for all."""
 MOST_PHOTONS = 200_000
 """Rays of light a pass, at most."""
-FEWEST_PHOTONS = 20_000
+FEWEST_PHOTONS = 50_000
 """And at least, where a picture is small."""
 HALF, WIDE = 0.15, 1.0
 """Of a mean free path: half the height and the radius of the cylinder, at most."""
-HALF_BODY, WIDE_BODY = 0.02, 0.03
+HALF_BODY, WIDE_BODY = 0.01, 0.02
 """The same of the radius of the body."""
 BENT = 0.2
 """Of half the height: how far the surface may bend away from the cylinder's flat side, at most."""

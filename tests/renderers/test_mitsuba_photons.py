@@ -1,0 +1,83 @@
+"""Light of lamps in bodies that scatter it: as much as paths find by chance, and of lamps that none finds too."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from relume.renderers.mitsuba.path_tracer import Mitsuba
+from relume.renderers.progressive.accumulation import pass_seed
+from relume.scene.cameras.camera import Camera
+from relume.scene.lights import DistantLight, Light, PointLight, SphereLight
+from relume.scene.materials.materials import Diffuse, Material
+from relume.scene.scene import Scene
+from relume.scene.shapes.shapes import Plane, Sphere
+from relume.sphere.environment_map import EnvironmentMap
+
+pytestmark = pytest.mark.usefixtures("mi")
+BLACK = EnvironmentMap(np.zeros((4, 8, 3), np.float32))
+CAMERA = Camera.looking_at(np.array([0.1, 1.0, 2.6]), np.array([0, 0.5, 0]), width=12, height=12, focal_length=36)
+FLOOR = Plane(Diffuse((0.6, 0.5, 0.4)), (4.0, 4.0))
+LARGE = SphereLight((0.6, 1.6, 0.8), 0.6, (10.0, 9.0, 8.0))
+PASSES = 12
+
+
+def body(free: float, g: float = 0.0) -> Material:
+    return Material(
+        roughness=0.0, transmission=1.0, ior=1.33, scattering_distance=(free, 1.2 * free, 1.5 * free),
+        scattering_albedo=(0.99, 0.95, 0.9), scattering_anisotropy=g,
+    )  # fmt: skip
+
+
+def scene(material: Material, *lamps: Light) -> Scene:
+    return Scene(BLACK, (FLOOR,), (Sphere((0.0, 0.5, 0.0), 0.45, material),), lamps)
+
+
+def passes(scene: Scene, flooded: bool, samples: int, differential: bool = False) -> np.ndarray:
+    """The picture of each pass, (PASSES, H, W, 3), with light kept in bodies or by paths from the camera alone."""
+    from relume.renderers.mitsuba.transport.estimator import Estimator
+    from relume.renderers.mitsuba.transport.plain import Plain
+
+    made = (Estimator if differential else Plain)(scene, CAMERA, 12)
+    assert made.floods, "no light would be kept"
+    made.floods = flooded
+    plane = "objects" if differential else "radiance"
+    return np.stack([made.traced(samples, pass_seed(int(flooded), index))[plane] for index in range(PASSES)])
+
+
+@pytest.mark.parametrize(
+    ("free", "g", "differential"),
+    [
+        (0.2, 0.6, False),
+        pytest.param(0.2, 0.6, True, marks=pytest.mark.slow),
+        pytest.param(1.0, 0.0, False, marks=pytest.mark.slow),
+        pytest.param(0.05, 0.0, False, marks=pytest.mark.slow),
+    ],
+)
+def test_what_is_kept_in_bodies_is_what_paths_find(free, g, differential):
+    one = passes(scene(body(free, g), LARGE), True, 128, differential).astype(np.float64)
+    other = passes(scene(body(free, g), LARGE), False, 1024, differential).astype(np.float64)
+    means = [found.mean(axis=(1, 2)) for found in (one, other)]
+    error = np.sqrt(sum(m.var(axis=0, ddof=1) / PASSES for m in means))
+    found, expected = (m.mean(axis=0) for m in means)
+    assert np.all(error < 0.02 * expected), error / expected  # else the next line says little
+    assert np.all(np.abs(found - expected) < 4.5 * error), (found / expected, error / expected)
+
+
+def test_a_point_lights_milk_as_a_small_sphere_of_its_intensity_does():
+    place, radius = (0.6, 1.6, 0.8), 0.01
+    small = SphereLight(place, radius, tuple(3.0 / (np.pi * radius**2) for _ in range(3)))
+    means = []
+    for lamp in (PointLight(place, (3.0, 3.0, 3.0)), small):
+        found = Mitsuba(512).render(scene(body(0.05), lamp), CAMERA, seed=3)
+        means.append(found.radiance[found.matte == 1].mean(0))
+    # The same rays of light but for where on the lamp they begin.
+    np.testing.assert_allclose(means[0], means[1], rtol=0.02)
+    np.testing.assert_allclose(means[0], [0.2222, 0.1461, 0.1053], rtol=0.03)
+
+
+def test_a_sun_lights_milk_and_photons_do_not_depend_on_the_threads():
+    sun = DistantLight((0.4, 1.0, 0.6), (1.0, 1.0, 1.0))
+    pictures = [Mitsuba(16, threads=threads).render(scene(body(0.1), sun), CAMERA, seed=4) for threads in (1, 2)]
+    assert pictures[0].radiance[pictures[0].matte == 1].mean() > 0.05
+    assert np.array_equal(pictures[0].radiance, pictures[1].radiance)
