@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -10,6 +12,7 @@ from relume.renderers.progressive.accumulation import pass_seed
 from relume.scene.cameras.camera import Camera
 from relume.scene.lights import DistantLight, Light, PointLight, SphereLight
 from relume.scene.materials.materials import Diffuse, Material
+from relume.scene.materials.media import Medium
 from relume.scene.scene import Scene
 from relume.scene.shapes.shapes import Plane, Sphere
 from relume.sphere.environment_map import EnvironmentMap
@@ -81,3 +84,24 @@ def test_a_sun_lights_milk_and_photons_do_not_depend_on_the_threads():
     pictures = [Mitsuba(16, threads=threads).render(scene(body(0.1), sun), CAMERA, seed=4) for threads in (1, 2)]
     assert pictures[0].radiance[pictures[0].matte == 1].mean() > 0.05
     assert np.array_equal(pictures[0].radiance, pictures[1].radiance)
+
+
+@pytest.mark.slow
+def test_what_glass_bends_into_fog_is_what_paths_find():
+    from relume.renderers.mitsuba.transport.plain import Plain
+
+    glass = Material(roughness=0.0, transmission=1.0)
+    fog = Medium((0.0, 0.0, 0.0), (0.4, 0.3, 0.2), 0.2)
+    foggy = replace(scene(glass, LARGE), medium=fog)
+    means, errors = [], []
+    for flooded, samples in ((True, 128), (False, 512)):
+        made = Plain(foggy, CAMERA, 8)
+        assert made.floods
+        made.floods = made.world.smooth = flooded
+        found = np.stack([made.traced(samples, pass_seed(flooded, index))["radiance"] for index in range(PASSES)])
+        passes_means = found.astype(np.float64).mean((1, 2))
+        means.append(passes_means.mean(0))
+        errors.append(passes_means.std(0, ddof=1) / np.sqrt(PASSES))
+    error = np.hypot(*errors)
+    assert np.all(error < 0.01 * means[1])
+    assert np.all(np.abs(means[0] - means[1]) < 4.5 * error), means[0] / means[1]

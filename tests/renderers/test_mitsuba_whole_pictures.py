@@ -26,7 +26,7 @@ from relume.sphere.environment_map import EnvironmentMap
 pytestmark = pytest.mark.usefixtures("mi")
 BLACK = EnvironmentMap(np.zeros((4, 8, 3), np.float32))
 FLOOR = Plane(Diffuse((0.7, 0.5, 0.3)), (4.0, 4.0))
-CAMERA = Camera.looking_at(np.array([0, 1.1, 2.6]), np.array([0.1, 0.15, 0]), width=24, height=16, focal_length=22)
+CAMERA = Camera.looking_at(np.array([0, 1.1, 2.6]), np.array([0.1, 0.15, 0]), width=36, height=24, focal_length=33)
 LAMPS = (
     PointLight((1.0, 1.5, 0.3), (3.0, 3.0, 3.0)),
     RectangleLight((0.0, 1.6, -1.0), (0.0, -1.0, 0.7), (0.5, 0.3), (5.0, 5.0, 9.0)),
@@ -178,7 +178,7 @@ def test_a_motion_that_was_stopped_goes_on_with_the_same_bits(tmp_path):
 
     with pytest.raises(Interrupted):
         Mitsuba(64).render(
-            scene, camera, seed=1, progress=stop, watch=watch, moments=moment, shutter=Shutter(-0.5, 0.5)
+            world, camera, seed=1, progress=stop, watch=watch, moments=moment, shutter=Shutter(-0.5, 0.5)
         )
     resumed = Mitsuba(64).render(world, camera, seed=1, watch=watch, moments=moment, shutter=Shutter(-0.5, 0.5))
     assert np.array_equal(resumed.radiance, whole.radiance)

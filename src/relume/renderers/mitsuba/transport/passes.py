@@ -53,9 +53,9 @@ class Tracing:
     ) -> None:  # fmt: skip
         self.world, self.spheres, self.pierced = world, spheres, pierced
         self.camera, self.lens = camera, Lens(camera)
-        # Bodies that scatter light within a surface that bends it, and whether any light is followed into them.
+        # Whether light is followed to where it is scattered: in bodies, and where it was bent before in smoke or fog.
         media = world.media
-        self.floods = media is not None and media.closed and bool(spheres) and not world.light.even
+        self.floods = media is not None and media.scatters and bool(spheres) and not world.light.even
         self.sizes = sizes_of(world, radii) if self.floods else np.zeros((0, 2))
 
     def flooded(self, samples: int, seed: int) -> None:

@@ -7,6 +7,9 @@ its own first scattering in the body, all orders at once. From there on `dim` ta
 
 What is counted lies in a flat cylinder: wide along the surface, where light changes little, and low across it, where it
 changes within a mean free path. The part of it that is outside of the body is left out of its volume.
+
+In smoke and fog, from where lamps are seen straight, only light is kept that glass or mirrors bent on its way from the
+lamp to its first scattering: what a glass ball gathers in fog.
 """
 
 from __future__ import annotations
@@ -91,8 +94,9 @@ def sizes_of(world: World, radii: Sequence[tuple[int, float]]) -> np.ndarray:
     numbers = np.arange(len(np.array(media.anisotropy)))
     densest = np.array(media.extinction(mi.UInt32(numbers))).max(axis=0)
     sizes = np.ones((len(numbers), 2))
+    smallest = min((radius for _, radius in radii), default=1.0)
     for number, free in zip(numbers, 1 / np.maximum(densest, 1e-12), strict=True):
-        radius = min((radius for each, radius in radii if each == number), default=1.0)
+        radius = min((radius for each, radius in radii if each == number), default=smallest)
         half = min(HALF * free, HALF_BODY * radius)
         sizes[number] = half, min(WIDE * free, WIDE_BODY * radius, np.sqrt(2 * BENT * half * radius))
     return sizes
@@ -172,12 +176,15 @@ def _walked(world: World, spheres: Spheres, rng: Any, active: Any, kept: list[An
         scattered &= active
         flux = dr.select(active, flux * passed, flux)
         turned = scattered & media.keeps(inside)
-        times += dr.select(turned, 1, 0)
+        # Where lamps are looked for, only what was bent since it left them, and once; paths do all the rest.
+        bent = scattered & ~turned & (bounces > 0) & (times == 0)
+        stored = turned | bent
+        times += dr.select(stored, 1, 0)
         drawn = mi.UInt32(rng.next_float32() * mi.Float(times))
         slot = dr.select(times <= SLOTS, times - 1, drawn)
         values = [*onward.o, *ray.d, *flux, inside]
         for buffer, value in zip(kept, values, strict=True):
-            dr.scatter(buffer, value, slots + slot, turned & (slot < SLOTS))
+            dr.scatter(buffer, value, slots + slot, stored & (slot < SLOTS))
         # At a surface, which sends it on in one direction or ends the ray.
         si = met.compute_surface_interaction(ray, mi.RayFlags.All, active & ~scattered)
         on = active & ~scattered & si.is_valid()
