@@ -14,7 +14,7 @@ from relume.scene.lights import DistantLight, Light, PointLight, SphereLight
 from relume.scene.materials.materials import Diffuse, Material
 from relume.scene.materials.media import Medium
 from relume.scene.scene import Scene
-from relume.scene.shapes.shapes import Plane, Sphere
+from relume.scene.shapes.shapes import Plane, Polygon, Sphere
 from relume.sphere.environment_map import EnvironmentMap
 
 pytestmark = pytest.mark.usefixtures("mi")
@@ -51,7 +51,7 @@ def passes(scene: Scene, flooded: bool, samples: int, differential: bool = False
 @pytest.mark.parametrize(
     ("free", "g", "differential"),
     [
-        (0.2, 0.6, False),
+        pytest.param(0.2, 0.6, False, marks=pytest.mark.slow),
         pytest.param(0.2, 0.6, True, marks=pytest.mark.slow),
         pytest.param(1.0, 0.0, False, marks=pytest.mark.slow),
         pytest.param(0.05, 0.0, False, marks=pytest.mark.slow),
@@ -84,6 +84,28 @@ def test_a_sun_lights_milk_and_photons_do_not_depend_on_the_threads():
     pictures = [Mitsuba(16, threads=threads).render(scene(body(0.1), sun), CAMERA, seed=4) for threads in (1, 2)]
     assert pictures[0].radiance[pictures[0].matte == 1].mean() > 0.05
     assert np.array_equal(pictures[0].radiance, pictures[1].radiance)
+
+
+@pytest.mark.slow
+def test_a_points_caustic_is_seen_through_a_pane():
+    # A thin pane right before the camera lets the same share of everything through.
+    lamp = PointLight((0.7, 1.8, 0.4), (5.0, 4.0, 3.0))
+    eye, ahead = np.array([0.1, 2.4, 1.5]), np.array([-0.25, -2.4, -1.6])
+    camera = Camera.looking_at(eye, eye + ahead, width=24, height=24, focal_length=60)
+    middle, side, up = eye + 0.1 * ahead / np.linalg.norm(ahead), camera.rotation[:, 0], camera.rotation[:, 1]
+    corners = np.array([middle + 0.1 * (i * side + j * up) for i, j in ((-1, -1), (1, -1), (1, 1), (-1, 1))])
+    ball = Sphere((0.0, 0.45, 0.0), 0.3, Material(roughness=0.0, transmission=1.0))
+    pane = Polygon(corners, Material(roughness=0.0, transmission=1.0, thin=True))
+    bare, behind = (
+        Mitsuba(2048).render(Scene(BLACK, (FLOOR,), shapes, (lamp,)), camera, seed=2)
+        for shapes in ((ball,), (ball, pane))
+    )
+    floor = bare.matte == 0
+    bright = floor & (bare.radiance.mean(-1) > np.quantile(bare.radiance.mean(-1), 0.95))
+    shares = [behind.radiance[where].mean() / bare.radiance[where].mean() for where in (floor & ~bright, bright)]
+    # Twice 4 % are mirrored, and go to and fro between: 1 − 2 · 0.04/1.04.
+    assert shares[0] == pytest.approx(0.923, abs=0.01)
+    assert shares[1] == pytest.approx(shares[0], rel=0.03)
 
 
 @pytest.mark.slow

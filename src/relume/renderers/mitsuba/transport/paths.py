@@ -8,7 +8,7 @@ import drjit
 import mitsuba
 
 from relume.renderers.mitsuba.limits import FAIR, WALK
-from relume.renderers.mitsuba.transport.photons import counted
+from relume.renderers.mitsuba.transport.photons import counted, reflected
 from relume.renderers.mitsuba.transport.sampling import Guide, Numbers, two
 from relume.renderers.mitsuba.transport.world import SHORTEN, World
 
@@ -104,6 +104,10 @@ def followed(
             result += dr.select(lit, throughput * value * found.weight * weight * share, 0)
         if world.looks_for_objects and objects:
             result += throughput * from_objects(world, si, bsdf, context, rng, smooth, ray, inside)
+        if world.landed is not None and objects:
+            # What no ray that is followed from a lamp is seen on: behind glass, in mirrors, through what scatters.
+            unseen = smooth & (((bounces > 0) & ~scattered_first) | ~on_surface)
+            result += dr.select(unseen, throughput * reflected(world.landed, context, bsdf, si, unseen), 0)
         # The next direction.
         sample, value = bsdf.sample(context, si, rng.next_float32(), two(rng), bent & (bounces < world.depth))
         onward = si.to_world(sample.wo)
