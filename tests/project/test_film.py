@@ -96,6 +96,7 @@ def test_a_tone_operator_adapts_to_the_first_frame_alone(film):
 
 def test_a_film_that_is_there_is_not_made_again_and_is_developed_anew_without_rendering(film):
     folder = film.parent / "made"
+    rl.make_film(film)  # what was made in another folder is developed and joined anew
     times = {path: path.stat().st_mtime_ns for path in folder.rglob("*.*") if path.suffix in (".exr", ".mp4")}
     assert rl.make_film(film).kept == 3
     assert all(path.stat().st_mtime_ns == before for path, before in times.items())
@@ -104,8 +105,8 @@ def test_a_film_that_is_there_is_not_made_again_and_is_developed_anew_without_re
     assert rl.make_film(film).kept == 3
     assert (folder / "frames/frame_0001.exr").stat().st_mtime_ns == times[folder / "frames/frame_0001.exr"]
     assert (folder / "film.mp4").stat().st_mtime_ns != times[folder / "film.mp4"]
-    corner = read_photograph(folder / "developed/frame_0001.png").pixels[0, 0, 0]
-    assert corner < 180 < read_photograph(folder / "developed/frame_0001.png").pixels[0, 12, 0]
+    corner, middle = read_photograph(folder / "developed/frame_0001.png").pixels[0, [0, 12], 0].astype(int)
+    assert corner < middle - 8
 
 
 def test_parts_of_a_film_are_rendered_and_the_rest_later(made, tmp_path):
@@ -121,9 +122,8 @@ def test_parts_of_a_film_are_rendered_and_the_rest_later(made, tmp_path):
 
 def test_the_films_own_words_replace_the_scene_files(made):
     path = made / "changed.toml"
-    path.write_text(
-        FILM + '[sequence]\nframes = "2-3"\nrate = 12\nshutter = [0, 0.5]\n[develop]\npreset = "old-lens"\n'
-    )
+    sequence = '[sequence]\nframes = "2-3"\nrate = 12\nshutter = [0, 0.5]\n'
+    path.write_text(FILM + sequence + '[develop]\npreset = "old-lens"\n')
     found = read_film(path, size=(12, 8))
     assert found.scene.sequence is not None
     table = found.scene.sequence.table
@@ -181,4 +181,4 @@ def test_the_command_makes_a_film_and_says_where_it_is(film, capsys):
 
 def test_frames_that_a_film_has_not_are_refused_in_one_line(film, capsys):
     assert "frame 7 is not in the [sequence]" in refused(["film", str(film), "--frames", "7"], capsys)
-    assert "no such film file" in refused(["film", str(film.parent / "none.toml")], capsys) or True
+    assert "none.toml: no such file; check the path" in refused(["film", str(film.parent / "none.toml")], capsys)
