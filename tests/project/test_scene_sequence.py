@@ -11,6 +11,7 @@ import pytest
 from relume.errors import InvalidScene, UnsupportedScene
 from relume.image.files import read_layers, read_photograph, read_radiance, write
 from relume.image.radiance import RadianceMap
+from relume.project.film.film_file import read_film
 from relume.project.scene_file.rendering import render_scene
 from relume.project.scene_file.scene_file import SceneFile, read_scene
 from relume.project.scene_file.settings import RenderSettings
@@ -160,6 +161,18 @@ def test_a_key_that_no_file_may_have_is_named_with_its_frame(tmp_path):
     found = scene_of(tmp_path, keys + LIGHT + SEQUENCE + CLAY + BALL)
     with pytest.raises(InvalidScene, match=r"camera: at frame 5 target \[4\.0, 1\.0, 4\.0\] is where the camera"):
         found.at_frame(5)
+
+
+def test_the_examples_in_the_docs_are_a_scene_and_a_film(tmp_path):
+    page = (Path(__file__).parents[2] / "docs/scene-file.md").read_text(encoding="utf-8")
+    scene, film = re.findall(r"```toml\n(.*?)```", page, re.DOTALL)[-2:]
+    for name in ("room.hdr", "mine.exr"):
+        write(tmp_path / name, RadianceMap(np.ones((8, 16, 3), np.float32)))
+    found = scene_of(tmp_path, scene)
+    assert found.sequence is not None and len(found.sequence.table.frames) == 120
+    np.testing.assert_allclose(ball_at(found, 120).centre, [1, 0.1, 0])
+    (tmp_path / "film.toml").write_text(film)
+    assert len(read_film(tmp_path / "film.toml").scene.at_frame(240)[0].objects) == 1
 
 
 # The frames
