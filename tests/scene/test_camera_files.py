@@ -339,7 +339,7 @@ def test_the_script_is_python_that_writes_what_is_read(tmp_path, monkeypatch):
             frame_start=1,
             frame_end=2,
             frame_set=lambda frame: None,
-        ),  # fmt: skip
+        ),
         evaluated_depsgraph_get=lambda: world,
     )
     bpy.data = Names(filepath=str(tmp_path / "scene.blend"))  # pyright: ignore[reportAttributeAccessIssue]

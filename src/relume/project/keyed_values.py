@@ -54,6 +54,8 @@ def table_at(
     except ValidationError as error:
         fault = error.errors()[0]
         keys = ".".join(map(str, (place, *fault["loc"])))
+        if not fault["loc"]:  # of the table as a whole
+            raise refused(f"{keys}: at frame {frame:g} {fault['msg'].removeprefix('Value error, ')}") from None
         raise refused(
             f"{keys}: at frame {frame:g} the keys make it {fault['input']!r}: {fault['msg']}; add a key there"
         ) from None

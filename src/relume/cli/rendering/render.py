@@ -135,6 +135,23 @@ class InsteadOptions:
         ),
     ] = None
 
+    def check(self, out: Path, pictures: dict[str, object], cluster: str | None) -> None:
+        """Refuse an output that cannot be written, and options of pictures where none is made."""
+        if self.environment is not None:
+            _check_alone("--environment shows all directions", {"--tree": self.tree, **pictures})
+            require_suffix(out, ".exr", ".hdr")
+        elif self.tree is not None:
+            _check_alone("--tree draws one pixel's rays", pictures)
+            require_suffix(out, ".png", ".svg")
+        else:
+            _check_output(out)
+            return
+        if cluster is not None:
+            raise ValueError(
+                "--cluster makes a picture or the frames of a motion, and neither an environment map nor a tree; leave "
+                "it out"
+            )
+
 
 def render(
     scene: Annotated[Path, Parameter(help="A scene file, .toml, or a mesh: .glb, .gltf, .obj, .ply, .stl or .usd.")],
@@ -200,19 +217,7 @@ def render(
     with warnings_as_notes(output):
         # Refuse what cannot be written, before any work.
         pictures = {"--frames": moving.frames, "--region": tracing.region, "--plate": plate}
-        if environment is not None:
-            _check_alone("--environment shows all directions", {"--tree": tree, **pictures})
-            require_suffix(out, ".exr", ".hdr")
-        elif tree is not None:
-            _check_alone("--tree draws one pixel's rays", pictures)
-            require_suffix(out, ".png", ".svg")
-        else:
-            _check_output(out)
-        if cluster is not None and (environment is not None or tree is not None):
-            raise ValueError(
-                "--cluster makes a picture or the frames of a motion, and neither an environment map nor a tree; leave "
-                "it out"
-            )
+        instead.check(out, pictures, cluster)
         require_files([each for each in (scene, light, plate) if each is not None])
         # Read what the options name.
         read = rl.read_scene(scene, light, size if environment is None else None)
@@ -232,17 +237,22 @@ def render(
         elif tree is not None:
             facts = _tree(read, out, tree, settings, dry_run)
         else:
-            several = out.suffix.lower() not in PICTURES
-            with spread(None if dry_run else cluster, output, tasks=several) as (workers, report):
-                made = rl.render_scene(
-                    read, out, settings, dry_run=dry_run, report=report, cluster=workers, restart=restart, preview=True,
-                    force=force,
-                )  # fmt: skip
-            facts = {"renderer": made.renderer, "shapes": made.shapes, "size": f"{made.size[0]}×{made.size[1]}"}
-            facts["exposure"] = made.film.exposure
-            if made.frames is not None:
-                facts |= {"frames": made.frames, "kept from before": made.kept}
+            facts = _pictures(read, out, settings, None if dry_run else cluster, restart, dry_run, output)
         print_facts(output, {"would write" if dry_run else "written": str(out), **facts})
+
+
+def _pictures(
+    read: rl.SceneFile, out: Path, settings: rl.RenderSettings, cluster: str | None, restart: bool, dry_run: bool,
+    output: OutputOptions,
+) -> dict[str, object]:  # fmt: skip
+    with spread(cluster, output, tasks=out.suffix.lower() not in PICTURES) as (workers, report):
+        made = rl.render_scene(
+            read, out, settings, dry_run=dry_run, report=report, cluster=workers, restart=restart, preview=True,
+            force=force,
+        )  # fmt: skip
+    facts: dict[str, object] = {"renderer": made.renderer, "shapes": made.shapes}
+    facts |= {"size": f"{made.size[0]}×{made.size[1]}", "exposure": made.film.exposure}
+    return facts if made.frames is None else {**facts, "frames": made.frames, "kept from before": made.kept}
 
 
 def _environment(

@@ -132,17 +132,16 @@ def camera_of(table: CameraTable, path: Path, seconds: float | None = None) -> C
     seconds : since a file's camera began to move; None for a camera at rest
     Raises InvalidScene naming the key.
     """
-    with naming(f"{path}: camera"):
+    with naming(f"{path}: camera{'' if table.file is None else '.file'}"):
         lens = {
             **({} if table.aperture is None else {"aperture": table.aperture / 2}),
             **({} if table.focus is None else {"focus": table.focus}),
         }
         if table.file is not None:
             asked = table.file
-            with naming("file"):
-                read = read_camera(
-                    path.parent / asked.path, *table.size, name=asked.name, up=asked.up, unit=asked.unit, time=seconds
-                )
+            read = read_camera(
+                path.parent / asked.path, *table.size, name=asked.name, up=asked.up, unit=asked.unit, time=seconds
+            )
             return replace(read, **lens) if lens else read
         position, target = np.array(table.position), np.array(table.aim)
         if np.array_equal(position, target):

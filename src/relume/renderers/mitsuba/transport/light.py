@@ -20,6 +20,9 @@ from relume.scene.scene import Scene
 BRIGHT = 4.0
 """Of the map's mean radiance: what is brighter is followed from the light where objects are smooth."""
 
+THIN = 1e-3
+"""Share of light that a medium takes below which places in it are looked at evenly."""
+
 
 class SceneLight:
     """All the light of a scene that objects do not send themselves."""
@@ -62,7 +65,13 @@ class SceneLight:
         if self.emitting.any():
             self.emitting /= self.emitting.sum()
         self.bright = opaque.number(bright)
-        self._sampled, self._sent = ([*map(opaque.number, shares)] for shares in (self.shares, self.emitting))
+        # Of those that no path from the camera ever meets.
+        self.sizeless = np.where([not getattr(source, "density", None) for source in self.sources], self.emitting, 0.0)
+        if self.sizeless.any():
+            self.sizeless = self.sizeless / self.sizeless.sum()
+        self._sampled, self._sent, self._sent_sizeless = (
+            [*map(opaque.number, shares)] for shares in (self.shares, self.emitting, self.sizeless)
+        )
 
     @property
     def even(self) -> bool:
@@ -91,19 +100,19 @@ class SceneLight:
             valid = dr.select(mine, found.valid, valid)
         return Sample(direction, distance, weight, density, valid & active)
 
-    def place_on(self, ray: Any, reach: Any, rate: Any, choice: Any, point: Any) -> tuple[Any, Any]:
-        """Where on a ray through a medium to look for the light that `choice` is for, and the density, per metre.
+    def place_on(self, ray: Any, reach: Any, rate: Any, choice: Any, point: Any) -> tuple[Any, Any, Any]:
+        """Where on a ray through a medium to look for the light that `choice` is for, the density, per metre, and
+        whether that is a near lamp.
 
         reach : where the ray ends, metres
         rate : of the medium's extinction, per metre
         For lamps that stand near evenly in the angle at which they see the ray (Kulla & Fajardo 2012), for all others
         as the ray's own light is lost.
         """
-        # By extinction.
         ends = 1 - dr.exp(-rate * reach)
-        thin = rate * reach < 1e-3
+        thin = rate * reach < THIN
         along = dr.select(thin, point * reach, -dr.log(1 - point * ends) / dr.maximum(rate, 1e-20))
-        density = dr.select(thin, 1 / dr.maximum(reach, 1e-20), rate * dr.exp(-rate * along) / dr.maximum(ends, 1e-20))
+        density, lamp = self.afar(reach, rate, along), mi.Bool(False)
         low = 0.0
         for index, source in enumerate(self.sources):
             share = self._sampled[index]
@@ -120,17 +129,26 @@ class SceneLight:
             chance = height / (dr.maximum(last - first, 1e-9) * (dr.square(height) + dr.square(offset)))
             along = dr.select(mine, dr.clip(nearest + offset, 0, reach), along)
             density = dr.select(mine, chance, density)
-        return along, density
+            lamp |= mine
+        return along, density, lamp
+
+    def afar(self, reach: Any, rate: Any, along: Any) -> Any:
+        """The density of that place, per metre, for light from afar."""
+        ends = dr.maximum(1 - dr.exp(-rate * reach), 1e-20)
+        even = 1 / dr.maximum(reach, 1e-20)
+        return dr.select(rate * reach < THIN, even, rate * dr.exp(-rate * along) / ends)
 
     def arriving(
         self, place: Any, direction: Any, surface: Any, active: Any, density: Any,
         looks: int = 1, beyond: Any = 0, dim: Any = False, passed: Callable[[Any], Any] | None = None,
+        lamps: Any = True,
     ) -> Any:  # fmt: skip
         """The radiance that a ray sees before a surface (at infinity for none), weighed against looking for it.
 
         density : of the ray's direction; 0 where it was the only way, which has all the weight
         looks : directions towards light that were looked in beside it
         beyond : lamps nearer than this are left out
+        lamps : where lamps are wanted beside the map
         dim : where only what is not `emitted` is wanted
         passed : the share of light that passes a medium over a distance beyond `beyond`; all unless given
 
@@ -150,7 +168,7 @@ class SceneLight:
             distance = lamp.distance(place, direction)
             share = self._sampled[index + (self.map is not None)]
             weight = _weight(density, looks * share * lamp.density(place, direction, distance))
-            met = active & (distance < surface) & (distance > beyond) & ~mi.Bool(dim)
+            met = active & (distance < surface) & (distance > beyond) & ~mi.Bool(dim) & lamps
             if passed is not None:
                 weight = weight * passed(distance - beyond)
             total += dr.select(met, lamp.radiance * weight, 0)
@@ -161,19 +179,20 @@ class SceneLight:
         brightness = dr.mean(radiance)
         return dr.select(brightness > self.bright, self.bright / dr.maximum(brightness, 1e-30), 1)
 
-    def emitted(self, spheres: Spheres, rng: Any, active: Any) -> tuple[Any, Any, Any, Any]:
+    def emitted(self, spheres: Spheres, rng: Any, active: Any, sizeless: bool = False) -> tuple[Any, Any, Any, Any]:
         """Rays from the bright part of the light towards spheres, each with its share of the flux (Σ flux / N), whether
-        there is one, and whether it comes from infinity."""
+        there is one, and whether it comes from infinity; of lamps that have no size alone where `sizeless`."""
         choice = rng.next_float32()
         which, first, second, third, fourth = (rng.next_float32() for _ in range(5))
         ray, flux, valid = dr.zeros(mi.Ray3f), mi.Color3f(0), mi.Bool(False)
         far = mi.Bool(False)
-        low = 0.0
+        shares = self.sizeless if sizeless else self.emitting
+        low, last = 0.0, int(np.flatnonzero(shares)[-1])
         for index, source in enumerate(self.sources):
-            if not self.emitting[index]:
+            if not shares[index]:
                 continue
-            share = self._sent[index]
-            mine = active & (choice >= low) & ((choice < low + share) | (index == len(self.emitting) - 1))
+            share = (self._sent_sizeless if sizeless else self._sent)[index]
+            mine = active & (choice >= low) & ((choice < low + share) | (index == last))
             low += share
             point, aim = mi.Point2f(first, second), mi.Point2f(third, fourth)
             begin, sent, fine = source.emit(spheres, which, point, aim, mine)
