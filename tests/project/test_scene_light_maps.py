@@ -85,6 +85,15 @@ def test_the_frames_show_the_maps_and_only_changed_ones_are_made_again(folder: P
     assert render_scene(again, folder / "out", settings).kept == 1
 
 
+def test_while_the_shutter_is_open_the_light_goes_on(folder: Path):
+    # Half a map's time before and after frame 2: from 2 up to 3 and down to 2.5.
+    matte = SCENE.replace('kind = "mirror"', 'kind = "pbr"') + FRAMES + "shutter = [-0.5, 0.5]\n"
+    read = scene_of(folder, matte)
+    out = folder / "open.hdr"
+    render_scene(read, out, RenderSettings(renderer="mitsuba", frames="2", samples=64, threads=1))
+    np.testing.assert_allclose(read_radiance(out).radiance[0, 0], (2.5 + 2.75) / 2, rtol=0.01)
+
+
 def test_a_sky_is_the_light_of_a_scene(folder: Path):
     sky = "sky = { sun = [30, 180], size = 32, turbidity = 2, heading = 180 }"
     light = scene_of(folder, SCENE.replace('maps = "probe/*.exr"', sky)).scene.light

@@ -265,8 +265,14 @@ def test_the_docs_say_the_renderers_defaults() -> None:
     ("text", "line"),
     [
         (CAMERA + BLOB + BALL, "light: missing, and there are neither [[lights]] nor a pbr material with emission, so"),
-        (CAMERA + "[light]\nmap = 'light.exr'\ncolour = 1\n" + BLOB + BALL, "light: has map and colour; give one of map"),
-        (CAMERA + "[light]\nscale = 2\n" + BLOB + BALL, "light: has none of them; give one of map, maps, sky and colour"),
+        (
+            CAMERA + "[light]\nmap = 'light.exr'\ncolour = 1\n" + BLOB + BALL,
+            "light: has map and colour; give one of map",
+        ),
+        (
+            CAMERA + "[light]\nscale = 2\n" + BLOB + BALL,
+            "light: has none of them; give one of map, maps, sky and colour",
+        ),
         (CAMERA + "[light]\ncolour = 1\nturn = 3\n" + BLOB + BALL, "light: has turn, but a colour is the same from"),
         (CAMERA + "[light]\ncolour = -1\n" + BLOB + BALL, "light.colour: radiance holds negative or non-finite"),
         (CAMERA + "[light]\ncolour = 'red'\n" + BLOB + BALL, "light.colour: input should be a list of numbers (got"),

@@ -75,10 +75,17 @@ def refuse_error(error: Exception, *, verbose: bool) -> int:
 
 @contextmanager
 def warnings_as_notes(output: OutputOptions) -> Iterator[None]:
-    """Show warnings as notes of one line."""
+    """Show warnings as notes of one line; what is warned of for every frame is one note."""
+    shown: set[str] = set()
+
+    def show(message: Warning | str, *_: object, **__: object) -> None:
+        if str(message) not in shown:
+            shown.add(str(message))
+            note(output, str(message))
+
     with warnings.catch_warnings():
         warnings.simplefilter("always", UserWarning)
-        warnings.showwarning = lambda message, *_, **__: note(output, str(message))
+        warnings.showwarning = show
         yield
 
 

@@ -5,7 +5,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from command_line import refused, reported
+from command_line import printed, refused, reported
 from relume.image.files import read_radiance, write
 from relume.sphere.environment_files import as_radiance_map
 from relume.sphere.environment_map import EnvironmentMap
@@ -61,6 +61,18 @@ def test_a_stage_is_relit_by_a_film_of_maps(probe: Path, tmp_path: Path, capsys:
     # By the number of the map, and not as names are sorted.
     np.testing.assert_allclose(found["each"] / found["each"][0], [1, 3, 2], rtol=1e-4)
     np.testing.assert_allclose(found["slow"] / found["slow"][0], [1, 2, 3, 2.5, 2], rtol=1e-4)
+
+
+def test_what_is_warned_of_for_every_frame_is_one_note(probe: Path, capsys: pytest.CaptureFixture[str]):
+    scene = probe.parent / "scene.toml"
+    ball = 'sphere = { centre = [CENTRE, 0, 0], radius = 0.5 }\nmaterial = "chrome"\n'
+    scene.write_text(
+        "[camera]\nposition = [0, 0, 4]\ntarget = [0, 0, 0]\nsize = [16, 12]\n"
+        '[light]\nmaps = "probe/*.exr"\n[sequence]\nframes = "1-3"\n[materials.chrome]\nkind = "mirror"\n'
+        + "".join(f"[[objects]]\n{ball.replace('CENTRE', str(x))}" for x in (-1, 1))
+    )
+    err = printed(["render", scene, "-o", probe.parent / "out", "--renderer", "prefiltered"], capsys).err
+    assert err.count("show no shadows") == 1
 
 
 def test_options_of_a_film_are_refused_for_one_map(probe: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]):

@@ -49,7 +49,7 @@ def test_sky_and_sun_apart_add_up_to_the_whole():
 
 
 @pytest.mark.parametrize("rows", [8, 64, 700])
-@pytest.mark.parametrize("degrees", [20.0, 89.9])
+@pytest.mark.parametrize("degrees", [20.0, 89.5, 89.9])
 def test_the_disc_keeps_its_light_and_its_place_however_coarse_the_map_is(rows: int, degrees: float):
     description = standing(degrees)
     disc = sky(description, rows, dome=False)

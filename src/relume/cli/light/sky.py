@@ -57,6 +57,7 @@ def sky(
 ) -> None:
     """Make the light of a clear day by place and time, in cd/m²: sky, sun, lit ground (Hošek & Wilkie 2012, 2013)."""
     with warnings_as_notes(output):
+        # Where the sun stands.
         require_suffix(out, ".exr", ".hdr")
         turned = math.radians(heading)
         if sun is not None:
@@ -70,11 +71,13 @@ def sky(
             if latitude is None or longitude is None or date is None:
                 raise ValueError("give --latitude, --longitude and --date, or --sun ELEVATION,AZIMUTH")
             description = rl.light.Sky.at(latitude, longitude, _time(date), turbidity, ground, turned)
+        # How the map is laid out.
         mapping = mapping_of(to, "--to") or rl.mappings.LatLong()
         mapping.shape(size)
         if dry_run:
             print_facts(output, {"would write": str(out), **description.facts()})
             return
+        # The map, and what light it holds.
         light = rl.light.sky(description, size, mapping, dome=only != "sun", sun=only != "sky")
         rl.write(out, rl.as_radiance_map(light))
         audit = light.audit().facts()

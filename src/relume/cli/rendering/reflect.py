@@ -55,6 +55,29 @@ class CubeOptions:
     ] = None
 
 
+@Parameter(name="*")
+@dataclass(frozen=True)
+class SheetOptions:
+    """Balls of every surface under the map."""
+
+    sheet: Annotated[
+        list[Path] | None,
+        Parameter(
+            negative="",
+            consume_multiple=(0, 1),
+            help="Also draw balls of every surface under the map, as sheet.png in the folder or as the .png or .jpg "
+            "given. Write it after the map.",
+        ),
+    ] = None
+    exposure: Annotated[
+        float | None,
+        Parameter(
+            help="Stops to brighten the sheet by; at 0 the mean of its Lambert ball is middle grey.",
+            allow_leading_hyphen=True,
+        ),
+    ] = None
+
+
 def reflect(
     light_map: Annotated[
         Path,
@@ -95,22 +118,7 @@ def reflect(
         ),
     ] = "radiometric",
     cubes: CubeOptions = CubeOptions(),
-    sheet: Annotated[
-        list[Path] | None,
-        Parameter(
-            negative="",
-            consume_multiple=(0, 1),
-            help="Also draw balls of every surface under the map, as sheet.png in the folder or as the .png or .jpg "
-            "given. Write it after the map.",
-        ),
-    ] = None,
-    exposure: Annotated[
-        float | None,
-        Parameter(
-            help="Stops to brighten the sheet by; at 0 the mean of its Lambert ball is middle grey.",
-            allow_leading_hyphen=True,
-        ),
-    ] = None,
+    sheets: SheetOptions = SheetOptions(),
     maps: MapsOptions = MapsOptions(),
     cluster: ClusterWord = None,
     dry_run: DryRun = False,
@@ -120,17 +128,17 @@ def reflect(
     with warnings_as_notes(output):
         # Everything that can be refused is refused before any work.
         if light_map.is_dir():
-            if sheet is not None:
+            if sheets.sheet is not None:
                 raise ValueError("--sheet is of one map; leave it out, or name a map")
         else:
             maps.refuse()
             if cluster is not None:
                 raise ValueError("--cluster is for the pictures of a film; give a folder of maps, or leave it out")
             require_files([light_map])
-        if exposure is not None and sheet is None:
+        if sheets.exposure is not None and sheets.sheet is None:
             raise ValueError("--exposure is for the sheet; give --sheet too")
         require_output_folder(out)
-        _require_sheets(sheet or [], out)
+        _require_sheets(sheets.sheet or [], out)
         # What is asked for.
         chosen = {"tables": rl.light.tables_named(lobe or ())} if lobe or brdf else {}
         wanted = rl.light.ReflectionFiles(
@@ -146,7 +154,7 @@ def reflect(
         if light_map.is_dir():
             _each(maps.sequence(light_map), out, wanted, cluster, dry_run, output)
             return
-        picture = None if sheet is None else (sheet[0] if sheet else out / "sheet.png")
+        picture = None if sheets.sheet is None else next(iter(sheets.sheet), out / "sheet.png")
         drawn = [] if picture is None else [picture]
         light = rl.read_environment(light_map)
         if dry_run:
@@ -160,7 +168,7 @@ def reflect(
             made = rl.light.write_reflection_maps(light, out, wanted, report)
             if picture is not None:
                 rl.report.draw_reflection_sheet(
-                    picture, light, light_map.name, exposure or 0.0, lambda share: report("sheet", share)
+                    picture, light, light_map.name, sheets.exposure or 0.0, lambda share: report("sheet", share)
                 )
         note(output, *made.notes)
         facts = {

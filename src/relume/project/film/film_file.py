@@ -15,7 +15,7 @@ from relume.errors import InvalidScene, InvalidShot
 from relume.project.presets.preset import CameraPreset
 from relume.project.scene_file.camera import LARGEST
 from relume.project.scene_file.scene_file import SceneFile, read_scene
-from relume.project.scene_file.settings import RenderSettings
+from relume.project.scene_file.settings import RendererName, RenderSettings
 from relume.project.schema import Positive, Table, checked, read_toml
 from relume.project.shot_file.sequence_table import SequenceTable, frames_in
 
@@ -37,17 +37,18 @@ class FilmSequence(Table):
 
 
 class FilmRender(Table):
-    """How the frames are rendered; what is left out is as in `RenderSettings`, but that they are denoised.
+    """How the frames are rendered; what is left out is as in `RenderSettings`, but that mitsuba's are denoised.
 
     size : pixels, at the same field of view across
     """
 
+    renderer: RendererName | None = None
     size: tuple[Pixels, Pixels] | None = None
     samples: Annotated[int, Field(ge=2, le=1_000_000)] | None = None
     noise: Positive | None = None
     depth: Annotated[int, Field(ge=1, le=1000)] | None = None
-    denoise: bool = True
-    seed: Annotated[int, Field(ge=0)] = 0
+    denoise: bool | None = None
+    seed: Annotated[int, Field(ge=0)] | None = None
 
 
 class FilmOutput(Table):
@@ -122,6 +123,7 @@ def read_film(path: str | Path, light: str | Path | None = None, size: tuple[int
         SequenceTable, {**scene.sequence.table.model_dump(), **given}, path, "film file", InvalidScene
     )  # fmt: skip
     render = table.render.model_dump(exclude={"size"}, exclude_none=True)
+    render.setdefault("denoise", table.render.renderer in (None, "mitsuba"))
     scene = replace(scene, sequence=replace(scene.sequence, table=sequence))
     first, camera = scene.at_frame(sequence.frames[0])
     scene = replace(scene, scene=first, camera=camera)

@@ -122,6 +122,8 @@ export function lightPane(studio) {
       if (light.map) return [make("p", {}, `The light is a finished map: ${light.map}`),
         numberField(studio, "Heading", ["light", "heading"], { range: true, min: -180, max: 180, step: 1, unit: "°" }), ...turned, ...measured,
         make("div", { className: "row" }, make("button", { type: "button", onclick: () => studio.show(light.map, "folder", true) }, "See the map itself")), ...whole.build(), ...crop.build()];
+      if (light.maps || light.sky) return [make("p", {}, light.maps ? `The light is maps that follow one another: ${light.maps}` : "The light is a clear sky, as the shot file says."),
+        numberField(studio, "Heading", ["light", "heading"], { range: true, min: -180, max: 180, step: 1, unit: "°" }), ...turned, ...measured];
       if (!studio.state.balls.length) return [make("p", {}, "No photographs of the ball are chosen yet: mark them as Ball under Photographs.")];
       const name = `light-view-${view}`, rim = one(), table = rim.table();
       const pick = rim.way === "pick" ? "" : " --pick-exactly", circle = rim.rim ? rim.rim.map((each) => each.toFixed(1)).join(",") : "auto";
