@@ -24,7 +24,7 @@ FEW = rl.renderers.IrradianceCache(error=0.5, rays=64, samples=1, shadow_rays=1)
 
 
 def glowing(reflectance: float, radiance: float) -> Material:
-    return Material((reflectance,) * 3, specular=0.0, emission=(radiance,) * 3)
+    return Material((reflectance, reflectance, reflectance), specular=0.0, emission=(radiance, radiance, radiance))
 
 
 def test_the_octree_finds_what_trying_every_record_finds():

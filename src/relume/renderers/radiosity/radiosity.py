@@ -16,8 +16,7 @@ import numpy as np
 from relume.cluster.attempt import threads as worker_threads
 from relume.errors import UnsupportedScene
 from relume.renderers.diffuse.direct_light import DirectLight
-from relume.renderers.diffuse.pixels import PixelSamples, picture, require_pinhole
-from relume.renderers.diffuse.random_numbers import cosine_directions, spread
+from relume.renderers.diffuse.pixels import PixelSamples, gathered, picture, require_pinhole
 from relume.renderers.diffuse.scenes import DiffuseScene, Seen
 from relume.renderers.radiosity.elements import Elements
 from relume.renderers.radiosity.solution import Shooting, Shots, ambient
@@ -54,7 +53,7 @@ class Radiosity(Renderer):
 
     patch: float | None = None
     element: float | None = None
-    refinements: int = 1
+    refinements: int = 2
     contrast: float = 0.5
     rays: int = 400_000
     unshot: float = 1e-3
@@ -143,22 +142,14 @@ class PreparedRadiosity:
         """
         if every < 1:
             raise ValueError(f"every is {every}; expected at least one shot between two pictures")
-        last = None
         for state in self._shooting(self.coarse, 0).shots():
-            last = state
-            if state.count % every == 0:
-                yield self._step(camera, state)
-        if last is not None and last.count % every:
-            yield self._step(camera, last)
+            if state.count % every == 0 or state.left <= self.method.unshot:
+                seen = self._picture(camera, self.coarse, state, None)
+                yield Step(state.count, state.left, seen.radiance)
 
     def render(self, camera: Camera, *, progress: Progress | None = None) -> Render:
         """The solved scene as a camera sees it."""
-        require_pinhole(camera, "Radiosity")
         return self._picture(camera, *self.solution, progress)
-
-    def _step(self, camera: Camera, state: Shots) -> Step:
-        require_pinhole(camera, "Radiosity")
-        return Step(state.count, state.left, self._picture(camera, self.coarse, state, None).radiance)
 
     def _shooting(self, elements: Elements, rounds: int) -> Shooting:
         method = self.method
@@ -174,6 +165,7 @@ class PreparedRadiosity:
         return front | back
 
     def _picture(self, camera: Camera, elements: Elements, state: Shots, progress: Progress | None) -> Render:
+        require_pinhole(camera, "Radiosity")
         method = self.method
         divided = DiffuseScene(elements.meshes, self.scene.local, self.scene.sky, self.scene.lights, self.scene.threads)
         shown = Shown(divided, elements, state.irradiance + ambient(elements, state) * method.ambient, method)
@@ -193,7 +185,9 @@ class Shown:
     def shade(self, seen: Seen, random: np.random.Generator) -> np.ndarray:
         """The radiance (N, 3) that surfaces reflect towards the eye."""
         if self.method.gather:
-            return seen.reflectance / np.pi * self._gathered(seen, random)
+            arriving = DirectLight(self.scene).irradiance(seen, max(self.method.gather // 4, 4), random)
+            arriving += gathered(self.scene, seen, self.method.gather, random, self._between_vertices)
+            return seen.reflectance / np.pi * arriving
         arriving = self.irradiance[self._sides(seen)] if self.method.flat else self._between_vertices(seen)
         shown = seen.emission + seen.reflectance / np.pi * arriving
         return shown * self._lines(seen) - seen.emission
@@ -219,13 +213,3 @@ class Shown:
         second, third = seen.barycentric.T
         nearest = np.minimum(np.minimum(second, third), 1 - second - third)
         return (nearest > LINE).astype(np.float64)[:, None]
-
-    def _gathered(self, seen: Seen, random: np.random.Generator) -> np.ndarray:
-        """Irradiance (N, 3): straight from lights, and from the elements that rays about the normal meet."""
-        total = DirectLight(self.scene).irradiance(seen, max(self.method.gather // 4, 4), random)
-        for ray in np.moveaxis(spread(random, self.method.gather, 2, len(seen.hit)), 1, 0):
-            found = self.scene.look(seen.point, cosine_directions(ray, seen.normal))
-            there = np.flatnonzero(found.hit)
-            met = found.only(there)
-            total[there] += met.reflectance * self._between_vertices(met) / self.method.gather
-        return total
