@@ -7,6 +7,7 @@ vertices, shows the patches as they are, or gathers once more at every pixel.
 
 from __future__ import annotations
 
+from collections import deque
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from functools import cached_property, partial
@@ -133,7 +134,7 @@ class PreparedRadiosity:
         """The elements in the end, and what they hold."""
         elements = self.coarse
         for rounds in range(self.method.refinements + 1):
-            *_, state = self._shooting(elements, rounds).shots()
+            state = deque(self._shooting(elements, rounds).shots(), maxlen=1).pop()
             if rounds < self.method.refinements:
                 elements = elements.refined(self._uneven(elements, state))
         return elements, state
