@@ -24,7 +24,7 @@ FEW = rl.renderers.IrradianceCache(error=0.5, rays=64, samples=1, shadow_rays=1)
 
 
 def glowing(reflectance: float, radiance: float) -> Material:
-    return Material((reflectance,) * 3, specular=0.0, emission=(radiance,) * 3)
+    return Material((reflectance, reflectance, reflectance), specular=0.0, emission=(radiance, radiance, radiance))
 
 
 def test_the_octree_finds_what_trying_every_record_finds():
@@ -166,6 +166,16 @@ def test_records_are_found_where_the_eye_does_not_see():
     cache = replace(FEW, error=0.4).prepared(scene, INSIDE).cache
     assert (cache.octree.tree.place[: cache.octree.records, 2] > INSIDE.position[2]).any()
     assert cache.octree.records < 1500
+
+
+def test_few_records_do_for_the_ground_that_goes_on_to_the_horizon():
+    grey = Diffuse((0.5, 0.5, 0.5))
+    wall = quad([[-1, 0, -1], [1, 0, -1], [1, 2, -1], [-1, 2, -1]], grey)
+    camera = rl.Camera.looking_at(np.array([0, 1.0, 3]), np.array([0, 1.0, -1]), width=8, height=8, focal_length=8)
+    cache = FEW.prepared(Scene(EVEN, (rl.Plane(grey), wall)), camera).cache
+    place = cache.octree.tree.place[: cache.octree.records]
+    assert np.abs(place).max() > 20
+    assert 10 < cache.octree.records < 400
 
 
 def test_what_is_seen_may_be_nothing_at_all():

@@ -28,7 +28,7 @@ def pixels_of_walls() -> dict[str, np.ndarray]:
     rays = camera.rays_through(np.stack([x, y], axis=-1).reshape(-1, 2))
     met = RayCaster.of(shapes).nearest(camera.position, rays).shape.reshape(SIZE + 1, SIZE + 1)
     corners = np.stack([met[1:, 1:], met[:-1, 1:], met[1:, :-1], met[:-1, :-1]])
-    names = [shape.name for shape in shapes]
+    names = [getattr(shape, "name", "") for shape in shapes]
     return {name: np.all(corners == names.index(name), axis=0) for name in WALLS}
 
 

@@ -8,6 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from relume.errors import UnsupportedScene
+from relume.renderers.diffuse.random_numbers import cosine_directions, spread
 from relume.renderers.diffuse.scenes import DiffuseScene, Seen
 from relume.renderers.results import Progress, Render
 from relume.scene.cameras.camera import Camera
@@ -45,6 +46,22 @@ def require_pinhole(camera: Camera, whose: str) -> None:
             f"{whose} shows what a pinhole sees, and this camera's lens has an aperture; use rl.Mitsuba "
             "(--renderer mitsuba), or an aperture of 0"
         )
+
+
+def gathered(
+    scene: DiffuseScene, seen: Seen, rays: int, random: np.random.Generator, arriving: Callable[[Seen], np.ndarray]
+) -> np.ndarray:
+    """Irradiance (N, 3) that surfaces send to places: a final gathering, `rays` about each normal.
+
+    arriving : irradiance where the rays end
+    """
+    total = np.zeros((len(seen.point), 3))
+    for ray in np.moveaxis(spread(random, rays, 2, len(total)), 1, 0):
+        found = scene.look(seen.point, cosine_directions(ray, seen.normal))
+        there = np.flatnonzero(found.hit)
+        met = found.only(there)
+        total[there] += met.reflectance * arriving(met) / rays
+    return total
 
 
 def picture(scene: DiffuseScene, samples: PixelSamples, shade: Shade, progress: Progress | None = None) -> Render:

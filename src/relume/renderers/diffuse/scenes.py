@@ -54,6 +54,13 @@ class Seen(NamedTuple):
     reflectance: np.ndarray
     emission: np.ndarray
 
+    @staticmethod
+    def places(points: np.ndarray, normals: np.ndarray) -> Seen:
+        """Places (N, 3) on flat, black surfaces of these unit normals."""
+        count = len(points)
+        black, number, true = np.zeros((count, 3)), np.zeros(count, np.int32), np.ones(count, bool)
+        return Seen(true, number, number, black[:, :2], number, true, points, normals, normals, black, black)
+
     def only(self, which: np.ndarray) -> Seen:
         """Some of the rows."""
         return Seen(*(plane[which] for plane in self))

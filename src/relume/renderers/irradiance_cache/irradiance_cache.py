@@ -9,14 +9,13 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import dataclass
-from functools import cached_property
+from functools import cached_property, partial
 
 import numpy as np
 
 from relume.cluster.attempt import threads as worker_threads
 from relume.renderers.diffuse.direct_light import DirectLight
-from relume.renderers.diffuse.pixels import PixelSamples, picture, require_pinhole
-from relume.renderers.diffuse.random_numbers import cosine_directions, spread
+from relume.renderers.diffuse.pixels import PixelSamples, gathered, picture, require_pinhole
 from relume.renderers.diffuse.scenes import DiffuseScene, Seen
 from relume.renderers.irradiance_cache.records import Cache, Filling
 from relume.renderers.renderer import Renderer
@@ -123,24 +122,17 @@ class PreparedCache:
         """The radiance (N, 3) that surfaces reflect towards the eye."""
         arriving = DirectLight(self.scene).irradiance(seen, self.method.shadow_rays, random)
         if self.method.bounces and self.method.gather:
-            arriving += self._gathered(seen, random)
+            ends = partial(self._at_ends, random=random)
+            arriving += gathered(self.scene, seen, self.method.gather, random, ends)
         elif self.method.bounces:
             arriving += self.cache.at(seen.point, seen.normal)
         shown = seen.reflectance / np.pi * arriving
         return self._with_circles(seen, shown) if self.method.records else shown
 
-    def _gathered(self, seen: Seen, random: np.random.Generator) -> np.ndarray:
-        """Indirect irradiance (N, 3) by rays about the normal: direct light and the cache where they end."""
-        total, direct = np.zeros((len(seen.point), 3)), DirectLight(self.scene)
-        for ray in np.moveaxis(spread(random, self.method.gather, 2, len(seen.point)), 1, 0):
-            found = self.scene.look(seen.point, cosine_directions(ray, seen.normal))
-            there = np.flatnonzero(found.hit)
-            met = found.only(there)
-            arriving = direct.irradiance(met, 1, random)
-            if self.method.bounces > 1:
-                arriving += self.cache.at(met.point, met.normal, looser=True)
-            total[there] += met.reflectance * arriving / self.method.gather
-        return total
+    def _at_ends(self, met: Seen, random: np.random.Generator) -> np.ndarray:
+        """Irradiance (N, 3) where the rays of a gathering end: direct light and the cache."""
+        arriving = DirectLight(self.scene).irradiance(met, 1, random)
+        return arriving if self.method.bounces == 1 else arriving + self.cache.at(met.point, met.normal, looser=True)
 
     def _with_circles(self, seen: Seen, shown: np.ndarray) -> np.ndarray:
         """The same with the records that the eye's rays made: dots and circles, white on dark and dark on bright."""

@@ -45,22 +45,19 @@ class Octree:
     def __init__(self, low: np.ndarray, high: np.ndarray, most_reach: float) -> None:
         """An empty tree over a box, metres, for records that are used up to `most_reach` away."""
         half = max(float((high - low).max()) / 2, most_reach) * 1.001
-        self._tree = Tree(
+        self.tree = Tree(
             np.array([*((low + high) / 2), half]), np.full((64, 8), -1, np.int32), np.full(64, -1, np.int32),
             np.full(64, -1, np.int32), np.zeros((64, 3)), np.zeros((64, 3)), np.zeros(64),
         )  # fmt: skip
         self.cubes, self.records = 1, 0
 
-    @property
-    def tree(self) -> Tree:
-        """What kernels read."""
-        return self._tree
-
     def insert(self, place: np.ndarray, normal: np.ndarray, reach: float, radius: float) -> None:
         """A record that may be used up to `radius` away, metres."""
-        tree = self._tree
+        tree = self.tree
         if self.cubes + LEVELS > len(tree.head) or self.records + 1 > len(tree.reach):
-            tree = self._tree = tree._replace(**{name: _doubled(getattr(tree, name)) for name in tree._fields[1:]})
+            more = {name: getattr(tree, name) for name in tree._fields[1:]}
+            more = {n: np.concatenate([v, np.full_like(v, -1 if v.dtype == np.int32 else 0)]) for n, v in more.items()}
+            tree = self.tree = tree._replace(**more)
         index = self.records
         tree.place[index], tree.normal[index], tree.reach[index] = place, normal, reach
         self.cubes = _insert(tree, index, radius, self.cubes)
@@ -68,19 +65,19 @@ class Octree:
 
     def first_bare(self, places: np.ndarray, normals: np.ndarray, begin: int, error: float) -> int:
         """The first of the places from `begin` on where no record has an error below `error`; N where none is bare."""
-        return _first_bare(self._tree, places, normals, begin, error)
+        return _first_bare(self.tree, places, normals, begin, error)
 
     def weights(self, places: np.ndarray, normals: np.ndarray, error: float, threads: int | None) -> Weights:
         """The records that may be used at N places, and how much each counts; the weights of a place add up to 1."""
         count = np.zeros(len(places), np.int64)
         empty = np.zeros(0, np.int32), np.zeros(0)
         in_threads(
-            lambda b, e: _weigh(self._tree, places, normals, error, b, e, count, count, *empty), len(places), threads
+            lambda b, e: _weigh(self.tree, places, normals, error, b, e, count, count, *empty), len(places), threads
         )
         first = np.concatenate([[0], np.cumsum(count)])
         found = np.empty(first[-1], np.int32), np.empty(first[-1])
         in_threads(
-            lambda b, e: _weigh(self._tree, places, normals, error, b, e, count, first, *found), len(places), threads
+            lambda b, e: _weigh(self.tree, places, normals, error, b, e, count, first, *found), len(places), threads
         )
         return Weights(first, *found)
 
@@ -91,11 +88,6 @@ class Weights(NamedTuple):
     first: np.ndarray
     record: np.ndarray
     weight: np.ndarray
-
-
-def _doubled(values: np.ndarray) -> np.ndarray:
-    fill = np.full_like(values, -1 if values.dtype == np.int32 else 0)
-    return np.concatenate([values, fill])
 
 
 @exact_kernel

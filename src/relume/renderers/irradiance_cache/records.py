@@ -97,9 +97,6 @@ class Filling:
         octree = Octree(*self.scene.box, LOOSER * self.error * WIDER * self.farthest)
         made = [self._records(octree, *batch, fine, self.error, self.farthest) for batch in looked_at]
         groups = [group for group in made if len(group.place)]
-        if not groups:
-            nothing = np.zeros((0, 3, 3))
-            return Cache(octree, self.error, 0, np.zeros((0, 3)), nothing, nothing, self.scene.threads)
         seen, waiting = octree.records, list(groups)
         while waiting and self.bounces > 1:
             met = waiting.pop(0).seen
@@ -111,18 +108,12 @@ class Filling:
         return self._lit(octree, groups, seen)
 
     def _records(
-        self,
-        octree: Octree,
-        places: np.ndarray,
-        normals: np.ndarray,
-        hemisphere: Hemisphere,
-        error: float,
+        self, octree: Octree, places: np.ndarray, normals: np.ndarray, hemisphere: Hemisphere, error: float,
         farthest: float,
-    ) -> Group:
+    ) -> Group:  # fmt: skip
         """New records, wherever none of the octree's may be used with this error, in the order of the places."""
-        chosen: list[int] = []
-        parts: list[Seen] = []
-        close: list[np.ndarray] = []
+        chosen = np.zeros(0, np.int64)
+        parts, close = [self.scene.look(places[:0], normals[:0])], [np.zeros((0, hemisphere.cells))]
         index = octree.first_bare(places, normals, 0, error)
         while index < len(places):
             random = np.random.default_rng([self.seed, 0x7265636F, octree.records])
@@ -132,14 +123,12 @@ class Filling:
             near = np.minimum(1 / np.maximum(met.distance, 1e-30), 1 / self.nearest)
             reach = float(np.clip(1 / max(float(near.mean()), 1e-30), self.nearest, farthest))
             octree.insert(places[index], normals[index], reach, LOOSER * self.error * reach)
-            chosen.append(index)
+            chosen = np.append(chosen, index)
             parts.append(met)
-            close.append(near)
+            close.append(near[None])
             index = octree.first_bare(places, normals, index + 1, error)
-        if not chosen:
-            return Group(hemisphere, places[:0], normals[:0], _no_rays(self.scene), np.zeros((0, 0)))
         seen = Seen(*(np.concatenate(planes) for planes in zip(*parts, strict=True)))
-        return Group(hemisphere, places[chosen], normals[chosen], seen, np.stack(close))
+        return Group(hemisphere, places[chosen], normals[chosen], seen, np.concatenate(close))
 
     def _lit(self, octree: Octree, groups: list[Group], seen: int) -> Cache:
         """Light sent round between the records, a bounce at a time; and the gradients of what arrives."""
@@ -154,7 +143,7 @@ class Filling:
                 share * (light + matrix @ known)
                 for share, light, matrix in zip(reflected, straight, between, strict=True)
             ]
-        turning, moving = [], []
+        turning, moving = [np.zeros((0, 3, 3))], [np.zeros((0, 3, 3))]
         for group, light in zip(groups, radiance, strict=True):
             cells = light.reshape(len(group.place), -1, 3)
             turning.append(group.hemisphere.turning(cells, group.normal))
@@ -177,16 +166,11 @@ class Filling:
 def _joined(groups: list[Group], radiance: list[np.ndarray]) -> np.ndarray:
     """Every record's irradiance (R, 3) from its rays' radiance."""
     pairs = zip(groups, radiance, strict=True)
-    return np.concatenate(
-        [group.hemisphere.irradiance(light.reshape(len(group.place), -1, 3)) for group, light in pairs]
-    )
+    every = [group.hemisphere.irradiance(light.reshape(len(group.place), -1, 3)) for group, light in pairs]
+    return np.concatenate([np.zeros((0, 3)), *every])
 
 
 def _limited(moving: np.ndarray, irradiance: np.ndarray, radius: np.ndarray) -> np.ndarray:
     """The gradients, no steeper than what takes the irradiance to 0 or doubles it at the end of a record's disc."""
     steepness = np.linalg.norm(moving, axis=1) * radius[:, None]
     return moving * np.minimum(1, irradiance / np.maximum(steepness, 1e-300))[:, None]
-
-
-def _no_rays(scene: DiffuseScene) -> Seen:
-    return scene.look(np.zeros((0, 3)), np.zeros((0, 3)))

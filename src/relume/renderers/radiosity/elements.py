@@ -166,15 +166,18 @@ class Elements:
         return np.unique(keys.reshape(-1, 7), axis=0, return_inverse=True)[1].reshape(-1, 3)
 
     def at_vertices(self, values: np.ndarray) -> np.ndarray:
-        """What elements' sides (2T, 3) hold, as the means round each vertex by area: (2T, 3 corners, 3)."""
+        """What elements' sides (2T, 3) hold, as the means round each vertex by area: (2T, 3 corners, 3).
+
+        What nothing reaches is covered by a body that stands on it, and does not darken its neighbours.
+        """
         count, vertex = int(self.vertex.max()) + 1, self.vertex.reshape(-1)
-        weight = np.repeat(self.area, 3)
-        total = np.bincount(vertex, weight, count)[:, None]
         sides = []
         for side in np.split(values, 2):
+            weight = np.repeat(self.area * np.any(side > 0, axis=1), 3)
             spread = np.repeat(side, 3, axis=0) * weight[:, None]
             sums = np.stack([np.bincount(vertex, spread[:, k], count) for k in range(3)], axis=-1)
-            sides.append((sums / total)[self.vertex])
+            means = sums / np.maximum(np.bincount(vertex, weight, count), 1e-300)[:, None]
+            sides.append(means[self.vertex])
         return np.concatenate(sides)
 
 

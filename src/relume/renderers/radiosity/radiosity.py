@@ -7,17 +7,17 @@ vertices, shows the patches as they are, or gathers once more at every pixel.
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections import deque
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass
-from functools import cached_property
+from functools import cached_property, partial
 
 import numpy as np
 
 from relume.cluster.attempt import threads as worker_threads
 from relume.errors import UnsupportedScene
 from relume.renderers.diffuse.direct_light import DirectLight
-from relume.renderers.diffuse.pixels import PixelSamples, picture, require_pinhole
-from relume.renderers.diffuse.random_numbers import cosine_directions, spread
+from relume.renderers.diffuse.pixels import PixelSamples, gathered, picture, require_pinhole
 from relume.renderers.diffuse.scenes import DiffuseScene, Seen
 from relume.renderers.radiosity.elements import Elements
 from relume.renderers.radiosity.solution import Shooting, Shots, ambient
@@ -54,7 +54,7 @@ class Radiosity(Renderer):
 
     patch: float | None = None
     element: float | None = None
-    refinements: int = 1
+    refinements: int = 2
     contrast: float = 0.5
     rays: int = 400_000
     unshot: float = 1e-3
@@ -100,16 +100,19 @@ class Radiosity(Renderer):
 
 @dataclass(frozen=True, eq=False)
 class Step:
-    """What is seen while patches shoot.
+    """What patches have shot until now.
 
-    shots : until now
-    left : the share of all light that is unshot
-    radiance : (H, W, 3) float32
+    shots : how many; left : the share of all light that is unshot
     """
 
     shots: int
     left: float
-    radiance: np.ndarray
+    _look: Callable[[], np.ndarray]
+
+    @cached_property
+    def radiance(self) -> np.ndarray:
+        """What the camera sees of it: (H, W, 3) float32, rendered when it is first asked for."""
+        return self._look()
 
 
 @dataclass(frozen=True, eq=False)
@@ -131,34 +134,26 @@ class PreparedRadiosity:
         """The elements in the end, and what they hold."""
         elements = self.coarse
         for rounds in range(self.method.refinements + 1):
-            *_, state = self._shooting(elements, rounds).shots()
+            state = deque(self._shooting(elements, rounds).shots(), maxlen=1).pop()
             if rounds < self.method.refinements:
                 elements = elements.refined(self._uneven(elements, state))
         return elements, state
 
     def steps(self, camera: Camera, *, every: int = 1) -> Iterator[Step]:
-        """Pictures while the coarse elements are solved: before the first shot, and after each `every` shots.
+        """The coarse elements while they are solved: before the first shot, and after each `every` shots.
 
         Raises ValueError for less than one shot.
         """
         if every < 1:
             raise ValueError(f"every is {every}; expected at least one shot between two pictures")
-        last = None
         for state in self._shooting(self.coarse, 0).shots():
-            last = state
-            if state.count % every == 0:
-                yield self._step(camera, state)
-        if last is not None and last.count % every:
-            yield self._step(camera, last)
+            if state.count % every == 0 or state.left <= self.method.unshot:
+                look = partial(self._picture, camera, self.coarse, state, None)
+                yield Step(state.count, state.left, lambda look=look: look().radiance)
 
     def render(self, camera: Camera, *, progress: Progress | None = None) -> Render:
         """The solved scene as a camera sees it."""
-        require_pinhole(camera, "Radiosity")
         return self._picture(camera, *self.solution, progress)
-
-    def _step(self, camera: Camera, state: Shots) -> Step:
-        require_pinhole(camera, "Radiosity")
-        return Step(state.count, state.left, self._picture(camera, self.coarse, state, None).radiance)
 
     def _shooting(self, elements: Elements, rounds: int) -> Shooting:
         method = self.method
@@ -174,6 +169,7 @@ class PreparedRadiosity:
         return front | back
 
     def _picture(self, camera: Camera, elements: Elements, state: Shots, progress: Progress | None) -> Render:
+        require_pinhole(camera, "Radiosity")
         method = self.method
         divided = DiffuseScene(elements.meshes, self.scene.local, self.scene.sky, self.scene.lights, self.scene.threads)
         shown = Shown(divided, elements, state.irradiance + ambient(elements, state) * method.ambient, method)
@@ -193,7 +189,9 @@ class Shown:
     def shade(self, seen: Seen, random: np.random.Generator) -> np.ndarray:
         """The radiance (N, 3) that surfaces reflect towards the eye."""
         if self.method.gather:
-            return seen.reflectance / np.pi * self._gathered(seen, random)
+            arriving = DirectLight(self.scene).irradiance(seen, max(self.method.gather // 4, 4), random)
+            arriving += gathered(self.scene, seen, self.method.gather, random, self._between_vertices)
+            return seen.reflectance / np.pi * arriving
         arriving = self.irradiance[self._sides(seen)] if self.method.flat else self._between_vertices(seen)
         shown = seen.emission + seen.reflectance / np.pi * arriving
         return shown * self._lines(seen) - seen.emission
@@ -219,13 +217,3 @@ class Shown:
         second, third = seen.barycentric.T
         nearest = np.minimum(np.minimum(second, third), 1 - second - third)
         return (nearest > LINE).astype(np.float64)[:, None]
-
-    def _gathered(self, seen: Seen, random: np.random.Generator) -> np.ndarray:
-        """Irradiance (N, 3): straight from lights, and from the elements that rays about the normal meet."""
-        total = DirectLight(self.scene).irradiance(seen, max(self.method.gather // 4, 4), random)
-        for ray in np.moveaxis(spread(random, self.method.gather, 2, len(seen.hit)), 1, 0):
-            found = self.scene.look(seen.point, cosine_directions(ray, seen.normal))
-            there = np.flatnonzero(found.hit)
-            met = found.only(there)
-            total[there] += met.reflectance * self._between_vertices(met) / self.method.gather
-        return total

@@ -66,7 +66,7 @@ class Shooting:
         unshot = reflectance * irradiance * sides
         unshot[: len(elements.area)] += np.pi * elements.emission * elements.area[:, None]
         patch = np.concatenate([elements.patch, elements.patch + elements.patch.max() + 1])
-        caster, total = self._caster(), float(luminance(unshot).sum())
+        caster, total = RayCaster.of(elements.meshes), float(luminance(unshot).sum())
         while True:
             power = luminance(unshot)
             left = float(power.sum()) / total if total > 0 else 0.0
@@ -106,9 +106,6 @@ class Shooting:
         sums = [np.bincount(index, flux[there, channel], len(where)) for channel in range(3)]
         return np.stack(sums, axis=-1), where
 
-    def _caster(self) -> RayCaster:
-        return RayCaster.of(self.elements.meshes)
-
     def _from_outside(self) -> np.ndarray:
         """Irradiance (2T, 3) from the environment map, points and distant lights, at the elements' middles."""
         elements, count = self.elements, len(self.elements.area)
@@ -117,13 +114,8 @@ class Shooting:
         random = np.random.default_rng([self.seed, 0x736B79])
         points = np.tile(elements.corners.mean(axis=1), (2, 1))
         normals = np.concatenate([elements.normal, -elements.normal])
-        nothing, true = np.zeros((2 * count, 3)), np.ones(2 * count, bool)
-        numbers = np.zeros(2 * count, np.int32)
-        at = Seen(
-            true, numbers, numbers, nothing[:, :2], numbers, true, points, normals, normals, nothing, nothing
-        )  # fmt: skip
         divided = DiffuseScene(elements.meshes, self.scene.local, self.scene.sky, self.scene.lights, self.scene.threads)
-        return DirectLight(divided).irradiance(at, SKY_RAYS, random, lamps=False)
+        return DirectLight(divided).irradiance(Seen.places(points, normals), SKY_RAYS, random, lamps=False)
 
 
 def side_of(elements: Elements, hits: Hits, directions: np.ndarray) -> np.ndarray:
