@@ -1,0 +1,211 @@
+"""The renderer `PhotonMap`: light is followed from the lamps and kept where it lands, then looked up by what is seen.
+
+A teaching renderer: global and caustic photon map, final gathering, fog (Jensen 1996, 2001; Jensen and Christensen
+1998), in passes whose radius shrinks (Knaus and Zwicker 2011), so that the picture's bias goes as the passes go on.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+
+import numpy as np
+
+from relume.errors import UnsupportedScene, warn
+from relume.light.reflection.convolution import as_latlong
+from relume.renderers.photon_map.density import Density, Everywhere
+from relume.renderers.photon_map.gathering import Gathering
+from relume.renderers.photon_map.lamps import Ball, Distant, Environment, Lamp, Point, Sent, Surface
+from relume.renderers.photon_map.stage import EVEN, Stage
+from relume.renderers.photon_map.tracing import Flight, followed
+from relume.renderers.renderer import Renderer
+from relume.renderers.results import Progress, Render
+from relume.scene.cameras.camera import Camera
+from relume.scene.lights import DistantLight, PointLight, SphereLight, SquareLaw
+from relume.scene.materials.materials import Material
+from relume.scene.scene import Infinite, Scene
+from relume.scene.shapes.shapes import Plane, Shape, Sphere, ball_around
+from relume.sphere.sampling import BrightDirections
+
+AT_ONCE = 1 << 14
+"""Pixels whose rays are followed together."""
+FOR_ALL = "use rl.Mitsuba (--renderer mitsuba)"
+
+
+@dataclass(frozen=True, eq=False)
+class PhotonStep:
+    """A picture by photons as far as it is.
+
+    render : the mean of the passes so far
+    flight, caustics : where this pass's photons went: of the global map and fog, and of the caustic map
+    radius : (H, W) metres, of the disc of photons at what each pixel shows; 0 where there was none
+    """
+
+    render: Render
+    flight: Flight
+    caustics: Flight
+    radius: np.ndarray
+
+
+@dataclass(frozen=True)
+class PhotonMap(Renderer):
+    """Photon mapping: for teaching and comparison; even surfaces, smooth mirrors and glass, fog between them.
+
+    photons : sent in each pass for the global map; where glass or mirrors are, as many at them for the caustic map
+    neighbours : photons in the disc of a density estimate
+    gather : rays of final gathering from each point in each pass; 0 shows the global map itself
+    shadows : shadow rays to each lamp with a size, from each point in each pass
+    passes : each sends photons anew, and one ray a pixel
+    shrink : α of progressive photon mapping: of the photons that a pass would add to a disc, the share that is kept as
+        the disc shrinks; 1 keeps the radius
+    steps : points along a ray in a fog, in each pass
+    depth : bounces of a photon, at most
+    threads : all cores unless given; the pixels do not depend on it
+    """
+
+    photons: int = 50_000
+    neighbours: int = 50
+    gather: int = 8
+    shadows: int = 2
+    passes: int = 16
+    shrink: float = 2 / 3
+    steps: int = 8
+    depth: int = 100
+    threads: int | None = None
+
+    def __post_init__(self) -> None:
+        least = {"photons": 1, "neighbours": 2, "gather": 0, "shadows": 1, "passes": 1, "steps": 1, "depth": 1}
+        for name, lowest in least.items():
+            if not isinstance(value := getattr(self, name), int) or not lowest <= value <= 2_000_000:
+                raise ValueError(f"{name} is {value}; expected a whole number from {lowest} to 2000000")
+        if not 0 < self.shrink <= 1:
+            raise ValueError(f"shrink is {self.shrink}; expected a share above 0, at most 1")
+        if self.threads is not None and self.threads < 1:
+            raise ValueError(f"threads is {self.threads}; expected at least 1, or none for all cores")
+
+    def render(self, scene: Scene, camera: Camera, *, seed: int = 0, progress: Progress | None = None) -> Render:
+        """Render all passes; their scatter is the variance, which does not know of the estimate's bias."""
+        step = None
+        for number, step in enumerate(self.watched(scene, camera, seed=seed)):
+            if progress:
+                progress((number + 1) / self.passes)
+        assert step is not None
+        if (lost := (step.flight.cut.sum() / step.flight.sent.sum())) > 1e-3:
+            warn(f"{lost:.1%} of the photons' power was still on its way after {self.depth} bounces; raise the depth")
+        return step.render
+
+    def watched(self, scene: Scene, camera: Camera, *, seed: int = 0) -> Iterator[PhotonStep]:
+        """The picture after each pass, with the photons of that pass.
+
+        Raises UnsupportedScene naming what photons cannot meet, and a lens with an aperture.
+        """
+        shapes = (*scene.local, *scene.objects)
+        stage, lamps, lit = self._staged(scene, shapes)
+        if camera.aperture > 0:
+            raise UnsupportedScene(f"a photon map's camera is sharp, and this one's lens has an aperture; {FOR_ALL}")
+        smooth = [shape for shape, kind in zip(shapes, stage.kind, strict=True) if kind != EVEN]
+        middle, size = ball_around(shapes)
+        # In a fog no photon flies past everything.
+        whole = (middle, size if scene.medium is None else np.inf)
+        pixels, share = camera.height * camera.width, 1.0
+        sums = np.zeros((pixels, 15))
+        for index in range(self.passes):
+            # Photons on their way, and the maps of where they landed.
+            random = np.random.default_rng([seed, index, 0])
+            flight = self._flown(stage, lamps, whole, random, caustics=False)
+            caustics = self._flown(stage, lamps if smooth else (), ball_around(smooth), random, caustics=True)
+            gathering = self._gathering(stage, lamps, lit, flight, caustics, size, np.sqrt(share))
+            radius = np.zeros(pixels)
+            # One ray through each pixel, anywhere in it.
+            for part in range(0, pixels, AT_ONCE):
+                random = np.random.default_rng([seed, index, 1, part])
+                number = np.arange(part, min(part + AT_ONCE, pixels))
+                row, column = np.divmod(number, camera.width)
+                # Additive recurrence spreads the passes' rays better than chance (Roberts 2018).
+                shift = np.random.default_rng([seed, part]).random((len(number), 2))
+                points = np.stack([column, row], -1) + (shift + index * np.array([0.7548776662, 0.5698402910])) % 1
+                rays = camera.rays_through(points)
+                eyes = np.tile(np.asarray(camera.position, np.float64), (len(rays), 1))
+                radiance, radius[number] = gathering.seen(eyes, rays, random)
+                sums[number] += np.concatenate([radiance, radiance**2, _planes(stage, eyes, rays, scene)], axis=1)
+            render = _render(sums, index + 1, camera, self.gather + 1)
+            yield PhotonStep(render, flight, caustics, radius.reshape(camera.height, camera.width))
+            # Of Knaus and Zwicker's eq. 15, counted from 1.
+            share *= (index + 1 + self.shrink) / (index + 2)
+
+    def _staged(self, scene: Scene, shapes: tuple[Shape, ...]) -> tuple[Stage, tuple[Lamp, ...], Stage | None]:
+        """Shapes and lamps made ready, and the lamps that are seen without being shapes of the scene."""
+        stage = Stage.of(shapes, scene.medium, self.threads)
+        own: list[Lamp] = [Surface(s) for s in shapes if isinstance(s.material, Material) and s.material.emits]
+        balls = []
+        for light in scene.lights:
+            if isinstance(light, PointLight) and isinstance(light.falloff, SquareLaw):
+                own.append(Point(light))
+            elif isinstance(light, DistantLight):
+                own.append(Distant(light))
+            elif isinstance(light, SphereLight):
+                balls.append(Sphere(light.position, light.radius, Material(emission=light.radiance, specular=0.0)))
+            else:
+                what = "point of light that does not fall by the square law" if isinstance(light, PointLight) else None
+                raise UnsupportedScene(f"a photon map has no place for a {what or type(light).__name__}; {FOR_ALL}")
+        own += [Surface(ball) for ball in balls]
+        if np.any(scene.light.radiance):
+            if not isinstance(scene.distant, Infinite):
+                raise UnsupportedScene(f"a photon map has its light map at infinity, and this one's is near; {FOR_ALL}")
+            own.append(Environment(BrightDirections.of(as_latlong(scene.light))))
+        far = any(isinstance(lamp, Distant | Environment) for lamp in own)
+        if far and scene.medium is not None:
+            raise UnsupportedScene("no light from infinity comes through a fog without end; use lamps that are near")
+        if far and any(isinstance(shape, Plane) and shape.size is None for shape in shapes):
+            raise UnsupportedScene("photons from infinity would be spread over a plane without an edge; give it a size")
+        if not own:
+            raise UnsupportedScene("nothing shines in this scene: it has no lights and its light map is black; add one")
+        return stage, tuple(own), Stage.of(balls, None, self.threads) if balls else None
+
+    def _flown(
+        self, stage: Stage, lamps: tuple[Lamp, ...], ball: Ball, random: np.random.Generator, *, caustics: bool
+    ) -> Flight:
+        """Photons of all lamps, more from those that send more, and where they went."""
+        # A few photons say how much each lamp sends.
+        flux = np.array([lamp.sent(random, 256, ball).power.sum() for lamp in lamps])
+        counts = np.ceil(self.photons * flux / max(flux.sum(), 1e-300)).astype(int)
+        sent = [lamp.sent(random, count, ball) for lamp, count in zip(lamps, counts, strict=True) if count]
+        together = Sent(*(np.concatenate([np.zeros((0, 3)), *parts]) for parts in zip(*sent, strict=True)) if sent else np.zeros((3, 0, 3)))
+        return followed(stage, together, random, self.depth, caustics)
+
+    def _gathering(
+        self, stage: Stage, lamps: tuple[Lamp, ...], lit: Stage | None, flight: Flight, caustics: Flight, size: float, shrink: float
+    ) -> Gathering:
+        landed, fog = flight.surface, flight.fog
+        # An eighth says where irradiance is asked for, and the others how much there is.
+        eighth = np.arange(len(landed.power)) % 8 == 7
+        others = landed.only(~eighth)
+        others = others._replace(power=others.power * (len(landed.power) / max(len(others.power), 1)))
+        surface, caustic, hanging, indirect = (
+            Density.of(photons, self.neighbours, 2 * size, shrink, self.threads)
+            for photons in (others, caustics.surface, fog, fog.only(~fog.direct))
+        )
+        environment = next((lamp for lamp in lamps if isinstance(lamp, Environment)), None)
+        everywhere = Everywhere(surface, flight.surface.only(eighth)) if self.gather and eighth.any() else None
+        return Gathering(
+            stage, lamps, lit, environment, surface, caustic, everywhere, hanging, indirect, self.gather, self.shadows,
+            self.steps, self.depth,
+        )  # fmt: skip
+
+
+def _planes(stage: Stage, eyes: np.ndarray, rays: np.ndarray, scene: Scene) -> np.ndarray:
+    """Whether there is anything, matte, depth, normal and albedo of what rays meet first, (N, 9)."""
+    met = stage.meet(eyes, rays)
+    there = met.shape >= 0
+    depth = np.where(there, met.distance, 0.0)
+    columns = np.stack([there, met.shape >= len(scene.local), depth], axis=-1)
+    return np.concatenate([columns, there[:, None] * met.normal, met.colour], axis=1)
+
+
+def _render(sums: np.ndarray, passes: int, camera: Camera, rays: int) -> Render:
+    """The picture that is in the sums of passes, (H·W, 15)."""
+    means = (sums / passes).reshape(camera.height, camera.width, 15)
+    spread = np.maximum(means[..., 3:6] - means[..., :3] ** 2, 0) / (passes - 1) if passes > 1 else means[..., 3:6] * np.nan
+    there = np.maximum(means[..., 6:7], 1e-30)
+    planes = (means[..., :3], spread, means[..., 7], means[..., 8] / there[..., 0], means[..., 9:12] / there, means[..., 12:] / there)
+    return Render(*(plane.astype(np.float32) for plane in planes), samples=passes, passes=passes)
