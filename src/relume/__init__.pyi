@@ -3,6 +3,7 @@ from . import errors as errors
 from . import light as light
 from . import lightstage as lightstage
 from . import probe as probe
+from . import renderers as renderers
 from . import report as report
 from . import scene as scene
 from .capture.brackets.merging import merge_brackets as merge_brackets
@@ -45,7 +46,6 @@ from .project.shot_file.shot import read_shot as read_shot
 from .renderers.mitsuba.differential import Differential as Differential
 from .renderers.mitsuba.path_tracer import Mitsuba as Mitsuba
 from .renderers.prefiltered.prefiltered import Prefiltered as Prefiltered
-from .renderers.renderer import ConstantRenderer as ConstantRenderer
 from .renderers.renderer import Renderer as Renderer
 from .renderers.renderer import render as render
 from .renderers.results import Change as Change

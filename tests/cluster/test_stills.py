@@ -256,7 +256,7 @@ def test_pictures_without_parts_are_refused(tmp_path, capsys):
         rl.render_scene(read, tmp_path / "a.exr", rl.RenderSettings(renderer="prefiltered"), cluster="local:2")
     shot = rl.read_shot(write_small_shot(tmp_path / "shot"))
     with pytest.raises(ValueError, match="ConstantRenderer has none"):
-        rl.insert(shot, tmp_path / "out", renderer=rl.ConstantRenderer(), cluster="local:2")
+        rl.insert(shot, tmp_path / "out", renderer=rl.renderers.ConstantRenderer(), cluster="local:2")
     with pytest.raises(ValueError, match="a quick look"):
         rl.insert(shot, tmp_path / "out", preview=True, cluster="local:2")
     words = [

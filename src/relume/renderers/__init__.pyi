@@ -1,0 +1,1 @@
+from .renderer import ConstantRenderer as ConstantRenderer
