@@ -11,7 +11,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.spatial import cKDTree
+from scipy.spatial import KDTree
 
 from relume.renderers.photon_map.tracing import Photons
 from relume.scene.materials.media import Medium
@@ -32,7 +32,7 @@ class Density:
     """
 
     photons: Photons
-    tree: cKDTree
+    tree: KDTree
     neighbours: int
     widest: float
     shrink: float
@@ -42,12 +42,13 @@ class Density:
     def of(photons: Photons, neighbours: int, widest: float, shrink: float, threads: int | None) -> Density:
         """A tree of photons; `widest` is lowered to four times the radius that is usual among them."""
         if not len(photons.position):
-            photons = Photons(*np.zeros((3, 1, 3)), np.zeros((1, 3)), np.zeros(1, bool))
+            nothing = np.zeros((1, 3))
+            photons = Photons(nothing, nothing, nothing, nothing, np.zeros(1, bool))
         # SciPy's own balanced tree is Jensen's data structure.
-        tree, k, workers = cKDTree(photons.position), neighbours + 1, threads or -1
+        tree, k, workers = KDTree(photons.position), neighbours + 1, threads or -1
         some = photons.position[:: max(len(photons.position) // 1000, 1)]
         if len(photons.position) > k:
-            usual = float(np.median(np.asarray(tree.query(some, k=[k], workers=workers)[0])))
+            usual = float(np.median(np.asarray(tree.query(some, k, workers=workers)[0])[:, -1]))
             widest = min(widest, 4 * usual)
         return Density(photons, tree, k, widest, shrink, workers)
 
@@ -78,7 +79,7 @@ class Density:
         """Distances and numbers (N, k) of the photons nearest to points, ∞ and 0 where there are less, and radii."""
         count = len(self.photons.position)
         distance, which = self.tree.query(
-            points, k=np.arange(1, self.neighbours + 1), distance_upper_bound=self.widest, workers=self.workers
+            points, self.neighbours, distance_upper_bound=self.widest, workers=self.workers
         )
         radius = np.where(np.isfinite(distance[:, -1]), distance[:, -1], self.widest) * self.shrink
         return distance, np.where(which < count, which, 0), np.maximum(radius, 1e-12)
@@ -95,11 +96,11 @@ class Everywhere:
     def __init__(self, density: Density, places: Photons) -> None:
         self.density, self.normals = density, places.normal
         self.irradiance = density.irradiance(places.position, places.normal)[0]
-        self.tree = cKDTree(places.position)
+        self.tree = KDTree(places.position)
 
     def at(self, points: np.ndarray, normals: np.ndarray) -> np.ndarray:
         """Irradiance (N, 3) at points with unit normals."""
-        _, which = self.tree.query(points, k=np.arange(1, min(4, self.tree.n) + 1), workers=self.density.workers)
+        which = np.minimum(self.tree.query(points, 4, workers=self.density.workers)[1], self.tree.n - 1)
         alike = np.einsum("nkj,nj->nk", self.normals[which], normals) > ALIKE
         found = self.irradiance[np.take_along_axis(which, alike.argmax(1)[:, None], 1)[:, 0]]
         if len(none := np.flatnonzero(~alike.any(1))):

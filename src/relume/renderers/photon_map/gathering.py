@@ -35,11 +35,11 @@ class Way(NamedTuple):
 class Gathering:
     """Maps and lamps of one pass.
 
-    lit : surfaces of lamps that are no shapes of the scene, or None; glow : of what rays see at infinity
+    lit : lamps that are seen without being shapes of the scene, or None; environment : what is seen at infinity
     surface, caustic : photons on surfaces, all of them and those of caustics; `everywhere` is read by gathered rays
     hanging, indirect : photons in the fog, all and those that did not come straight from a lamp
     rays : of final gathering at a point, 0 to look at the global map itself
-    shadows, steps : shadow rays to each lamp with a size, and points along a ray in a fog
+    shadows, march : shadow rays to each lamp with a size, and points along a ray in a fog
     """
 
     stage: Stage
@@ -53,10 +53,12 @@ class Gathering:
     indirect: Density
     rays: int
     shadows: int
-    steps: int
+    march: int
     depth: int
 
-    def seen(self, origins: np.ndarray, directions: np.ndarray, random: np.random.Generator) -> np.ndarray:
+    def seen(
+        self, origins: np.ndarray, directions: np.ndarray, random: np.random.Generator
+    ) -> tuple[np.ndarray, np.ndarray]:
         """Radiance (N, 3) along rays, and the radius (N,) of the disc of photons at what they show."""
         way = self.went(origins, directions, random, seen=True)
         light, at = way.light, np.flatnonzero(way.met.kind == EVEN)
@@ -144,7 +146,12 @@ class Gathering:
         return found / self.rays
 
     def _fog(
-        self, origins: np.ndarray, directions: np.ndarray, far: np.ndarray, outside: np.ndarray, random: np.random.Generator
+        self,
+        origins: np.ndarray,
+        directions: np.ndarray,
+        far: np.ndarray,
+        outside: np.ndarray,
+        random: np.random.Generator,
     ) -> np.ndarray:
         """Radiance (N, 3) that fog sends along rays: from lamps by shadow rays, all else from the photons in it."""
         medium, light = self.stage.medium, np.zeros_like(origins)
@@ -153,9 +160,9 @@ class Gathering:
         extinction = np.asarray(medium.extinction)
         rate, rows = float(extinction.mean()), np.flatnonzero(outside)
         reaches = -np.expm1(-rate * np.minimum(far[rows], 1e30))
-        for step in range(self.steps):
+        for step in range(self.march):
             # Points as often as light from them comes through, one in each step.
-            way = -np.log1p(-reaches * (step + random.random(len(rows))) / self.steps) / rate
+            way = -np.log1p(-reaches * (step + random.random(len(rows))) / self.march) / rate
             points = origins[rows] + way[:, None] * directions[rows]
             source = self.indirect.scattered(points, -directions[rows], medium)
             for lamp, times in self._shadow_rays():
@@ -165,7 +172,7 @@ class Gathering:
                     there = self.stage.sees(points, 0.0, lit.directions, lit.distance)
                     arrives = self._through(lit.distance) * lit.irradiance * medium.scattering / times
                     source += arrives * (there * medium.phase(cosine))[:, None]
-            density = rate * np.exp(-rate * way) / reaches * self.steps
+            density = rate * np.exp(-rate * way) / reaches * self.march
             light[rows] += np.exp(-extinction * way[:, None]) * source / density[:, None]
         return light
 
@@ -183,7 +190,7 @@ class Gathering:
         glow = met.glow.copy()
         gone = met.kind == NOTHING
         if self.environment is not None:
-            glow[gone] = self.environment.light.lookup(directions[gone])
+            glow[gone] = self.environment.bright.light.lookup(directions[gone])
         if self.lit is not None:
             lamp = self.lit.meet(origins, directions)
             before = lamp.distance < met.distance

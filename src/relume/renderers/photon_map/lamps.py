@@ -11,8 +11,13 @@ from typing import NamedTuple
 
 import numpy as np
 
-from relume.renderers.photon_map.stage import painted
-from relume.scene.lights import DistantLight, PointLight
+from relume.errors import UnsupportedScene
+from relume.light.reflection.convolution import as_latlong
+from relume.renderers.photon_map.stage import FOR_ALL, painted
+from relume.scene.lights import DistantLight, PointLight, SphereLight, SquareLaw
+from relume.scene.materials.checks import Colour
+from relume.scene.materials.materials import Material
+from relume.scene.scene import Infinite, Scene
 from relume.scene.shapes.shapes import Mesh, Plane, Polygon, Shape, Sphere
 from relume.scene.shapes.tessellation import triangulated
 from relume.sphere.directions import normalised
@@ -90,9 +95,13 @@ class Environment:
 
 @dataclass(frozen=True, eq=False)
 class Surface:
-    """A shape that shines: triangles, drawn by their areas, or a sphere."""
+    """A shape that shines: triangles, drawn by their areas, or a sphere.
+
+    emission : a colour or an image, radiance
+    """
 
     shape: Shape
+    emission: Colour | np.ndarray
 
     def sent(self, random: np.random.Generator, count: int, ball: Ball) -> Sent:
         origins, normal, radiance = self._drawn(random, count)
@@ -111,7 +120,7 @@ class Surface:
 
     def _drawn(self, random: np.random.Generator, count: int) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         """Points and their normals (N, 3), and their radiance times the shape's area."""
-        glow = painted(self.shape.material.emission)
+        glow = painted(self.emission)
         if isinstance(self.shape, Sphere):
             normal = turned_evenly(random, np.tile([0.0, 0.0, 1.0], (count, 1)), 2 * random.random(count) - 1)
             points = self.shape.centre + self.shape.radius * normal
@@ -130,6 +139,36 @@ class Surface:
 
 
 Lamp = Point | Distant | Environment | Surface
+
+
+def lamps_of(scene: Scene) -> tuple[Lamp, ...]:
+    """All that shines in a scene; raises UnsupportedScene naming a lamp that sends no photons."""
+    shapes = (*scene.local, *scene.objects)
+    shining = [(shape, shape.material) for shape in shapes]
+    lamps: list[Lamp] = [Surface(s, m.emission) for s, m in shining if isinstance(m, Material) and m.emits]
+    for light in scene.lights:
+        if isinstance(light, PointLight) and isinstance(light.falloff, SquareLaw):
+            lamps.append(Point(light))
+        elif isinstance(light, DistantLight):
+            lamps.append(Distant(light))
+        elif isinstance(light, SphereLight):
+            shell = Material((0.0, 0.0, 0.0), emission=light.radiance, specular=0.0)
+            lamps.append(Surface(Sphere(light.position, light.radius, shell), light.radiance))
+        else:
+            what = f"{light.falloff} of a point of light" if isinstance(light, PointLight) else type(light).__name__
+            raise UnsupportedScene(f"a photon map has no place for the {what}; {FOR_ALL}, or the square law")
+    if np.any(scene.light.radiance):
+        if not isinstance(scene.distant, Infinite):
+            raise UnsupportedScene(f"a photon map has its light map at infinity, and this scene's is near; {FOR_ALL}")
+        lamps.append(Environment(BrightDirections.of(as_latlong(scene.light))))
+    far = any(isinstance(lamp, Distant | Environment) for lamp in lamps)
+    if far and scene.medium is not None:
+        raise UnsupportedScene("no light from infinity comes through a fog without end; use lamps that are near")
+    if far and any(isinstance(shape, Plane) and shape.size is None for shape in shapes):
+        raise UnsupportedScene("photons from infinity would be spread over a plane without an edge; give it a size")
+    if not lamps:
+        raise UnsupportedScene("nothing shines in this scene: it has no lights and its light map is black; add one")
+    return tuple(lamps)
 
 
 def _through_disc(random: np.random.Generator, towards: np.ndarray, strength: np.ndarray, ball: Ball) -> Sent:

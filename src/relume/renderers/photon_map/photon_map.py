@@ -12,24 +12,19 @@ from dataclasses import dataclass
 import numpy as np
 
 from relume.errors import UnsupportedScene, warn
-from relume.light.reflection.convolution import as_latlong
 from relume.renderers.photon_map.density import Density, Everywhere
 from relume.renderers.photon_map.gathering import Gathering
-from relume.renderers.photon_map.lamps import Ball, Distant, Environment, Lamp, Point, Sent, Surface
-from relume.renderers.photon_map.stage import EVEN, Stage
+from relume.renderers.photon_map.lamps import Ball, Environment, Lamp, Sent, Surface, lamps_of
+from relume.renderers.photon_map.stage import EVEN, FOR_ALL, Stage
 from relume.renderers.photon_map.tracing import Flight, followed
 from relume.renderers.renderer import Renderer
 from relume.renderers.results import Progress, Render
 from relume.scene.cameras.camera import Camera
-from relume.scene.lights import DistantLight, PointLight, SphereLight, SquareLaw
-from relume.scene.materials.materials import Material
-from relume.scene.scene import Infinite, Scene
-from relume.scene.shapes.shapes import Plane, Shape, Sphere, ball_around
-from relume.sphere.sampling import BrightDirections
+from relume.scene.scene import Scene
+from relume.scene.shapes.shapes import ball_around
 
 AT_ONCE = 1 << 14
 """Pixels whose rays are followed together."""
-FOR_ALL = "use rl.Mitsuba (--renderer mitsuba)"
 
 
 @dataclass(frozen=True, eq=False)
@@ -58,7 +53,7 @@ class PhotonMap(Renderer):
     passes : each sends photons anew, and one ray a pixel
     shrink : α of progressive photon mapping: of the photons that a pass would add to a disc, the share that is kept as
         the disc shrinks; 1 keeps the radius
-    steps : points along a ray in a fog, in each pass
+    march : points along a ray in a fog, in each pass
     depth : bounces of a photon, at most
     threads : all cores unless given; the pixels do not depend on it
     """
@@ -69,12 +64,12 @@ class PhotonMap(Renderer):
     shadows: int = 2
     passes: int = 16
     shrink: float = 2 / 3
-    steps: int = 8
+    march: int = 8
     depth: int = 100
     threads: int | None = None
 
     def __post_init__(self) -> None:
-        least = {"photons": 1, "neighbours": 2, "gather": 0, "shadows": 1, "passes": 1, "steps": 1, "depth": 1}
+        least = {"photons": 1, "neighbours": 2, "gather": 0, "shadows": 1, "passes": 1, "march": 1, "depth": 1}
         for name, lowest in least.items():
             if not isinstance(value := getattr(self, name), int) or not lowest <= value <= 2_000_000:
                 raise ValueError(f"{name} is {value}; expected a whole number from {lowest} to 2000000")
@@ -85,25 +80,27 @@ class PhotonMap(Renderer):
 
     def render(self, scene: Scene, camera: Camera, *, seed: int = 0, progress: Progress | None = None) -> Render:
         """Render all passes; their scatter is the variance, which does not know of the estimate's bias."""
-        step = None
-        for number, step in enumerate(self.watched(scene, camera, seed=seed)):
+        last = None
+        for last in self.steps(scene, camera, seed=seed):
             if progress:
-                progress((number + 1) / self.passes)
-        assert step is not None
-        if (lost := (step.flight.cut.sum() / step.flight.sent.sum())) > 1e-3:
+                progress(last.render.passes / self.passes)
+        assert last is not None
+        if (lost := last.flight.cut.sum() / last.flight.sent.sum()) > 1e-3:
             warn(f"{lost:.1%} of the photons' power was still on its way after {self.depth} bounces; raise the depth")
-        return step.render
+        return last.render
 
-    def watched(self, scene: Scene, camera: Camera, *, seed: int = 0) -> Iterator[PhotonStep]:
+    def steps(self, scene: Scene, camera: Camera, *, seed: int = 0) -> Iterator[PhotonStep]:
         """The picture after each pass, with the photons of that pass.
 
         Raises UnsupportedScene naming what photons cannot meet, and a lens with an aperture.
         """
         shapes = (*scene.local, *scene.objects)
-        stage, lamps, lit = self._staged(scene, shapes)
+        stage, lamps = Stage.of(shapes, scene.medium, self.threads), lamps_of(scene)
+        balls = [lamp.shape for lamp in lamps if isinstance(lamp, Surface) and lamp.shape not in shapes]
+        lit = Stage.of(balls, None, self.threads) if balls else None
         if camera.aperture > 0:
             raise UnsupportedScene(f"a photon map's camera is sharp, and this one's lens has an aperture; {FOR_ALL}")
-        smooth = [shape for shape, kind in zip(shapes, stage.kind, strict=True) if kind != EVEN]
+        smooth = [shape for shape, kind in zip(shapes, stage.kind[:-1], strict=True) if kind != EVEN]
         middle, size = ball_around(shapes)
         # In a fog no photon flies past everything.
         whole = (middle, size if scene.medium is None else np.inf)
@@ -133,35 +130,6 @@ class PhotonMap(Renderer):
             # Of Knaus and Zwicker's eq. 15, counted from 1.
             share *= (index + 1 + self.shrink) / (index + 2)
 
-    def _staged(self, scene: Scene, shapes: tuple[Shape, ...]) -> tuple[Stage, tuple[Lamp, ...], Stage | None]:
-        """Shapes and lamps made ready, and the lamps that are seen without being shapes of the scene."""
-        stage = Stage.of(shapes, scene.medium, self.threads)
-        own: list[Lamp] = [Surface(s) for s in shapes if isinstance(s.material, Material) and s.material.emits]
-        balls = []
-        for light in scene.lights:
-            if isinstance(light, PointLight) and isinstance(light.falloff, SquareLaw):
-                own.append(Point(light))
-            elif isinstance(light, DistantLight):
-                own.append(Distant(light))
-            elif isinstance(light, SphereLight):
-                balls.append(Sphere(light.position, light.radius, Material(emission=light.radiance, specular=0.0)))
-            else:
-                what = "point of light that does not fall by the square law" if isinstance(light, PointLight) else None
-                raise UnsupportedScene(f"a photon map has no place for a {what or type(light).__name__}; {FOR_ALL}")
-        own += [Surface(ball) for ball in balls]
-        if np.any(scene.light.radiance):
-            if not isinstance(scene.distant, Infinite):
-                raise UnsupportedScene(f"a photon map has its light map at infinity, and this one's is near; {FOR_ALL}")
-            own.append(Environment(BrightDirections.of(as_latlong(scene.light))))
-        far = any(isinstance(lamp, Distant | Environment) for lamp in own)
-        if far and scene.medium is not None:
-            raise UnsupportedScene("no light from infinity comes through a fog without end; use lamps that are near")
-        if far and any(isinstance(shape, Plane) and shape.size is None for shape in shapes):
-            raise UnsupportedScene("photons from infinity would be spread over a plane without an edge; give it a size")
-        if not own:
-            raise UnsupportedScene("nothing shines in this scene: it has no lights and its light map is black; add one")
-        return stage, tuple(own), Stage.of(balls, None, self.threads) if balls else None
-
     def _flown(
         self, stage: Stage, lamps: tuple[Lamp, ...], ball: Ball, random: np.random.Generator, *, caustics: bool
     ) -> Flight:
@@ -170,11 +138,22 @@ class PhotonMap(Renderer):
         flux = np.array([lamp.sent(random, 256, ball).power.sum() for lamp in lamps])
         counts = np.ceil(self.photons * flux / max(flux.sum(), 1e-300)).astype(int)
         sent = [lamp.sent(random, count, ball) for lamp, count in zip(lamps, counts, strict=True) if count]
-        together = Sent(*(np.concatenate([np.zeros((0, 3)), *parts]) for parts in zip(*sent, strict=True)) if sent else np.zeros((3, 0, 3)))
+        together = Sent(
+            *(np.concatenate([np.zeros((0, 3)), *parts]) for parts in zip(*sent, strict=True))
+            if sent
+            else np.zeros((3, 0, 3))
+        )
         return followed(stage, together, random, self.depth, caustics)
 
     def _gathering(
-        self, stage: Stage, lamps: tuple[Lamp, ...], lit: Stage | None, flight: Flight, caustics: Flight, size: float, shrink: float
+        self,
+        stage: Stage,
+        lamps: tuple[Lamp, ...],
+        lit: Stage | None,
+        flight: Flight,
+        caustics: Flight,
+        size: float,
+        shrink: float,
     ) -> Gathering:
         landed, fog = flight.surface, flight.fog
         # An eighth says where irradiance is asked for, and the others how much there is.
@@ -189,7 +168,7 @@ class PhotonMap(Renderer):
         everywhere = Everywhere(surface, flight.surface.only(eighth)) if self.gather and eighth.any() else None
         return Gathering(
             stage, lamps, lit, environment, surface, caustic, everywhere, hanging, indirect, self.gather, self.shadows,
-            self.steps, self.depth,
+            self.march, self.depth,
         )  # fmt: skip
 
 
@@ -205,7 +184,16 @@ def _planes(stage: Stage, eyes: np.ndarray, rays: np.ndarray, scene: Scene) -> n
 def _render(sums: np.ndarray, passes: int, camera: Camera, rays: int) -> Render:
     """The picture that is in the sums of passes, (H·W, 15)."""
     means = (sums / passes).reshape(camera.height, camera.width, 15)
-    spread = np.maximum(means[..., 3:6] - means[..., :3] ** 2, 0) / (passes - 1) if passes > 1 else means[..., 3:6] * np.nan
+    spread = (
+        np.maximum(means[..., 3:6] - means[..., :3] ** 2, 0) / (passes - 1) if passes > 1 else means[..., 3:6] * np.nan
+    )
     there = np.maximum(means[..., 6:7], 1e-30)
-    planes = (means[..., :3], spread, means[..., 7], means[..., 8] / there[..., 0], means[..., 9:12] / there, means[..., 12:] / there)
+    planes = (
+        means[..., :3],
+        spread,
+        means[..., 7],
+        means[..., 8] / there[..., 0],
+        means[..., 9:12] / there,
+        means[..., 12:] / there,
+    )
     return Render(*(plane.astype(np.float32) for plane in planes), samples=passes, passes=passes)

@@ -25,6 +25,7 @@ from relume.scene.shapes.tessellation import tessellated
 
 NOTHING, EVEN, MIRROR, GLASS = 0, 1, 2, 3
 """Kinds of what a ray meets."""
+FOR_ALL = "use rl.Mitsuba (--renderer mitsuba)"
 SMOOTH = 0.03
 """Roughness below which glass and mirrors are smooth: finer than any picture shows."""
 
@@ -62,7 +63,7 @@ class Stage:
     """Shapes, and what each is made of, in tables.
 
     near : metres, closer than which a ray does not meet the surface that it leaves
-    kind, ior : (S,); absorption : (S, 3) per metre, of what fills the body
+    kind, ior : (S + 1,), the last where nothing is met; absorption : (S + 1, 3) per metre, of what fills the body
     colours, glows : of each shape by its texture coordinates
     """
 
@@ -82,16 +83,14 @@ class Stage:
         """The stage of these shapes; raises UnsupportedScene naming the material that photons cannot meet."""
         shapes = [tessellated(shape) if isinstance(shape, Patches) else shape for shape in shapes]
         materials = [shape.material for shape in shapes]
-        kind = np.array([_kind(material) for material in materials], np.int8)
-        absorption = np.zeros((len(shapes), 3))
-        for row, material in zip(absorption, materials, strict=True):
-            if isinstance(material, Material) and material.medium is not None:
-                row[:] = material.medium.absorption
+        kind = np.array([*map(_kind, materials), NOTHING], np.int8)
+        media = [material.medium if isinstance(material, Material) else None for material in materials]
+        absorption = np.array([*((0.0, 0.0, 0.0) if m is None else m.absorption for m in media), (0.0, 0.0, 0.0)])
         colours = [m.reflectance if isinstance(m, Diffuse) else getattr(m, "base_color", 0.0) for m in materials]
         glows = [getattr(material, "emission", (0.0, 0.0, 0.0)) for material in materials]
         return Stage(
             RayCaster.of(shapes), Surfaces.of(shapes), 1e-6 * ball_around(shapes)[1], kind,
-            np.array([getattr(material, "ior", 1.0) for material in materials], np.float64), absorption,
+            np.array([*(getattr(material, "ior", 1.0) for material in materials), 1.0]), absorption,
             tuple(map(painted, colours)), tuple(map(painted, glows)), medium, threads,
         )  # fmt: skip
 
@@ -105,18 +104,17 @@ class Stage:
         true, normal = side * at.geometric_normal, side * at.shading_normal
         # Interpolated normals lean away from rays that graze the mesh.
         normal = np.where(np.einsum("ij,ij->i", normal, directions)[:, None] < 0, normal, true)
-        kind = np.where(there, self.kind[hits.shape], NOTHING) if len(self.kind) else np.zeros(len(there), np.int8)
         colour, glow = np.zeros_like(at.point), np.zeros_like(at.point)
         for shape in np.unique(hits.shape[there]):
             here = np.flatnonzero(hits.shape == shape)
             colour[here], glow[here] = self.colours[shape](at.uv[here]), self.glows[shape](at.uv[here])
         glow[inside] = 0
-        return Met(hits.distance, hits.shape, kind, at.point, normal, true, inside, colour, glow)
+        return Met(hits.distance, hits.shape, self.kind[hits.shape], at.point, normal, true, inside, colour, glow)
 
     def clearness(self, met: Met) -> np.ndarray:
         """What is left of light (N, 3) that went through the body whose wall was met from inside (Beer's law)."""
         depth = np.where(met.within, met.distance, 0.0)[:, None]
-        return np.exp(-self.absorption[met.shape] * depth) if len(self.kind) else np.ones_like(met.point)
+        return np.exp(-self.absorption[met.shape] * depth)
 
     def glanced(
         self, directions: np.ndarray, met: Met, random: np.random.Generator
@@ -172,9 +170,7 @@ def _kind(material: AnyMaterial) -> int:
 
 
 def _refused(what: str, otherwise: str = "") -> UnsupportedScene:
-    return UnsupportedScene(
-        f"a photon map has no place for {what}; use rl.Mitsuba (--renderer mitsuba), or {otherwise}a diffuse material"
-    )
+    return UnsupportedScene(f"a photon map has no place for {what}; {FOR_ALL}, or {otherwise}a diffuse material")
 
 
 def painted(value: object) -> Callable[[np.ndarray], np.ndarray]:
