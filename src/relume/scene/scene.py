@@ -102,7 +102,9 @@ class Scene:
     lights : others than the distant scene
     distant : onto what the light is projected; at infinity, where every place sees the same, unless given
     probe : where the light was measured, metres, world; means nothing for a distant scene at infinity
-    medium : what fills all space outside bodies, as fog; None for clear air
+    medium : what fills all space outside of bodies, as fog does; None for clear air. It ends at the walls of a near
+        distant scene. Through an endless fog no light of infinity would arrive: with an infinite distant scene it ends
+        at the sphere about all shapes and near lamps
     """
 
     light: EnvironmentMap

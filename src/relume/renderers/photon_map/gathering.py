@@ -76,22 +76,19 @@ class Gathering:
 
         seen : by the camera: lamps are seen, and fog is added up along the way; otherwise fog ends rays by chance
         """
-        count, medium = len(origins), self.stage.medium
+        count = len(origins)
         light, share, stopped = np.zeros((count, 3)), np.ones((count, 3)), np.zeros(count, bool)
         directions, point, rows, ends = directions.copy(), np.array(origins), np.arange(count), None
         for bounce in range(self.depth):
             met = self.stage.meet(point[rows], directions[rows])
             share[rows] *= self.stage.clearness(met)
             if seen:
-                glow = self._glow(point[rows], directions[rows], met)
-                fog = (met.distance, ~met.within)
-                light[rows] += share[rows] * self._fog(point[rows], directions[rows], *fog, random)
-                if medium is not None:
-                    far = np.minimum(met.distance, 1e30)[:, None] * fog[1][:, None]
-                    share[rows] *= np.exp(-np.asarray(medium.extinction) * far)
-                light[rows] += share[rows] * glow
+                begin, length = self.stage.hazy(point[rows], directions[rows], met.distance, met.within)
+                light[rows] += share[rows] * self._fog(point[rows], directions[rows], begin, length, random)
+                share[rows] *= self.stage.left(length)
+                light[rows] += share[rows] * self._glow(point[rows], directions[rows], met)
             else:
-                way, stops, left = encounter(medium, met.distance, met.within, random)
+                way, stops, left = encounter(self.stage, point[rows], directions[rows], met, random)
                 share[rows], stopped[rows] = share[rows] * left, stops
                 met.point[stops] = point[rows][stops] + way[stops, None] * directions[rows][stops]
                 met.kind[stops] = NOTHING
@@ -122,7 +119,8 @@ class Gathering:
                 lit = (cosine > 0) & (np.einsum("ij,ij->i", light.directions, true) > 0) & light.irradiance.any(1)
                 at = np.flatnonzero(lit)
                 there = self.stage.sees(points[at], true[at], light.directions[at], light.distance[at])
-                arrives = self._through(light.distance[at]) * light.irradiance[at] / times
+                _, haze = self.stage.hazy(points[at], light.directions[at], light.distance[at])
+                arrives = self.stage.left(haze) * light.irradiance[at] / times
                 found[at] += arrives * (there * cosine[at])[:, None]
         return found
 
@@ -149,41 +147,35 @@ class Gathering:
         self,
         origins: np.ndarray,
         directions: np.ndarray,
-        far: np.ndarray,
-        outside: np.ndarray,
+        begin: np.ndarray,
+        length: np.ndarray,
         random: np.random.Generator,
     ) -> np.ndarray:
         """Radiance (N, 3) that fog sends along rays: from lamps by shadow rays, all else from the photons in it."""
-        medium, light = self.stage.medium, np.zeros_like(origins)
+        medium, light, rows = self.stage.medium, np.zeros_like(origins), np.flatnonzero(length > 0)
         if medium is None or not any(medium.scattering):
             return light
-        extinction = np.asarray(medium.extinction)
-        rate, rows = float(extinction.mean()), np.flatnonzero(outside)
-        reaches = -np.expm1(-rate * np.minimum(far[rows], 1e30))
+        rate, directions = float(np.mean(medium.extinction)), directions[rows]
+        reaches = -np.expm1(-rate * length[rows])
         for step in range(self.march):
             # Points as often as light from them comes through, one in each step.
             way = -np.log1p(-reaches * (step + random.random(len(rows))) / self.march) / rate
-            points = origins[rows] + way[:, None] * directions[rows]
-            source = self.indirect.scattered(points, -directions[rows], medium)
+            points = origins[rows] + (begin[rows] + way)[:, None] * directions
+            source = self.indirect.scattered(points, -directions, medium)
             for lamp, times in self._shadow_rays():
                 for _ in range(times):
                     lit = lamp.reaching(random, points)
-                    cosine = np.einsum("ij,ij->i", lit.directions, directions[rows])
+                    cosine = np.einsum("ij,ij->i", lit.directions, directions)
                     there = self.stage.sees(points, 0.0, lit.directions, lit.distance)
-                    arrives = self._through(lit.distance) * lit.irradiance * medium.scattering / times
+                    _, haze = self.stage.hazy(points, lit.directions, lit.distance)
+                    arrives = self.stage.left(haze) * lit.irradiance * medium.scattering / times
                     source += arrives * (there * medium.phase(cosine))[:, None]
             density = rate * np.exp(-rate * way) / reaches * self.march
-            light[rows] += np.exp(-extinction * way[:, None]) * source / density[:, None]
+            light[rows] += self.stage.left(way) * source / density[:, None]
         return light
 
     def _shadow_rays(self) -> list[tuple[Lamp, int]]:
         return [(lamp, self.shadows if isinstance(lamp, Surface | Environment) else 1) for lamp in self.lamps]
-
-    def _through(self, far: np.ndarray) -> np.ndarray:
-        """What the fog leaves of light over distances (N,): (N, 3) shares."""
-        if self.stage.medium is None:
-            return np.ones((len(far), 3))
-        return np.exp(-np.asarray(self.stage.medium.extinction) * np.minimum(far, 1e30)[:, None])
 
     def _glow(self, origins: np.ndarray, directions: np.ndarray, met: Met) -> np.ndarray:
         """What rays see shine: the surface that they meet, a lamp before it, or the light map."""

@@ -13,8 +13,8 @@ import numpy as np
 
 from relume.errors import UnsupportedScene
 from relume.light.reflection.convolution import as_latlong
-from relume.renderers.photon_map.stage import FOR_ALL, painted
-from relume.scene.lights import DistantLight, PointLight, SphereLight, SquareLaw
+from relume.renderers.photon_map.stage import FOR_ALL, Ball, painted
+from relume.scene.lights import DistantLight, PointLight, RectangleLight, SphereLight, SquareLaw
 from relume.scene.materials.checks import Colour
 from relume.scene.materials.materials import Material
 from relume.scene.scene import Infinite, Scene
@@ -23,9 +23,6 @@ from relume.scene.shapes.tessellation import triangulated
 from relume.sphere.directions import normalised
 from relume.sphere.mappings.mapping import LatLong
 from relume.sphere.sampling import BrightDirections, by_cosine, in_frames, into_ball, turned_evenly
-
-Ball = tuple[np.ndarray, float]
-"""Centre (3,) and radius, metres, of a sphere at which photons are aimed."""
 
 
 class Sent(NamedTuple):
@@ -152,23 +149,32 @@ def lamps_of(scene: Scene) -> tuple[Lamp, ...]:
         elif isinstance(light, DistantLight):
             lamps.append(Distant(light))
         elif isinstance(light, SphereLight):
-            shell = Material((0.0, 0.0, 0.0), emission=light.radiance, specular=0.0)
-            lamps.append(Surface(Sphere(light.position, light.radius, shell), light.radiance))
+            lamps.append(Surface(Sphere(light.position, light.radius, _shell(light.radiance)), light.radiance))
+        elif isinstance(light, RectangleLight):
+            across, up = (light.frame[:, i] * light.size[i] / 2 for i in (0, 1))
+            corners = light.position + np.array([-across - up, across - up, across + up, up - across])
+            lamps.append(
+                Surface(
+                    Polygon(corners, Material((0.0, 0.0, 0.0), emission=light.radiance, specular=0.0)), light.radiance
+                )
+            )
         else:
             what = f"{light.falloff} of a point of light" if isinstance(light, PointLight) else type(light).__name__
             raise UnsupportedScene(f"a photon map has no place for the {what}; {FOR_ALL}, or the square law")
+    if not isinstance(scene.distant, Infinite):
+        raise UnsupportedScene(f"a photon map has its light map at infinity, and this scene's is near; {FOR_ALL}")
     if np.any(scene.light.radiance):
-        if not isinstance(scene.distant, Infinite):
-            raise UnsupportedScene(f"a photon map has its light map at infinity, and this scene's is near; {FOR_ALL}")
         lamps.append(Environment(BrightDirections.of(as_latlong(scene.light))))
     far = any(isinstance(lamp, Distant | Environment) for lamp in lamps)
-    if far and scene.medium is not None:
-        raise UnsupportedScene("no light from infinity comes through a fog without end; use lamps that are near")
     if far and any(isinstance(shape, Plane) and shape.size is None for shape in shapes):
         raise UnsupportedScene("photons from infinity would be spread over a plane without an edge; give it a size")
     if not lamps:
         raise UnsupportedScene("nothing shines in this scene: it has no lights and its light map is black; add one")
     return tuple(lamps)
+
+
+def _shell(radiance: Colour) -> Material:
+    return Material((0.0, 0.0, 0.0), specular=0.0, emission=radiance)
 
 
 def _through_disc(random: np.random.Generator, towards: np.ndarray, strength: np.ndarray, ball: Ball) -> Sent:

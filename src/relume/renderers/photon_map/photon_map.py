@@ -7,21 +7,21 @@ A teaching renderer: global and caustic photon map, final gathering, fog (Jensen
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
 from relume.errors import UnsupportedScene, warn
+from relume.renderers.mitsuba.transport.extent import sphere_round_all
 from relume.renderers.photon_map.density import Density, Everywhere
 from relume.renderers.photon_map.gathering import Gathering
-from relume.renderers.photon_map.lamps import Ball, Environment, Lamp, Sent, Surface, lamps_of
-from relume.renderers.photon_map.stage import EVEN, FOR_ALL, Stage
+from relume.renderers.photon_map.lamps import Environment, Lamp, Point, Sent, Surface, lamps_of
+from relume.renderers.photon_map.stage import EVEN, FOR_ALL, Ball, Stage
 from relume.renderers.photon_map.tracing import Flight, followed
 from relume.renderers.renderer import Renderer
 from relume.renderers.results import Progress, Render
 from relume.scene.cameras.camera import Camera
 from relume.scene.scene import Scene
-from relume.scene.shapes.shapes import ball_around
 
 AT_ONCE = 1 << 14
 """Pixels whose rays are followed together."""
@@ -95,23 +95,24 @@ class PhotonMap(Renderer):
         Raises UnsupportedScene naming what photons cannot meet, and a lens with an aperture.
         """
         shapes = (*scene.local, *scene.objects)
-        stage, lamps = Stage.of(shapes, scene.medium, self.threads), lamps_of(scene)
-        balls = [lamp.shape for lamp in lamps if isinstance(lamp, Surface) and lamp.shape not in shapes]
-        lit = Stage.of(balls, None, self.threads) if balls else None
+        lamps = lamps_of(scene)
+        near = shapes or any(isinstance(lamp, Point | Surface) for lamp in lamps)
+        whole = sphere_round_all(scene) if near else (np.zeros(3), 1.0)
+        stage = Stage.of(shapes, whole, scene.medium, self.threads)
+        seen = [lamp.shape for lamp in lamps if isinstance(lamp, Surface) and lamp.shape not in shapes]
+        lit = Stage.of(seen, whole, None, self.threads) if seen else None
         if camera.aperture > 0:
             raise UnsupportedScene(f"a photon map's camera is sharp, and this one's lens has an aperture; {FOR_ALL}")
         smooth = [shape for shape, kind in zip(shapes, stage.kind[:-1], strict=True) if kind != EVEN]
-        middle, size = ball_around(shapes)
-        # In a fog no photon flies past everything.
-        whole = (middle, size if scene.medium is None else np.inf)
+        aim = sphere_round_all(replace(scene, local=tuple(smooth), objects=(), lights=())) if smooth else whole
         pixels, share = camera.height * camera.width, 1.0
         sums = np.zeros((pixels, 15))
         for index in range(self.passes):
             # Photons on their way, and the maps of where they landed.
             random = np.random.default_rng([seed, index, 0])
             flight = self._flown(stage, lamps, whole, random, caustics=False)
-            caustics = self._flown(stage, lamps if smooth else (), ball_around(smooth), random, caustics=True)
-            gathering = self._gathering(stage, lamps, lit, flight, caustics, size, np.sqrt(share))
+            caustics = self._flown(stage, lamps if smooth else (), aim, random, caustics=True)
+            gathering = self._gathering(stage, lamps, lit, flight, caustics, whole[1], np.sqrt(share))
             radius = np.zeros(pixels)
             # One ray through each pixel, anywhere in it.
             for part in range(0, pixels, AT_ONCE):

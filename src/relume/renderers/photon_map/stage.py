@@ -20,11 +20,13 @@ from relume.renderers.raytrace.surface import Surfaces
 from relume.renderers.unsupported_features import unsupported_features
 from relume.scene.materials.materials import Diffuse, Material, is_image
 from relume.scene.materials.media import Medium
-from relume.scene.shapes.shapes import AnyMaterial, Patches, Shape, ball_around
+from relume.scene.shapes.shapes import AnyMaterial, Patches, Shape
 from relume.scene.shapes.tessellation import tessellated
 
 NOTHING, EVEN, MIRROR, GLASS = 0, 1, 2, 3
 """Kinds of what a ray meets."""
+Ball = tuple[np.ndarray, float]
+"""Centre (3,) and radius, metres, of a sphere."""
 FOR_ALL = "use rl.Mitsuba (--renderer mitsuba)"
 SMOOTH = 0.03
 """Roughness below which glass and mirrors are smooth: finer than any picture shows."""
@@ -62,6 +64,7 @@ class Met(NamedTuple):
 class Stage:
     """Shapes, and what each is made of, in tables.
 
+    ball : round all shapes and near lamps; so far a fog reaches
     near : metres, closer than which a ray does not meet the surface that it leaves
     kind, ior : (S + 1,), the last where nothing is met; absorption : (S + 1, 3) per metre, of what fills the body
     colours, glows : of each shape by its texture coordinates
@@ -69,6 +72,7 @@ class Stage:
 
     caster: RayCaster
     surfaces: Surfaces
+    ball: Ball
     near: float
     kind: np.ndarray
     ior: np.ndarray
@@ -79,7 +83,7 @@ class Stage:
     threads: int | None
 
     @staticmethod
-    def of(shapes: Sequence[Shape], medium: Medium | None, threads: int | None) -> Stage:
+    def of(shapes: Sequence[Shape], ball: Ball, medium: Medium | None, threads: int | None) -> Stage:
         """The stage of these shapes; raises UnsupportedScene naming the material that photons cannot meet."""
         shapes = [tessellated(shape) if isinstance(shape, Patches) else shape for shape in shapes]
         materials = [shape.material for shape in shapes]
@@ -89,7 +93,7 @@ class Stage:
         colours = [m.reflectance if isinstance(m, Diffuse) else getattr(m, "base_color", 0.0) for m in materials]
         glows = [getattr(material, "emission", (0.0, 0.0, 0.0)) for material in materials]
         return Stage(
-            RayCaster.of(shapes), Surfaces.of(shapes), 1e-6 * ball_around(shapes)[1], kind,
+            RayCaster.of(shapes), Surfaces.of(shapes), ball, 1e-7 * ball[1], kind,
             np.array([*(getattr(material, "ior", 1.0) for material in materials), 1.0]), absorption,
             tuple(map(painted, colours)), tuple(map(painted, glows)), medium, threads,
         )  # fmt: skip
@@ -110,6 +114,24 @@ class Stage:
             colour[here], glow[here] = self.colours[shape](at.uv[here]), self.glows[shape](at.uv[here])
         glow[inside] = 0
         return Met(hits.distance, hits.shape, self.kind[hits.shape], at.point, normal, true, inside, colour, glow)
+
+    def hazy(
+        self, origins: np.ndarray, directions: np.ndarray, far: np.ndarray, within: np.ndarray | bool = False
+    ) -> tuple[np.ndarray, np.ndarray]:
+        """Where on rays (N, 3) the fog begins and how long it lasts, metres (N,), up to what is so far away (N,).
+
+        within : (N,) bool, whether the way is in glass, where there is none
+        """
+        away = origins - self.ball[0]
+        middle = -np.einsum("ij,ij->i", away, directions)
+        half = np.sqrt(np.maximum(self.ball[1] ** 2 - np.einsum("ij,ij->i", away, away) + middle**2, 0))
+        begin = np.maximum(middle - half, 0)
+        length = np.maximum(np.minimum(middle + half, far) - begin, 0)
+        return begin, np.where(within, 0.0, length) if self.medium is not None else np.zeros(len(far))
+
+    def left(self, length: np.ndarray) -> np.ndarray:
+        """The share (N, 3) of light that so many metres (N,) of fog let through (Beer and Lambert)."""
+        return np.exp(-np.multiply.outer(length, self.medium.extinction if self.medium else (0.0, 0.0, 0.0)))
 
     def clearness(self, met: Met) -> np.ndarray:
         """What is left of light (N, 3) that went through the body whose wall was met from inside (Beer's law)."""

@@ -12,8 +12,7 @@ from typing import NamedTuple
 import numpy as np
 
 from relume.renderers.photon_map.lamps import Sent
-from relume.renderers.photon_map.stage import EVEN, NOTHING, Stage
-from relume.scene.materials.media import Medium
+from relume.renderers.photon_map.stage import EVEN, NOTHING, Met, Stage
 from relume.sphere.sampling import by_cosine, turned_evenly
 
 
@@ -73,14 +72,14 @@ def followed(stage: Stage, sent: Sent, random: np.random.Generator, depth: int, 
         clear = stage.clearness(met)
         absorbed += (power * (1 - clear)).sum(0)
         power = power * clear
-        way, stopped, share = encounter(stage.medium, met.distance, met.within, random)
+        way, stopped, share = encounter(stage, origins, directions, met, random)
         if stage.medium is not None:
             lost = stopped[:, None] * power * np.subtract(stage.medium.extinction, stage.medium.scattering)
             absorbed += (lost * share / np.maximum(stage.medium.scattering, 1e-300)).sum(0)
         power = power * share
         gone, landed = ~stopped & (met.kind == NOTHING), ~stopped & (met.kind == EVEN)
         escaped += power[gone].sum(0)
-        here = np.where(stopped[:, None], origins + way[:, None] * directions, met.point)
+        here = np.where(stopped[:, None], origins + np.where(stopped, way, 0.0)[:, None] * directions, met.point)
         at = Photons(here, directions, power, np.where(stopped[:, None], 0.0, met.true_normal), direct)
         fog.append(at.only(stopped))
         surface.append(at.only(landed & ~direct if caustics else landed))
@@ -104,25 +103,20 @@ def followed(stage: Stage, sent: Sent, random: np.random.Generator, depth: int, 
 
 
 def encounter(
-    medium: Medium | None, reach: np.ndarray, within: np.ndarray, random: np.random.Generator
+    stage: Stage, origins: np.ndarray, directions: np.ndarray, met: Met, random: np.random.Generator
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """How far (N,) rays go in a fog, whether they are scattered there, and what of their light is (N, 3).
-
-    reach : (N,) metres to the next surface; within : (N,) bool, in glass, where there is no fog
-    """
-    if medium is None:
-        return reach, np.zeros(len(reach), bool), np.ones((len(reach), 3))
-    extinction = np.asarray(medium.extinction)
+    """How far (N,) rays go before the fog scatters them, whether it does, and what of their light is left (N, 3)."""
+    if stage.medium is None:
+        return met.distance, np.zeros(len(origins), bool), np.ones((len(origins), 3))
+    extinction = np.asarray(stage.medium.extinction)
+    begin, length = stage.hazy(origins, directions, met.distance, met.within)
     # Each channel's free paths in turn; the density of them all divides.
-    rate = extinction[random.integers(0, 3, len(reach))]
-    way = random.exponential(size=len(reach)) / np.maximum(rate, 1e-300)
-    stopped = (way < reach) & ~within
-    way = np.where(stopped, way, np.minimum(reach, 1e30))
-    left = np.exp(-extinction * way[:, None])
-    left = np.where(within[:, None], 1.0, left)
+    way = random.exponential(size=len(origins)) / np.maximum(extinction[random.integers(0, 3, len(origins))], 1e-300)
+    stopped = way < length
+    left = stage.left(np.minimum(way, length))
     density = np.where(stopped[:, None], extinction * left, left).mean(1, keepdims=True)
-    share = np.where(stopped[:, None], left * medium.scattering, left) / np.maximum(density, 1e-300)
-    return way, stopped, share
+    share = np.where(stopped[:, None], left * stage.medium.scattering, left) / np.maximum(density, 1e-300)
+    return begin + way, stopped, share
 
 
 def _none() -> Photons:

@@ -199,30 +199,6 @@ def bounding_sphere(solid: Solid) -> tuple[np.ndarray, float]:
     return centre, float(np.linalg.norm(points - centre, axis=1).max())
 
 
-def ball_around(shapes: Iterable[Shape]) -> tuple[np.ndarray, float]:
-    """The centre (3,) and radius, metres, of a sphere around shapes: about the middle of the box round them.
-
-    Of radius 1 about the origin where there are none.
-    """
-    balls = [_hull(shape) for shape in shapes]
-    if not balls:
-        return np.zeros(3), 1.0
-    low = np.min([points.min(axis=0) - radius for points, radius in balls], axis=0)
-    high = np.max([points.max(axis=0) + radius for points, radius in balls], axis=0)
-    middle = (low + high) / 2
-    return middle, max(float(np.linalg.norm(points - middle, axis=1).max()) + radius for points, radius in balls)
-
-
-def _hull(shape: Shape) -> tuple[np.ndarray, float]:
-    """Points (N, 3), and how far the shape reaches beyond them, metres."""
-    if isinstance(shape, Sphere):
-        return np.array([shape.centre], np.float64), shape.radius
-    if isinstance(shape, Plane):
-        x, z = np.multiply(shape.extent, 0.5)
-        return np.array([[i * x, shape.height, j * z] for i in (-1, 1) for j in (-1, 1)]), 0.0
-    return _points(shape), 0.0
-
-
 def carried(
     vertices: np.ndarray, faces: np.ndarray, normals: np.ndarray | None, matrix: np.ndarray
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray | None]:
