@@ -9,11 +9,12 @@ estimate's bias. Jensen's cone, w = 1 − d / 1.1 r, weighs near photons more.
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 from scipy.spatial import KDTree
 
-from relume.renderers.photon_map.tracing import Photons
+from relume.renderers.photon_map.tracing import Flight, Photons
 from relume.scene.materials.media import Medium
 
 CONE = 1.1
@@ -106,6 +107,37 @@ class Everywhere:
         if len(none := np.flatnonzero(~alike.any(1))):
             found[none] = self.density.irradiance(points[none], normals[none])[0]
         return found
+
+
+class Maps(NamedTuple):
+    """What one pass knows of the light.
+
+    surface, caustic : photons on surfaces, seven eighths of them all and those of caustics
+    everywhere : irradiance at the other eighth; None where nothing landed
+    hanging, indirect : photons in the fog, all and those that did not come straight from a lamp
+    """
+
+    surface: Density
+    caustic: Density
+    everywhere: Everywhere | None
+    hanging: Density
+    indirect: Density
+
+    @staticmethod
+    def of(
+        flight: Flight, caustics: Flight, neighbours: int, widest: float, shrink: float, threads: int | None
+    ) -> Maps:
+        """Maps of where photons went; the numbers are those of `Density.of`."""
+        landed, fog = flight.surface, flight.fog
+        eighth = np.arange(len(landed.power)) % 8 == 7
+        others = landed.only(~eighth)
+        others = others._replace(power=others.power * (len(landed.power) / max(len(others.power), 1)))
+        surface, caustic, hanging, indirect = (
+            Density.of(photons, neighbours, widest, shrink, threads)
+            for photons in (others, caustics.surface, fog, fog.only(~fog.direct))
+        )
+        everywhere = Everywhere(surface, landed.only(eighth)) if eighth.any() else None
+        return Maps(surface, caustic, everywhere, hanging, indirect)
 
 
 def _parts(count: int) -> list[slice]:

@@ -13,11 +13,11 @@ import numpy as np
 
 from relume.errors import UnsupportedScene, warn
 from relume.renderers.mitsuba.transport.extent import sphere_round_all
-from relume.renderers.photon_map.density import Density, Everywhere
+from relume.renderers.photon_map.density import Maps
 from relume.renderers.photon_map.gathering import Gathering
-from relume.renderers.photon_map.lamps import Environment, Lamp, Point, Sent, Surface, lamps_of
-from relume.renderers.photon_map.stage import EVEN, FOR_ALL, Ball, Stage
+from relume.renderers.photon_map.stage import EVEN, FOR_ALL, Stage, lamps_of
 from relume.renderers.photon_map.tracing import Flight, followed
+from relume.renderers.raytrace.lamps import Ball, Environment, Lamp, Point, Sent, Surface
 from relume.renderers.renderer import Renderer
 from relume.renderers.results import Progress, Render
 from relume.scene.cameras.camera import Camera
@@ -103,6 +103,8 @@ class PhotonMap(Renderer):
         lit = Stage.of(seen, whole, None, self.threads) if seen else None
         if camera.aperture > 0:
             raise UnsupportedScene(f"a photon map's camera is sharp, and this one's lens has an aperture; {FOR_ALL}")
+        sky = next((lamp.bright.light for lamp in lamps if isinstance(lamp, Environment)), None)
+        rays = [(lamp, self.shadows if isinstance(lamp, Surface | Environment) else 1) for lamp in lamps]
         smooth = [shape for shape, kind in zip(shapes, stage.kind[:-1], strict=True) if kind != EVEN]
         aim = sphere_round_all(replace(scene, local=tuple(smooth), objects=(), lights=())) if smooth else whole
         pixels, share = camera.height * camera.width, 1.0
@@ -112,7 +114,8 @@ class PhotonMap(Renderer):
             random = np.random.default_rng([seed, index, 0])
             flight = self._flown(stage, lamps, whole, random, caustics=False)
             caustics = self._flown(stage, lamps if smooth else (), aim, random, caustics=True)
-            gathering = self._gathering(stage, lamps, lit, flight, caustics, whole[1], np.sqrt(share))
+            maps = Maps.of(flight, caustics, self.neighbours, 2 * whole[1], np.sqrt(share), self.threads)
+            gathering = Gathering(stage, rays, lit, sky, maps, self.gather, self.march, self.depth)
             radius = np.zeros(pixels)
             # One ray through each pixel, anywhere in it.
             for part in range(0, pixels, AT_ONCE):
@@ -122,11 +125,11 @@ class PhotonMap(Renderer):
                 # Additive recurrence spreads the passes' rays better than chance (Roberts 2018).
                 shift = np.random.default_rng([seed, part]).random((len(number), 2))
                 points = np.stack([column, row], -1) + (shift + index * np.array([0.7548776662, 0.5698402910])) % 1
-                rays = camera.rays_through(points)
-                eyes = np.tile(np.asarray(camera.position, np.float64), (len(rays), 1))
-                radiance, radius[number] = gathering.seen(eyes, rays, random)
-                sums[number] += np.concatenate([radiance, radiance**2, _planes(stage, eyes, rays, scene)], axis=1)
-            render = _render(sums, index + 1, camera, self.gather + 1)
+                ways = camera.rays_through(points)
+                eyes = np.tile(np.asarray(camera.position, np.float64), (len(ways), 1))
+                radiance, radius[number] = gathering.seen(eyes, ways, random)
+                sums[number] += np.concatenate([radiance, radiance**2, _planes(stage, eyes, ways, scene)], axis=1)
+            render = _render(sums, index + 1, camera)
             yield PhotonStep(render, flight, caustics, radius.reshape(camera.height, camera.width))
             # Of Knaus and Zwicker's eq. 15, counted from 1.
             share *= (index + 1 + self.shrink) / (index + 2)
@@ -138,39 +141,10 @@ class PhotonMap(Renderer):
         # A few photons say how much each lamp sends.
         flux = np.array([lamp.sent(random, 256, ball).power.sum() for lamp in lamps])
         counts = np.ceil(self.photons * flux / max(flux.sum(), 1e-300)).astype(int)
-        sent = [lamp.sent(random, count, ball) for lamp, count in zip(lamps, counts, strict=True) if count]
-        together = Sent(
-            *(np.concatenate([np.zeros((0, 3)), *parts]) for parts in zip(*sent, strict=True))
-            if sent
-            else np.zeros((3, 0, 3))
-        )
+        nothing = Sent(*np.zeros((3, 0, 3)))
+        sent = [lamp.sent(random, count, ball) for lamp, count in zip(lamps, counts, strict=True)]
+        together = Sent(*map(np.concatenate, zip(nothing, *sent, strict=True)))
         return followed(stage, together, random, self.depth, caustics)
-
-    def _gathering(
-        self,
-        stage: Stage,
-        lamps: tuple[Lamp, ...],
-        lit: Stage | None,
-        flight: Flight,
-        caustics: Flight,
-        size: float,
-        shrink: float,
-    ) -> Gathering:
-        landed, fog = flight.surface, flight.fog
-        # An eighth says where irradiance is asked for, and the others how much there is.
-        eighth = np.arange(len(landed.power)) % 8 == 7
-        others = landed.only(~eighth)
-        others = others._replace(power=others.power * (len(landed.power) / max(len(others.power), 1)))
-        surface, caustic, hanging, indirect = (
-            Density.of(photons, self.neighbours, 2 * size, shrink, self.threads)
-            for photons in (others, caustics.surface, fog, fog.only(~fog.direct))
-        )
-        environment = next((lamp for lamp in lamps if isinstance(lamp, Environment)), None)
-        everywhere = Everywhere(surface, flight.surface.only(eighth)) if self.gather and eighth.any() else None
-        return Gathering(
-            stage, lamps, lit, environment, surface, caustic, everywhere, hanging, indirect, self.gather, self.shadows,
-            self.march, self.depth,
-        )  # fmt: skip
 
 
 def _planes(stage: Stage, eyes: np.ndarray, rays: np.ndarray, scene: Scene) -> np.ndarray:
@@ -182,7 +156,7 @@ def _planes(stage: Stage, eyes: np.ndarray, rays: np.ndarray, scene: Scene) -> n
     return np.concatenate([columns, there[:, None] * met.normal, met.colour], axis=1)
 
 
-def _render(sums: np.ndarray, passes: int, camera: Camera, rays: int) -> Render:
+def _render(sums: np.ndarray, passes: int, camera: Camera) -> Render:
     """The picture that is in the sums of passes, (H·W, 15)."""
     means = (sums / passes).reshape(camera.height, camera.width, 15)
     spread = (

@@ -13,20 +13,21 @@ from typing import NamedTuple
 import numpy as np
 
 from relume.errors import UnsupportedScene
+from relume.light.reflection.convolution import as_latlong
 from relume.light.reflection.weights import Fresnel
-from relume.renderers.raytrace.alpha_coverage import repeated
+from relume.renderers.raytrace.lamps import Ball, Distant, Environment, Lamp, Surface, lamp_of, painted
 from relume.renderers.raytrace.raycast import RayCaster
 from relume.renderers.raytrace.surface import Surfaces
 from relume.renderers.unsupported_features import unsupported_features
 from relume.scene.materials.materials import Diffuse, Material, is_image
 from relume.scene.materials.media import Medium
-from relume.scene.shapes.shapes import AnyMaterial, Patches, Shape
+from relume.scene.scene import Infinite, Scene
+from relume.scene.shapes.shapes import AnyMaterial, Patches, Plane, Shape
 from relume.scene.shapes.tessellation import tessellated
+from relume.sphere.sampling import BrightDirections
 
 NOTHING, EVEN, MIRROR, GLASS = 0, 1, 2, 3
 """Kinds of what a ray meets."""
-Ball = tuple[np.ndarray, float]
-"""Centre (3,) and radius, metres, of a sphere."""
 FOR_ALL = "use rl.Mitsuba (--renderer mitsuba)"
 SMOOTH = 0.03
 """Roughness below which glass and mirrors are smooth: finer than any picture shows."""
@@ -174,7 +175,9 @@ def _kind(material: AnyMaterial) -> int:
         return EVEN
     if not isinstance(material, Material):
         raise _refused(f"the {type(material).__name__} material {name!r}")
-    left_out = {*unsupported_features(material)} - {"emission", "specular"}
+    left_out = {*unsupported_features(material)} - {"emission"}
+    if not np.any(material.through):
+        left_out -= {"specular"}
     if material.medium is not None and not any(material.medium.scattering):
         left_out -= {"what fills the body"}
     if left_out:
@@ -188,16 +191,29 @@ def _kind(material: AnyMaterial) -> int:
         return GLASS
     if material.metallic == 0 and material.transmission == 0 and np.all(np.asarray(material.specular) == 0):
         return EVEN
-    raise _refused(f"the gloss of the material {name!r}", "a smooth mirror or glass, specular = 0, ")
+    raise _refused(f"the gloss of the material {name!r}", "specular = 0, smooth mirrors, smooth glass and ")
 
 
 def _refused(what: str, otherwise: str = "") -> UnsupportedScene:
-    return UnsupportedScene(f"a photon map has no place for {what}; {FOR_ALL}, or {otherwise}a diffuse material")
+    return UnsupportedScene(f"a photon map has no place for {what}; {FOR_ALL}, or {otherwise}diffuse surfaces")
 
 
-def painted(value: object) -> Callable[[np.ndarray], np.ndarray]:
-    """What gives a colour, or an image's, (P, 3) at texture coordinates (P, 2)."""
-    image = np.asarray(value, np.float64)
-    if image.ndim == 3:
-        return repeated(image)
-    return lambda uv: np.broadcast_to(image, (len(uv), 3))
+def lamps_of(scene: Scene) -> tuple[Lamp, ...]:
+    """All that shines in a scene; raises UnsupportedScene naming a lamp that sends no photons."""
+    shapes = (*scene.local, *scene.objects)
+    shining = [(shape, shape.material) for shape in shapes]
+    lamps: list[Lamp] = [Surface(s, m.emission) for s, m in shining if isinstance(m, Material) and m.emits]
+    for light in scene.lights:
+        if (lamp := lamp_of(light)) is None:
+            raise _refused(f"a light of the kind {light}", "lamps by the square law and ")
+        lamps.append(lamp)
+    if not isinstance(scene.distant, Infinite):
+        raise UnsupportedScene(f"a photon map has its light map at infinity, and this scene's is near; {FOR_ALL}")
+    if np.any(scene.light.radiance):
+        lamps.append(Environment(BrightDirections.of(as_latlong(scene.light))))
+    far = any(isinstance(lamp, Distant | Environment) for lamp in lamps)
+    if far and any(isinstance(shape, Plane) and shape.size is None for shape in shapes):
+        raise UnsupportedScene("photons from infinity would be spread over a plane without an edge; give it a size")
+    if not lamps:
+        raise UnsupportedScene("nothing shines in this scene: it has no lights and its light map is black; add one")
+    return tuple(lamps)

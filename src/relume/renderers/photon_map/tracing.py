@@ -11,8 +11,8 @@ from typing import NamedTuple
 
 import numpy as np
 
-from relume.renderers.photon_map.lamps import Sent
 from relume.renderers.photon_map.stage import EVEN, NOTHING, Met, Stage
+from relume.renderers.raytrace.lamps import Sent
 from relume.sphere.sampling import by_cosine, turned_evenly
 
 

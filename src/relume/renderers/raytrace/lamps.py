@@ -6,23 +6,24 @@ ball's disc; one that is near sends them into the cone that the ball fills, or a
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
 
-from relume.errors import UnsupportedScene
-from relume.light.reflection.convolution import as_latlong
-from relume.renderers.photon_map.stage import FOR_ALL, Ball, painted
-from relume.scene.lights import DistantLight, PointLight, RectangleLight, SphereLight, SquareLaw
+from relume.renderers.raytrace.alpha_coverage import repeated
+from relume.scene.lights import DistantLight, Light, PointLight, RectangleLight, SphereLight, SquareLaw
 from relume.scene.materials.checks import Colour
 from relume.scene.materials.materials import Material
-from relume.scene.scene import Infinite, Scene
 from relume.scene.shapes.shapes import Mesh, Plane, Polygon, Shape, Sphere
 from relume.scene.shapes.tessellation import triangulated
 from relume.sphere.directions import normalised
 from relume.sphere.mappings.mapping import LatLong
 from relume.sphere.sampling import BrightDirections, by_cosine, in_frames, into_ball, turned_evenly
+
+Ball = tuple[np.ndarray, float]
+"""Centre (3,) and radius, metres, of a sphere."""
 
 
 class Sent(NamedTuple):
@@ -138,43 +139,20 @@ class Surface:
 Lamp = Point | Distant | Environment | Surface
 
 
-def lamps_of(scene: Scene) -> tuple[Lamp, ...]:
-    """All that shines in a scene; raises UnsupportedScene naming a lamp that sends no photons."""
-    shapes = (*scene.local, *scene.objects)
-    shining = [(shape, shape.material) for shape in shapes]
-    lamps: list[Lamp] = [Surface(s, m.emission) for s, m in shining if isinstance(m, Material) and m.emits]
-    for light in scene.lights:
-        if isinstance(light, PointLight) and isinstance(light.falloff, SquareLaw):
-            lamps.append(Point(light))
-        elif isinstance(light, DistantLight):
-            lamps.append(Distant(light))
-        elif isinstance(light, SphereLight):
-            lamps.append(Surface(Sphere(light.position, light.radius, _shell(light.radiance)), light.radiance))
-        elif isinstance(light, RectangleLight):
-            across, up = (light.frame[:, i] * light.size[i] / 2 for i in (0, 1))
-            corners = light.position + np.array([-across - up, across - up, across + up, up - across])
-            lamps.append(
-                Surface(
-                    Polygon(corners, Material((0.0, 0.0, 0.0), emission=light.radiance, specular=0.0)), light.radiance
-                )
-            )
-        else:
-            what = f"{light.falloff} of a point of light" if isinstance(light, PointLight) else type(light).__name__
-            raise UnsupportedScene(f"a photon map has no place for the {what}; {FOR_ALL}, or the square law")
-    if not isinstance(scene.distant, Infinite):
-        raise UnsupportedScene(f"a photon map has its light map at infinity, and this scene's is near; {FOR_ALL}")
-    if np.any(scene.light.radiance):
-        lamps.append(Environment(BrightDirections.of(as_latlong(scene.light))))
-    far = any(isinstance(lamp, Distant | Environment) for lamp in lamps)
-    if far and any(isinstance(shape, Plane) and shape.size is None for shape in shapes):
-        raise UnsupportedScene("photons from infinity would be spread over a plane without an edge; give it a size")
-    if not lamps:
-        raise UnsupportedScene("nothing shines in this scene: it has no lights and its light map is black; add one")
-    return tuple(lamps)
-
-
-def _shell(radiance: Colour) -> Material:
-    return Material((0.0, 0.0, 0.0), specular=0.0, emission=radiance)
+def lamp_of(light: Light) -> Lamp | None:
+    """A light of a scene as a lamp; None for light that falls otherwise than by the square law, or is everywhere."""
+    if isinstance(light, PointLight) and isinstance(light.falloff, SquareLaw):
+        return Point(light)
+    if isinstance(light, DistantLight):
+        return Distant(light)
+    if isinstance(light, SphereLight | RectangleLight):
+        shell = Material((0.0, 0.0, 0.0), specular=0.0, emission=light.radiance)
+        if isinstance(light, SphereLight):
+            return Surface(Sphere(light.position, light.radius, shell), light.radiance)
+        across, up = (light.frame[:, i] * light.size[i] / 2 for i in (0, 1))
+        corners = light.position + np.array([-across - up, across - up, across + up, up - across])
+        return Surface(Polygon(corners, shell), light.radiance)
+    return None
 
 
 def _through_disc(random: np.random.Generator, towards: np.ndarray, strength: np.ndarray, ball: Ball) -> Sent:
@@ -201,3 +179,11 @@ def _mesh_of(shape: Shape) -> Mesh:
         return Mesh(vertices, np.array([[0, 1, 2], [0, 2, 3]]), shape.material, uv=uv)
     assert isinstance(shape, Mesh)
     return shape
+
+
+def painted(value: object) -> Callable[[np.ndarray], np.ndarray]:
+    """What gives a colour, or an image's, (P, 3) at texture coordinates (P, 2)."""
+    image = np.asarray(value, np.float64)
+    if image.ndim == 3:
+        return repeated(image)
+    return lambda uv: np.broadcast_to(image, (len(uv), 3))
