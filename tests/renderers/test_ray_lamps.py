@@ -54,7 +54,7 @@ def test_an_even_sky_sends_its_light_through_the_ball():
     sky = Environment(BrightDirections.of(EnvironmentMap(np.full((8, 16, 3), 0.5, np.float32))))
     sent = sky.sent(np.random.default_rng(1), COUNT, BALL)
     # Through a ball's surface goes π·L for each square metre.
-    np.testing.assert_allclose(sent.power.sum(0), np.pi * 0.5 * 4 * np.pi * 4, rtol=1e-5)
+    np.testing.assert_allclose(sent.power.sum(0), np.pi * 0.5 * 4 * np.pi * 4, rtol=0.01)
     across = np.linalg.norm(np.cross(sent.origins - BALL[0], sent.directions), axis=1)
     assert across.max() <= 2 and (across**2).mean() == pytest.approx(2, rel=0.03)
 

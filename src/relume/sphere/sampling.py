@@ -9,8 +9,20 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from relume.image.bilinear import bilinear
 from relume.sphere.environment_map import EnvironmentMap
-from relume.sphere.mappings.mapping import LatLong
+from relume.sphere.mappings.mapping import LatLong, continued_round
+
+
+def spread(random: np.random.Generator, count: int) -> np.ndarray:
+    """Numbers (N,) from 0 to 1, one in each of N equal parts, in an order by chance: their mean has little noise."""
+    return (random.permutation(count) + random.random(count)) / max(count, 1)
+
+
+def chosen(random: np.random.Generator, weights: np.ndarray, count: int) -> np.ndarray:
+    """Which of P things (N,), each as often as its weight (P,) says, spread as `spread` does."""
+    steps = np.cumsum(weights)
+    return np.minimum(np.searchsorted(steps, spread(random, count) * steps[-1], side="right"), len(steps) - 1)
 
 
 def in_frames(axis: np.ndarray, local: np.ndarray) -> np.ndarray:
@@ -25,13 +37,13 @@ def in_frames(axis: np.ndarray, local: np.ndarray) -> np.ndarray:
 
 def turned_evenly(random: np.random.Generator, axis: np.ndarray, cosine: np.ndarray) -> np.ndarray:
     """Directions (N, 3) at an angle of this cosine (N,) to the axis (N, 3), anywhere round it."""
-    turn, sine = 2 * np.pi * random.random(len(axis)), np.sqrt(np.maximum(1 - cosine**2, 0))
+    turn, sine = 2 * np.pi * spread(random, len(axis)), np.sqrt(np.maximum(1 - cosine**2, 0))
     return in_frames(axis, np.stack([sine * np.cos(turn), sine * np.sin(turn), cosine], -1))
 
 
 def by_cosine(random: np.random.Generator, normal: np.ndarray) -> np.ndarray:
     """Directions (N, 3) over the hemisphere about normals (N, 3), with density cos θ/π to the solid angle."""
-    return turned_evenly(random, normal, np.sqrt(random.random(len(normal))))
+    return turned_evenly(random, normal, np.sqrt(spread(random, len(normal))))
 
 
 def into_ball(
@@ -47,40 +59,34 @@ def into_ball(
     # 1 − cos, without loss where the ball is far.
     height = np.where(distance > radius, sine**2 / (1 + np.sqrt(np.maximum(1 - sine**2, 0))), 2.0)
     axis = np.where(distance[:, None] > 0, way / np.maximum(distance, 1e-300)[:, None], [0.0, 0.0, 1.0])
-    return turned_evenly(random, axis, 1 - height * random.random(len(axis))), 2 * np.pi * height
+    return turned_evenly(random, axis, 1 - height * spread(random, len(axis))), 2 * np.pi * height
 
 
 @dataclass(frozen=True, eq=False)
 class BrightDirections:
-    """Directions towards an environment map in lat-long, drawn about as often as it is bright.
+    """Directions towards an environment map in lat-long, drawn as often as it is bright between its pixels too.
 
-    chances : (P,) of the pixels in rows; angles : (P,) their solid angles, steradians
+    weights : (rows, columns), brightness of the pixels times the share of the sphere that they cover
     """
 
     light: EnvironmentMap
-    chances: np.ndarray
-    angles: np.ndarray
+    weights: np.ndarray
 
     @staticmethod
     def of(light: EnvironmentMap) -> BrightDirections:
         """Those of a map that is not black; raises ValueError for another mapping than lat-long."""
         if not isinstance(light.mapping, LatLong) or not np.any(light.radiance):
             raise ValueError(f"a map in {light.mapping.name} or a black one; expected a lat-long map that shines")
-        # A look-up between pixels has light of both: a dark pixel beside the sun is drawn as well.
-        most = light.radiance.mean(axis=-1).astype(np.float64)
-        for axis in (0, 1):
-            most = np.maximum(most, np.maximum(np.roll(most, 1, axis), np.roll(most, -1, axis)))
-        angles = light.mapping.solid_angles(light.size).ravel()
-        weight = most.ravel() * angles
-        return BrightDirections(light, weight / weight.sum(), angles)
+        ring = np.sin(np.pi * (np.arange(light.size) + 0.5) / light.size)
+        return BrightDirections(light, light.radiance.mean(axis=-1).astype(np.float64) * ring[:, None])
 
     def drawn(self, random: np.random.Generator, count: int) -> tuple[np.ndarray, np.ndarray]:
         """Directions (N, 3), and the radiance from there over the density with which they are drawn (N, 3)."""
-        size = self.light.size
-        pixel = random.choice(len(self.chances), count, p=self.chances)
-        row, column = np.divmod(pixel, 2 * size)
-        upper, lower = np.cos(np.pi * row / size), np.cos(np.pi * (row + 1) / size)
-        polar = np.arccos(upper + (lower - upper) * random.random(count)) / np.pi
-        points = np.stack([(column + random.random(count)) / (2 * size), polar], axis=-1)
-        towards = self.light.mapping.directions(points)
-        return towards, self.light.lookup(towards) * (self.angles[pixel] / self.chances[pixel])[:, None]
+        rows, columns = self.weights.shape
+        row, column = np.divmod(chosen(random, self.weights.ravel(), count), columns)
+        # Tents about the pixels' middles add up to what bilinear look-ups see; those at a pole go on beyond it.
+        x, y = (random.random((2, count)) + random.random((2, count))) + np.stack([column, row]) - 0.5
+        towards = self.light.mapping.directions(np.stack([x / columns, y / rows], axis=-1))
+        density = bilinear(continued_round(self.weights), x % columns + 1, y + 1) / self.weights.mean()
+        measure = 2 * np.pi**2 * np.abs(np.sin(np.pi * y / rows)) / density
+        return towards, self.light.lookup(towards) * measure[:, None]

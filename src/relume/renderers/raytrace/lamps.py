@@ -20,7 +20,7 @@ from relume.scene.shapes.shapes import Mesh, Plane, Polygon, Shape, Sphere
 from relume.scene.shapes.tessellation import triangulated
 from relume.sphere.directions import normalised
 from relume.sphere.mappings.mapping import LatLong
-from relume.sphere.sampling import BrightDirections, by_cosine, in_frames, into_ball, turned_evenly
+from relume.sphere.sampling import BrightDirections, by_cosine, chosen, in_frames, into_ball, spread, turned_evenly
 
 Ball = tuple[np.ndarray, float]
 """Centre (3,) and radius, metres, of a sphere."""
@@ -111,10 +111,26 @@ class Surface:
         return Sent(origins, directions, radiance * measure[:, None] / count)
 
     def reaching(self, random: np.random.Generator, points: np.ndarray) -> Reaching:
+        if isinstance(self.shape, Sphere):
+            return self._from_ball(random, points, np.array(self.shape.centre), self.shape.radius)
         places, normal, radiance = self._drawn(random, len(points))
         directions, distance = _towards(places - points)
         facing = np.maximum(-np.einsum("ij,ij->i", directions, normal), 0)
         return Reaching(directions, distance, radiance * (facing / distance**2)[:, None])
+
+    def _from_ball(
+        self, random: np.random.Generator, points: np.ndarray, centre: np.ndarray, radius: float
+    ) -> Reaching:
+        """The light of a sphere, drawn by the solid angle: its far side is never in view."""
+        directions, angle = into_ball(random, points, centre, radius)
+        to, middle = centre - points, np.einsum("ij,ij->i", centre - points, directions)
+        outside = np.einsum("ij,ij->i", to, to) - radius**2
+        distance = middle - np.sqrt(np.maximum(middle**2 - outside, 0))
+        normal = (distance[:, None] * directions - to) / radius
+        shown = np.where(outside > 0, angle, 0.0)
+        return Reaching(
+            directions, np.maximum(distance, 0), painted(self.emission)(_uv_of_ball(normal)) * shown[:, None]
+        )
 
     def _drawn(self, random: np.random.Generator, count: int) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         """Points and their normals (N, 3), and their radiance times the shape's area."""
@@ -122,14 +138,13 @@ class Surface:
         if isinstance(self.shape, Sphere):
             normal = turned_evenly(random, np.tile([0.0, 0.0, 1.0], (count, 1)), 2 * random.random(count) - 1)
             points = self.shape.centre + self.shape.radius * normal
-            uv = LatLong().image_points(normal) * [1, -1] + [0, 1]
-            return points, normal, glow(uv) * 4 * np.pi * self.shape.radius**2
+            return points, normal, glow(_uv_of_ball(normal)) * 4 * np.pi * self.shape.radius**2
         mesh = _mesh_of(self.shape)
         corners = mesh.vertices[mesh.faces].astype(np.float64)
         across = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
         area = 0.5 * np.linalg.norm(across, axis=1)
-        which = random.choice(len(area), count, p=area / area.sum())
-        root, along = np.sqrt(random.random(count)), random.random(count)
+        which = chosen(random, area, count)
+        root, along = np.sqrt(spread(random, count)), spread(random, count)
         weights = np.stack([1 - root, root * (1 - along), root * along], -1)[:, :, None]
         points = (weights * corners[which]).sum(1)
         uv = np.zeros((count, 2)) if mesh.uv is None else (weights * mesh.uv[mesh.faces][which]).sum(1)
@@ -166,6 +181,10 @@ def _through_disc(random: np.random.Generator, towards: np.ndarray, strength: np
 def _towards(way: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     distance = np.linalg.norm(way, axis=1)
     return way / np.maximum(distance, 1e-300)[:, None], distance
+
+
+def _uv_of_ball(normal: np.ndarray) -> np.ndarray:
+    return LatLong().image_points(normal) * [1, -1] + [0, 1]
 
 
 def _mesh_of(shape: Shape) -> Mesh:
