@@ -86,7 +86,7 @@ def test_light_that_reaches_a_point_is_that_of_closed_forms():
         found = (light.irradiance * light.directions[:, 1:2]).mean(0)
         np.testing.assert_allclose(found, irradiance * np.array(L), rtol=0.02)
     # One-sided: from behind there is nothing.
-    above = Surface(quad(0.5, 2.0), L).reaching(np.random.default_rng(3), points + [0, 4, 0])
+    above = Surface(quad(0.5, 2.0), L).reaching(np.random.default_rng(3), points + np.array([0, 4, 0]))
     assert not above.irradiance.any()
 
 

@@ -15,7 +15,7 @@ def test_the_phase_function_is_a_share_of_all_directions_with_its_mean_cosine(g:
     share = 2 * np.pi * medium.phase(nodes) * weights
     assert share.sum() == pytest.approx(1, abs=1e-9)
     assert (share * nodes).sum() == pytest.approx(g, abs=1e-9)
-    assert Medium((0.0,) * 3, (1.0,) * 3).phase(np.array(0.3)) == pytest.approx(1 / (4 * np.pi))
+    assert Medium((0.0, 0.0, 0.0), (1.0, 1.0, 1.0)).phase(np.array(0.3)) == pytest.approx(1 / (4 * np.pi))
 
 
 @pytest.mark.parametrize("g", [0.0, 0.6, -0.8])
