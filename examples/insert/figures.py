@@ -16,7 +16,7 @@ from PIL import Image, ImageDraw
 from relume.capture.exposure.bracket import read_bracket
 from relume.image import files
 from relume.image.response import Response
-from relume.project.shot_file.local_table import distant_scene
+from relume.project.place_tables import distant_scene
 from relume.project.shot_file.shot import Shot, read_shot
 from relume.report import plots
 from relume.scene.cameras.camera import Camera

@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 
 import relume as rl
-from relume.project.scene_file.lights import metered_scene
+from relume.project.scene_file.metering import metered_scene
 from relume.renderers.whitted.ray_tree import ray_tree
 from relume.report.ray_tree_plot import tree_plot
 

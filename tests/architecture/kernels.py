@@ -35,6 +35,7 @@ PROOFS: dict[str, tuple[str, str]] = {
     "lightstage/relighting/sum_kernel.py": ("lightstage/relighting/test_relighting.py", "identity: the matrix product"),
     "probe/descent.py": ("probe/test_descent.py", "slow twins: the same sums by NumPy, descended by SciPy"),
     "probe/panorama/kernel.py": ("probe/test_panorama_parts.py", "identity: views of one light give it back"),
+    "renderers/irradiance_cache/octree.py": ("renderers/test_irradiance_cache.py", "slow twin: every record is tried"),
     "renderers/prefiltered/filter_kernels.py": ("renderers/test_filters.py", "identity: light is kept; slow quads"),
     "renderers/prefiltered/glossy_kernel.py": ("renderers/test_mapped.py", "closed forms of albedo"),
     "renderers/prefiltered/shading_inputs.py": ("renderers/test_filters.py", "slow quadrilaterals in quads.py"),

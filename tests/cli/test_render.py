@@ -124,7 +124,7 @@ def test_a_turntable_turns_objects_where_they_stand(folder):
     frames = [read_photograph(folder / f"turn/frame_{i:04d}.png").pixels for i in (1, 2, 3)]
     assert np.array_equal(frames[0], frames[1])
     assert np.array_equal(frames[0], frames[2])
-    assert len(list((folder / "turn").iterdir())) == 3
+    assert len(list((folder / "turn").glob("*.*"))) == 3 + 1  # and the record of what made them
 
 
 def test_frames_of_two_movies_are_not_mixed(folder, capsys):
@@ -171,7 +171,10 @@ def chosen(folder: Path, capsys, scene: str, *options: str) -> str:
         ("moving.toml", ["--frames", "2"], "whitted"),
         ("clay.toml", ["--frames", "2"], "prefiltered"),
         ("sunlit.toml", ["--frames", "2"], "whitted"),
-        ("clay.toml", ["--depth", "2"], "whitted"),
+        ("clay.toml", ["--depth", "2"], "mitsuba"),
+        ("clay.toml", ["--depth", "2", "--rays", "3"], "whitted"),
+        ("clay.toml", ["--frames", "2", "--samples", "2"], "mitsuba"),
+        ("moving.toml", ["--frames", "2", "--renderer", "mitsuba"], "mitsuba"),
         ("chrome.toml", ["--seed", "2"], "whitted"),
         ("clay.toml", ["--renderer", "mapped"], "prefiltered"),  # its name before
         ("clay.toml", ["--seed", "2"], "mitsuba"),
@@ -292,7 +295,7 @@ def test_a_picture_is_metered_by_the_scenes_own_lights(folder):
         ("clay.toml", "a.tif", [], "must end in"),
         ("clay.toml", "a.png", ["--frames", "2"], "with --frames give a folder"),
         ("clay.toml", "turn", ["--frames", "0"], "--frames"),
-        ("clay.toml", "a.png", ["--degrees", "90"], "--degrees is about a motion; give --frames N too"),
+        ("clay.toml", "a.png", ["--degrees", "90"], "degrees is about a motion; give --frames N too"),
         ("clay.toml", "a.png", ["--size", "0x0"], "0x0"),
         ("clay.toml", "a.png", ["--size", "65537x9"], "65537×9 pixels; give 1 to 65536"),
         ("clay.toml", "a.png", ["--size", "big"], '"big" is not of the form WIDTHxHEIGHT'),
@@ -304,17 +307,32 @@ def test_a_picture_is_metered_by_the_scenes_own_lights(folder):
         ("ambient.toml", "a.png", ["--renderer", "mitsuba"], "Mitsuba has no ambient light"),
         ("sunlit.toml", "a.png", ["--renderer", "prefiltered"], "reflection maps hold light from infinity alone"),
         ("blob.toml", "a.png", ["--filter", "mip"], "reflection maps hold light from infinity alone"),
-        ("clay.toml", "a.png", ["--renderer", "prefiltered", "--depth", "2"], "depth is for the renderer whitted, but"),
+        (
+            "clay.toml",
+            "a.png",
+            ["--renderer", "prefiltered", "--depth", "2"],
+            "depth is for the renderer mitsuba or whitted,",
+        ),
         ("clay.toml", "a.png", ["--filter", "mip", "--samples", "2"], "samples is for the renderer mitsuba"),
         ("clay.toml", "a.png", ["--region", "0,0,9,9", "--filter", "mip"], "region is for the renderer whitted"),
-        ("clay.toml", "turn", ["--frames", "2", "--samples", "2"], "frames is for the renderer prefiltered or"),
+        ("clay.toml", "turn", ["--frames", "1-3"], "without a [sequence] in the scene file it is the number of"),
         ("clay.toml", "a.png", ["--region", "0,0,9"], '"0,0,9" is not of the form LEFT,TOP,RIGHT,BOTTOM'),
         ("clay.toml", "a.png", ["--region", "0,0,41,9"], "region 0,0,41,9 is not a part of a picture of 40×30"),
         ("clay.toml", "a.png", ["--region", "9,0,9,9"], "region 9,0,9,9 is not a part of a picture of 40×30"),
-        ("clay.toml", "a.png", ["--depth", "0"], "depth is 0; expected a whole number from 1 to 1000"),
+        (
+            "clay.toml",
+            "a.png",
+            ["--renderer", "whitted", "--depth", "0"],
+            "depth is 0; expected a whole number from 1 to 1000",
+        ),
         ("clay.toml", "a.png", ["--rays", "0"], "rays is 0; expected a whole number from 1 to 65536"),
         ("clay.toml", "a.png", ["--subdivisions", "9"], "subdivisions 9"),
-        ("moving.toml", "turn", ["--renderer", "prefiltered", "--frames", "2"], "orbits need the renderer whitted"),
+        (
+            "moving.toml",
+            "turn",
+            ["--renderer", "prefiltered", "--frames", "2"],
+            "orbits need the renderer whitted or mitsuba",
+        ),
         ("moving.toml", "turn", ["--frames", "2", "--degrees", "90"], "degrees say how far a motion goes"),
         ("asking.toml", "a.png", ["--samples", "2"], "the scene file's [whitted] table needs the renderer whitted"),
     ],

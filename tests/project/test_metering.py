@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 import lights
-from relume.project.scene_file.lights import metered_scene
+from relume.project.scene_file.metering import metered_scene
 from relume.scene.lights import AmbientLight, DistantLight, Linear, PointLight, SphereLight, Unattenuated
 from relume.scene.materials.materials import Diffuse
 from relume.scene.scene import Scene

@@ -13,7 +13,7 @@ from relume.image.files import write
 from relume.probe.ball.blending import Probe
 from relume.project.insertion.photographs import light_from_map
 from relume.project.insertion.place import bare_place, relit, require_in_place
-from relume.project.shot_file.local_table import distant_scene
+from relume.project.place_tables import distant_scene
 from relume.project.shot_file.objects import doubts_about, placed_meshes, require_outside
 from relume.project.shot_file.shot import Shot
 from relume.scene.cameras.camera import Camera

@@ -294,7 +294,10 @@ def test_a_mesh_alone_is_framed_from_a_little_above(folder: Path) -> None:
         ),
         ("[camera", "not valid TOML: Expected ']' at the end of a table declaration (at the end, line 1)"),
         ("[light]\nmap = 'light.exr'", "camera: missing; the scene file must have it"),
-        (HEAD.replace("target", "look_at") + BALL, "camera.target: missing; the scene file must have it"),
+        (
+            HEAD.replace("target", "roll").replace("[0, 0.5, 0]", "5", 1) + BALL,
+            "camera: target: missing; the scene file must have it",
+        ),
         (
             HEAD.replace("[0, 0.5, 0]", "[0, 1, 4]") + BALL,
             "camera: target [0.0, 1.0, 4.0] is where the camera stands; give another point to look at",

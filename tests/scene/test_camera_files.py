@@ -331,7 +331,15 @@ def test_the_script_is_python_that_writes_what_is_read(tmp_path, monkeypatch):
     render = Names(resolution_x=1920, resolution_y=1280, pixel_aspect_x=1.0, pixel_aspect_y=1.0)
     bpy = ModuleType("bpy")
     bpy.context = Names(  # pyright: ignore[reportAttributeAccessIssue]
-        scene=Names(camera=camera, render=render, unit_settings=Names(scale_length=1.0)),
+        scene=Names(
+            camera=camera,
+            render=render,
+            unit_settings=Names(scale_length=1.0),
+            frame_current=1,
+            frame_start=1,
+            frame_end=2,
+            frame_set=lambda frame: None,
+        ),
         evaluated_depsgraph_get=lambda: world,
     )
     bpy.data = Names(filepath=str(tmp_path / "scene.blend"))  # pyright: ignore[reportAttributeAccessIssue]

@@ -36,3 +36,17 @@ def sphere(
     ball = trimesh.creation.icosphere(subdivisions=fine)
     vertices, normals = np.asarray(centre) + radius * ball.vertices, ball.vertices.astype(np.float32)
     return Mesh(vertices.astype(np.float32), ball.faces.astype(np.int32), material, normals, name="ball")
+
+
+def room(*materials: AnyMaterial) -> tuple[Mesh, ...]:
+    """The unit cube as seen from inside: x = 0 and 1, y = 0 and 1, z = 0 and 1, of these six materials or of one."""
+    walls = []
+    for index, material in enumerate(materials if len(materials) == 6 else materials * 6):
+        axis, far = divmod(index, 2)
+        square = np.array([[0, 0], [1, 0], [1, 1], [0, 1]], np.float32)
+        corners = np.insert(square, axis, far, axis=1)
+        normal = np.cross(corners[1] - corners[0], corners[2] - corners[0])[axis]
+        # Its normal points away from the wall.
+        inward = corners if (normal > 0) == (far == 0) else corners[::-1]
+        walls.append(quad(inward, material, name=f"{'xyz'[axis]} = {far}"))
+    return tuple(walls)

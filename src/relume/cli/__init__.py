@@ -18,6 +18,7 @@ COMMANDS = {
     "reflect": "Turn an environment map into reflection maps, cubes for game engines and a contact sheet.",
     "stage": "Light stages: a real thing, photographed under one light at a time, under any light.",
     "render": "Render a scene or a mesh under an environment map: a picture, frames or a movie.",
+    "film": "Make a film of a scene file: frames, lens and film stock, and the movie.",
     "insert": "Insert objects into a photograph, lit by the light photographed there.",
     "view": "Show pictures and maps in the browser, with their values, errors and differences.",
     "studio": "Make a composite by looking and pointing: a shot and its photographs in the browser.",
@@ -25,7 +26,10 @@ COMMANDS = {
     "demo": "Run the main job on the example room and say where the pictures are.",
 }
 
-FOLDERS = {"stage": "stage.", "view": "pages.", "studio": "pages."}
+FOLDERS = {
+    "stage": "stage.", "view": "pages.", "studio": "pages.",
+    "render": "rendering.", "reflect": "rendering.", "film": "rendering.",
+}  # fmt: skip
 """Where a command's module is, if not beside this one."""
 
 

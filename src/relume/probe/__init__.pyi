@@ -1,4 +1,5 @@
 from .ball.blending import Probe as Probe
+from .ball.blending import blend_views as blend_views
 from .ball.probing import BallProbe as BallProbe
 from .ball.probing import ProbeSettings as ProbeSettings
 from .ball.probing import probe_ball as probe_ball

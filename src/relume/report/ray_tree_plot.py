@@ -10,9 +10,9 @@ from typing import Any
 import numpy as np
 
 from relume.image.files.atomic import replacing
-from relume.project.scene_file.lights import metered_scene
-from relume.project.scene_file.rendering import RenderSettings, renderer_name, whitted_of
+from relume.project.scene_file.metering import metered_scene
 from relume.project.scene_file.scene_file import SceneFile
+from relume.project.scene_file.settings import RenderSettings, renderer_name, whitted_of
 from relume.renderers.whitted.kernel_data import EYE, REFLECTED, REFRACTED, SHADOW
 from relume.renderers.whitted.ray_tree import NAMES, Breakdown, RayTree, breakdown, ray_tree
 from relume.report.plots import encoded_figure

@@ -3,23 +3,13 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Mapping, Sequence
-from functools import lru_cache
+from collections.abc import Sequence
 from pathlib import Path
-from typing import Any
-
-import numpy as np
-from pydantic import ValidationError
 
 from relume.errors import InvalidShot, UnreadableFile
-from relume.project.schema import SomeTable
+from relume.project.keyed_values import BETWEEN, motion_of, placement_at, table_at, values_at
 from relume.project.shot_file.sequence_table import SequenceTable
 from relume.project.shot_file.shot import Shot
-from relume.scene.gltf.animation import read_animation
-from relume.scene.motion.animation import Animation
-from relume.scene.motion.keyframes import Interpolation, Linear, Smooth, Step, Track, Turning
-
-BETWEEN: dict[str, Interpolation] = {"linear": Linear(), "smooth": Smooth(), "step": Step()}
 
 
 def frames_of(shot: Shot) -> list[int]:
@@ -54,27 +44,22 @@ def at_frame(shot: Shot, frame: float) -> Shot:
     seconds = (frame - table.frames[0]) / table.rate
     objects = []
     for index, each in enumerate(shot.objects):
-        changes = _at(each.keyframes, frame, between, ("translate", "scale"))
-        turns = [key for key in each.keyframes if key.rotate is not None]
-        if turns:
-            times = np.array([key.frame for key in turns])
-            angles = Turning(times, np.array([key.rotate for key in turns]), between).at(frame)
-            changes["rotate"] = tuple(angles.tolist())
+        changes = placement_at(each.keyframes, frame, between)
         if each.stand is None and "translate" in changes:
             # What keys move has a place of its own, also at the frame in which they put it at the origin.
             changes["stand"] = False
         if motion_of(shot.folder / each.mesh) is not None:
             changes["time"] = seconds
-        objects.append(_changed(each, changes, f"objects.{index}", frame))
-    camera = _at(shot.camera.keyframes, frame, between, ("position", "look_at", "focal_length"))
+        objects.append(table_at(each, changes, f"objects.{index}", frame, InvalidShot))
+    camera = values_at(shot.camera.keyframes, frame, between, ("position", "look_at", "focal_length"))
     pose = {name: camera.pop(name) for name in ("position", "look_at") if name in camera}
     if pose and shot.camera.pose is not None:
         camera["pose"] = shot.camera.pose.model_dump() | pose
-    light = _at(shot.light.keyframes, frame, between, ("turn", "exposure"))
+    light = values_at(shot.light.keyframes, frame, between, ("turn", "exposure"))
     changes = {
         "objects": objects,
-        "camera": _changed(shot.camera, camera, "camera", frame),
-        "light": _changed(shot.light, light, "light", frame),
+        "camera": table_at(shot.camera, camera, "camera", frame, InvalidShot),
+        "light": table_at(shot.light, light, "light", frame, InvalidShot),
         "sequence": None,
     }
     if table.plates is not None:
@@ -85,47 +70,10 @@ def at_frame(shot: Shot, frame: float) -> Shot:
     return shot.model_copy(update=changes)
 
 
-@lru_cache(maxsize=64)
-def _motion(path: Path, modified: int) -> Animation | None:
-    return read_animation(path)
-
-
-def motion_of(path: Path) -> Animation | None:
-    """The motion that a mesh file holds, read once; None where it holds none, or the file is missing."""
-    try:
-        return _motion(path, path.stat().st_mtime_ns)
-    except OSError:  # reported where the mesh is read
-        return None
-
-
 def _sequence(shot: Shot) -> SequenceTable:
     if shot.sequence is None:
         raise InvalidShot('sequence: missing; give the frames to make, as [sequence] frames = "1-120"')
     return shot.sequence
-
-
-def _at(keys: Sequence[Any], frame: float, between: Interpolation, names: Sequence[str]) -> dict[str, Any]:
-    """The value of each of these names at a frame, interpolated between its keys; names without a key are left out."""
-    found: dict[str, Any] = {}
-    for name in names:
-        given = [(key.frame, getattr(key, name)) for key in keys if getattr(key, name) is not None]
-        if given:
-            times, values = (np.array(column, np.float64) for column in zip(*given, strict=True))
-            value = Track(times, values, between).at(frame)
-            found[name] = tuple(value.tolist()) if value.ndim else float(value)
-    return found
-
-
-def _changed(table: SomeTable, changes: Mapping[str, Any], place: str, frame: float) -> SomeTable:
-    """The table without its keys and with their values, checked as if the file held them."""
-    try:
-        return type(table).model_validate(table.model_dump() | dict(changes) | {"keyframes": ()})
-    except ValidationError as error:
-        fault = error.errors()[0]
-        keys = ".".join(map(str, fault["loc"]))
-        raise InvalidShot(
-            f"{place}.{keys}: at frame {frame:g} the keys make it {fault['input']!r}: {fault['msg']}; add a key there"
-        ) from None
 
 
 def _plates(shot: Shot, patterns: Sequence[str]) -> dict[int, Path]:

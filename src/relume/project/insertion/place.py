@@ -21,8 +21,8 @@ from relume.light.constellations.placement import PlacedLights
 from relume.probe.ball.blending import Probe
 from relume.project.insertion.photographs import Calibrated
 from relume.project.insertion.slips import require_outside_ball
+from relume.project.place_tables import distant_scene
 from relume.project.shot_file.camera_table import camera_fit
-from relume.project.shot_file.local_table import distant_scene
 from relume.project.shot_file.objects import require_outside
 from relume.project.shot_file.shot import Shot
 from relume.project.stages import Steps

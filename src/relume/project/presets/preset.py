@@ -61,18 +61,23 @@ class CameraPreset:
     has_tone: bool = False
 
     @staticmethod
-    def read(path: str | os.PathLike[str] | None, *changes: Mapping[str, Any] | str) -> CameraPreset:
+    def read(
+        path: str | os.PathLike[str] | None, *changes: Mapping[str, Any] | str, place: Path | None = None
+    ) -> CameraPreset:
         """A preset from its TOML file, or a built-in one by its name, like "night"; None starts from plain exposure.
 
         changes : put above the file one after another: tables of a preset, whose paths start at the working folder when
             they are absolute, or words like "tone.key=0.36". A table of another kind replaces the one in the file
+        place : the file that holds the changes, for messages and their relative paths
 
         Raises InvalidShot naming file and key, and errors of the files that the preset names.
         """
         table = {} if path is None else read_toml(preset_file(path), WHAT, InvalidShot)
+        if path is not None and place is not None:
+            _place_paths(table, preset_file(path).parent)
         for change in changes:
             _put_above(table, _setting(change) if isinstance(change, str) else change)
-        return preset_of(table, Path() if path is None else preset_file(path))
+        return preset_of(table, place or (Path() if path is None else preset_file(path)))
 
     @staticmethod
     def builtin() -> dict[str, str]:
@@ -163,6 +168,14 @@ def _setting(text: str) -> dict[str, Any]:
         if table:
             return table
     raise InvalidShot(f'"{text}": expected KEY=VALUE, like tone.key=0.36')
+
+
+def _place_paths(table: dict[str, Any], folder: Path) -> None:
+    """Make the paths of a preset absolute, which start at a folder."""
+    for name, key in (words.split(".") for words in PATHS):
+        part = table.get(name)
+        if isinstance(part, dict) and isinstance(part.get(key), str) and not part[key].startswith("ocio://"):
+            part[key] = str((folder / part[key]).resolve())
 
 
 def _from_here(path: Any) -> Any:

@@ -1,4 +1,4 @@
-"""The light of a scene file: its map or its colour, the lights that are no part of either, and the film for them."""
+"""The light of a scene file: its map or its colour, the lights that are no part of either, and whence it comes."""
 
 from __future__ import annotations
 
@@ -9,10 +9,15 @@ from typing import Annotated, Literal
 import numpy as np
 from pydantic import BeforeValidator, Discriminator, Field, Tag, model_validator
 
+from relume.errors import InvalidScene
 from relume.image import files
-from relume.image.colour import luminance
+from relume.project.keyed_values import table_at, values_at
+from relume.project.place_tables import DistantTable as DistantSceneTable
+from relume.project.place_tables import distant_scene
 from relume.project.scene_file.materials import naming
 from relume.project.schema import GreyOrColour, Positive, Table, Vector
+from relume.project.shot_file.sequence_table import LightKey, require_rising
+from relume.renderers.mitsuba.distant import require_inside
 from relume.scene.lights import (
     AmbientLight,
     Attenuation,
@@ -25,26 +30,47 @@ from relume.scene.lights import (
     SquareLaw,
     Unattenuated,
 )
+from relume.scene.motion.keyframes import Interpolation
 from relume.scene.motion.moving_objects import columns_turned
-from relume.scene.scene import Scene
-from relume.scene.shapes.shapes import bounds
+from relume.scene.scene import Distant, Infinite
 from relume.sphere.directions import UP, rotation_about
 from relume.sphere.environment_files import as_environment
 from relume.sphere.environment_map import EnvironmentMap
 from relume.sphere.mappings.mapping import LatLong
-from relume.virtual_camera.film.film import Film
 
 EVEN_ROWS = 4
 """Rows of a map that is the same everywhere."""
 
 
 class LightTable(Table):
-    """The light of the distant scene: a map, turned about +Y counter-clockwise as seen from above, or one colour."""
+    """The light of the distant scene: a map, turned about +Y counter-clockwise as seen from above, or one colour.
+
+    exposure : stops by which it is brighter, beside `scale`
+    distant : the shape of the distant scene, onto which the map is projected, as in the shot file
+    probe : where the map was taken, metres
+    keyframes : of a sequence: how far it is turned, and how much brighter it is
+    """
 
     map: str | None = None
     colour: GreyOrColour | None = None
     turn: float = 0.0
     scale: Positive = 1.0
+    exposure: float = 0.0
+    distant: DistantSceneTable = DistantSceneTable()
+    probe: Vector | None = None
+    keyframes: tuple[LightKey, ...] = ()
+
+    @model_validator(mode="after")
+    def _of_a_place(self) -> LightTable:
+        require_rising(self.keyframes)
+        near = self.distant.shape != "infinite"
+        if near and self.probe is None:
+            raise ValueError("a near distant scene needs probe = [x, y, z], the place the map was taken at, metres")
+        if self.probe is not None and not near:
+            raise ValueError("has probe, but the light is alike everywhere; give distant too, or leave probe out")
+        if self.colour is not None and any(key.turn is not None for key in self.keyframes):
+            raise ValueError("keyframes have turn, but a colour is the same from everywhere; remove turn")
+        return self
 
     @model_validator(mode="after")
     def _one_source(self) -> LightTable:
@@ -100,6 +126,17 @@ class SphereTable(Table):
     radiance: GreyOrColour
 
 
+class RectangleTable(Table):
+    """A flat lamp: a rectangle that shines evenly to one side."""
+
+    kind: Literal["rectangle"]
+    position: Vector
+    towards: Vector
+    size: tuple[Positive, Positive]
+    radiance: GreyOrColour
+    up: Vector = (0.0, 1.0, 0.0)
+
+
 class AmbientTable(Table):
     """The same light from everywhere that nothing shadows."""
 
@@ -107,11 +144,12 @@ class AmbientTable(Table):
     radiance: GreyOrColour
 
 
-AnyLightTable = Annotated[PointTable | DistantTable | AmbientTable | SphereTable, Field(discriminator="kind")]
+LightTableOfAKind = PointTable | DistantTable | AmbientTable | SphereTable | RectangleTable
+AnyLightTable = Annotated[LightTableOfAKind, Field(discriminator="kind")]
 
 
 def distant_light(table: LightTable | None, path: Path) -> EnvironmentMap:
-    """The light from infinity, black without a table; raises InvalidScene naming the key.
+    """The light from infinity as its file has it, black without a table; raises InvalidScene naming the key.
 
     path : the scene file, beside which the map is looked for
     """
@@ -119,15 +157,39 @@ def distant_light(table: LightTable | None, path: Path) -> EnvironmentMap:
         return _even((0.0, 0.0, 0.0))
     if table.colour is not None:
         with naming(f"{path}: light.colour"):
-            light = _even(table.colour)
-    else:
-        with naming(f"{path}: light.map"):
-            light = read_light(path.parent / (table.map or ""))
+            return _even(table.colour)
+    with naming(f"{path}: light.map"):
+        return read_light(path.parent / (table.map or ""))
+
+
+def adjusted_light(light: EnvironmentMap, table: LightTable | None, path: Path) -> EnvironmentMap:
+    """The light of a file scaled and turned as its table says; raises InvalidScene naming the key."""
+    if table is None:
+        return light
     with naming(f"{path}: light.scale"):
         return _adjusted(light, table)
 
 
-def light_of(table: PointTable | DistantTable | AmbientTable | SphereTable, place: str) -> Light:
+def light_at(table: LightTable | None, frame: float, between: Interpolation, path: Path) -> LightTable | None:
+    """The table at a frame of a sequence, without its keys; raises InvalidScene naming the key."""
+    if table is None or not table.keyframes:
+        return table
+    changes = values_at(table.keyframes, frame, between, ("turn", "exposure"))
+    return table_at(table, changes, f"{path}: light", frame, InvalidScene)
+
+
+def distant_of(table: LightTable | None, path: Path) -> tuple[Distant, Vector]:
+    """The shape of the distant scene, and where its map was taken; raises InvalidScene naming the key."""
+    if table is None or table.probe is None:
+        return Infinite(), (0.0, 0.0, 0.0)
+    with naming(f"{path}: light.distant"):
+        distant = distant_scene(table.distant, path.parent)
+    with naming(f"{path}: light.probe"):
+        require_inside(distant, table.probe)
+    return distant, table.probe
+
+
+def light_of(table: LightTableOfAKind, place: str) -> Light:
     """The light that a table stands for; raises InvalidScene naming the key below `place`."""
     with naming(place):
         match table:
@@ -137,6 +199,8 @@ def light_of(table: PointTable | DistantTable | AmbientTable | SphereTable, plac
                 return DistantLight(table.towards, table.irradiance)
             case SphereTable():
                 return SphereLight(table.position, table.radius, table.radiance)
+            case RectangleTable():
+                return RectangleLight(table.position, table.towards, table.size, table.radiance, table.up)
             case AmbientTable():
                 return AmbientLight(table.radiance)
 
@@ -164,47 +228,11 @@ def _even(colour: tuple[float, float, float]) -> EnvironmentMap:
 
 def _adjusted(light: EnvironmentMap, table: LightTable) -> EnvironmentMap:
     with np.errstate(over="ignore"):
-        scaled = replace(light, radiance=(light.radiance * table.scale).astype(np.float32))
+        factor = table.scale * 2.0**table.exposure
+        scaled = replace(light, radiance=(light.radiance * factor).astype(np.float32))
     angle = np.radians(table.turn % 360)
     if not angle:
         return scaled
     if not isinstance(light.mapping, LatLong):
         return scaled.rotated(rotation_about(UP, angle))
     return replace(scaled, radiance=columns_turned(scaled.radiance, angle).astype(np.float32))
-
-
-def metered_scene(scene: Scene) -> Film:
-    """The film of a photographer with an incident light meter among the objects, the same for every frame of a movie.
-
-    The mean radiance of the light map becomes ½, as `metered` has it, or a white card that faces all of the scene's
-    other lights becomes white, whichever takes less light: for one light of strength 1, of irradiance π, as Whitted's
-    pictures have it, exposure 1. Exposure 1 too where nothing shines.
-    """
-    mean = float(luminance(scene.light.total())) / (4 * np.pi)
-    low, high = bounds(scene.objects)
-    middle, radius = (low + high) / 2, float(np.linalg.norm(high - low)) / 2
-    card = mean + sum(_shown_by_white(light, middle, radius) for light in scene.lights)
-    brightest = max(card, 2 * mean)
-    return Film(1 / brightest) if 0 < brightest < np.inf else Film()
-
-
-def _shown_by_white(light: Light, middle: np.ndarray, radius: float) -> float:
-    """The luminance of a white card that faces a light; one within the objects is metered at their border."""
-    if isinstance(light, AmbientLight):
-        return _luminance(light.radiance)
-    if isinstance(light, DistantLight):
-        return _luminance(light.irradiance) / np.pi
-    distance = max(float(np.linalg.norm(np.asarray(light.position) - middle)), radius)
-    if isinstance(light, SphereLight):
-        # What faces a sphere of light gets π L (r/d)²; on the sphere itself, and from within, π L.
-        return _luminance(light.radiance) * min(light.radius / max(distance, light.radius), 1.0) ** 2
-    if isinstance(light, RectangleLight):
-        # What faces it from before it, at its middle; from close by π L.
-        area = light.size[0] * light.size[1] / (np.pi * max(distance, 1e-9) ** 2)
-        return _luminance(light.radiance) * min(area, 1.0)
-    share = float(light.falloff.at(np.array(distance))) if distance > 0 else np.inf
-    return _luminance(light.intensity) * share / np.pi
-
-
-def _luminance(colour: tuple[float, float, float]) -> float:
-    return float(luminance(np.asarray(colour, np.float64)))

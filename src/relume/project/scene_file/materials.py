@@ -28,6 +28,8 @@ from relume.scene.materials.whitted import Checks, WhittedMaterial
 from relume.scene.shapes.shapes import AnyMaterial
 
 WHITE: Colour = (1.0, 1.0, 1.0)
+PAINTED = ("base_color", "emission")
+"""What of a glTF material may be an image here."""
 
 
 class PhongTable(Table):
@@ -149,16 +151,17 @@ class PbrTable(MaterialTable):
 
     kind: Literal["pbr"]
     base_color: Paint | None = None
+    emission: Paint | None = None
 
     def made(self, name: str, folder: Path, place: str) -> Material | WardSurface:
         """The material; raises ValueError for what it has no field for."""
-        numbers = self.model_dump(exclude_none=True, exclude={"kind", "base_color"})
+        painted = {key: paint for key in PAINTED if (paint := getattr(self, key)) is not None}
+        numbers = self.model_dump(exclude_none=True, exclude={"kind", *PAINTED})
         material: Material | WardSurface = MaterialTable(**numbers).apply(Material())
-        if self.base_color is None:
-            return replace(material, name=name)
-        if isinstance(material, WardSurface):
-            raise ValueError("base_color: a Ward surface has none; give reflectance and diffuse")
-        return replace(material, base_color=_colour(self.base_color, folder, f"{place}.base_color"), name=name)
+        if painted and isinstance(material, WardSurface):
+            raise ValueError(f"{next(iter(painted))}: a Ward surface has none; give reflectance and diffuse")
+        colours = {key: _colour(paint, folder, f"{place}.{key}") for key, paint in painted.items()}
+        return replace(material, **colours, name=name)
 
 
 class ChecksTable(Table):
@@ -249,7 +252,7 @@ def has_images(material: AnyMaterial) -> bool:
     if isinstance(material, Reflective):
         images = [isinstance(layer.colour, np.ndarray) for layer in material.layers]
         return any(images) or isinstance(material.bumps, BumpMap)
-    return isinstance(material, Material) and isinstance(material.base_color, np.ndarray)
+    return any(isinstance(getattr(material, name, None), np.ndarray) for name in PAINTED)
 
 
 def _lobe(table: PhongTable | FlatLobeTable | FacetsTable) -> Any:

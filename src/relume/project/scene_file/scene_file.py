@@ -7,76 +7,38 @@ from __future__ import annotations
 
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Annotated, Any
 
 import numpy as np
 from pydantic import Field, model_validator
 
 from relume.errors import InvalidScene, UnreadableFile
+from relume.project.keyed_values import BETWEEN
+from relume.project.scene_file.camera import FIELD_OF_VIEW, LARGEST, SIZE, CameraTable, camera_of, focal_length_of
 from relume.project.scene_file.lights import (
     AnyLightTable,
-    AttenuationTable,
     LightTable,
-    attenuation,
+    adjusted_light,
     distant_light,
+    distant_of,
     light_of,
     read_light,
 )
 from relume.project.scene_file.materials import SurfaceTable, made, naming
-from relume.project.scene_file.shapes import LocalTable, ObjectTable, plane_of, solids_of
-from relume.project.schema import Table, Vector, checked, read_toml
-from relume.renderers.whitted.antialiasing import Antialiasing
+from relume.project.scene_file.metering import shines
+from relume.project.scene_file.sequence import SceneSequence, orbited
+from relume.project.scene_file.shapes import LocalTable, ObjectTable, object_of, surfaces_of
+from relume.project.scene_file.whitted_table import WhittedSettings, whitted_of
+from relume.project.schema import GreyOrColour, Table, checked, read_toml
+from relume.project.shot_file.sequence_table import SequenceTable
 from relume.renderers.whitted.whitted import Whitted
 from relume.scene.cameras.camera import Camera
+from relume.scene.materials.media import Medium
 from relume.scene.motion.moving_objects import ObjectOrbit
 from relume.scene.scene import Scene
 from relume.scene.shapes.meshes import read_meshes
-
-
-class WhittedSettings(Table):
-    """How trees are traced and pixels subdivided; what is left out is as in `Whitted`."""
-
-    depth: int | None = None
-    contribution: float | None = None
-    attenuation: AttenuationTable | None = None
-    subdivisions: int | None = None
-    tolerance: float | None = None
-    antialiasing: bool = True
-    constellation: int | None = None
-    rays: int | None = None
-    clear_shadows: bool | None = None
-
-    @model_validator(mode="after")
-    def _of_use(self) -> WhittedSettings:
-        for name in ("subdivisions", "tolerance"):
-            if not self.antialiasing and getattr(self, name) is not None:
-                raise ValueError(f"has {name}, but antialiasing is false; remove one of them")
-        return self
-
-
-def whitted_of(table: WhittedSettings | None, path: Path) -> Whitted:
-    """The renderer that the table describes; raises InvalidScene naming the key."""
-    if table is None:
-        return Whitted()
-    place = f"{path}: whitted"
-    given: dict[str, Any] = table.model_dump(
-        exclude_none=True, exclude={"attenuation", "antialiasing", "subdivisions", "tolerance"}
-    )
-    with naming(place):
-        finer = table.model_dump(exclude_none=True, include={"subdivisions", "tolerance"})
-        given["antialiasing"] = replace(Antialiasing(), **finer) if table.antialiasing else None
-        if table.attenuation is not None:
-            given["attenuation"] = attenuation(table.attenuation, f"{place}.attenuation")
-        return Whitted(**given)
-
+from relume.sphere.environment_map import EnvironmentMap
 
 SUFFIXES = (".toml", ".glb", ".gltf", ".obj", ".ply", ".stl", ".usd", ".usda", ".usdc", ".usdz")
-LARGEST = 65536
-"""Pixels along a side of a picture."""
-SIZE = (640, 480)
-"""Pixels of a picture unless given."""
-FIELD_OF_VIEW = 40.0
-"""Degrees across, unless given."""
 MARGIN = 1.1
 """A framed object's bounding sphere fits the picture this much enlarged."""
 ELEVATION = np.radians(15)
@@ -87,9 +49,11 @@ ELEVATION = np.radians(15)
 class SceneFile:
     """What a scene file says: all that a renderer needs.
 
+    scene, camera : of one picture; of a file with a sequence those of its first frame
     whitted : the renderer of the table [whitted]
     orbits : how each of the scene's objects goes round while a movie runs, or None; as many as there are, or none
     asks_whitted : whether there is a table [whitted]
+    sequence : which frames it asks for, and what moves in them; None of a single picture
     """
 
     scene: Scene
@@ -97,6 +61,7 @@ class SceneFile:
     whitted: Whitted = Whitted()
     orbits: tuple[ObjectOrbit | None, ...] = ()
     asks_whitted: bool = False
+    sequence: SceneSequence | None = None
 
     @property
     def moves(self) -> bool:
@@ -105,29 +70,46 @@ class SceneFile:
 
     def at(self, share: float) -> Scene:
         """The scene after this share of a movie, 0 to 1; the same one where nothing goes round."""
-        if not self.moves:
-            return self.scene
-        pairs = zip(self.scene.objects, self.orbits, strict=True)
-        moved = tuple(solid if orbit is None else orbit.at(solid, share) for solid, orbit in pairs)
-        return replace(self.scene, objects=moved)
+        return self.scene if not self.moves else orbited(self.scene, self.orbits, share)
+
+    def at_frame(self, frame: float) -> tuple[Scene, Camera]:
+        """The scene and its camera at a frame of the sequence, or between two; raises InvalidScene naming the key."""
+        if self.sequence is None:
+            raise InvalidScene('sequence: missing; give the frames to make, as [sequence] frames = "1-120"')
+        return self.sequence.at(frame, self.scene, self.camera)
+
+    def resized(self, width: int, height: int) -> SceneFile:
+        """The same at another size, at the same field of view across."""
+        return replace(self, camera=self.camera.resized(width, height))
+
+    def under(self, light: EnvironmentMap) -> SceneFile:
+        """The same under another light, which the keys of the sequence alone turn and brighten."""
+        sequence = None if self.sequence is None else self.sequence.under(light)
+        moved = replace(self, scene=replace(self.scene, light=light), sequence=sequence)
+        if sequence is None:
+            return moved
+        scene, _ = moved.at_frame(sequence.table.frames[0])
+        return replace(moved, scene=scene)
 
 
-Pixels = Annotated[int, Field(ge=1, le=LARGEST)]
+class MediumTable(Table):
+    """What fills all space outside of bodies, as fog does.
+
+    absorption, scattering : per metre, a number or one for each channel
+    anisotropy : mean cosine of the scattering, −1 to 1 exclusive; 0 even
+    """
+
+    absorption: GreyOrColour = (0.0, 0.0, 0.0)
+    scattering: GreyOrColour = (0.0, 0.0, 0.0)
+    anisotropy: float = 0.0
 
 
-class CameraTable(Table):
-    """Where the picture is taken from, horizon level; the field of view is across."""
-
-    position: Vector
-    target: Vector
-    field_of_view: Annotated[float, Field(gt=0, lt=180)] = FIELD_OF_VIEW
-    size: tuple[Pixels, Pixels] = SIZE
-
-    @model_validator(mode="after")
-    def _looks_somewhere(self) -> CameraTable:
-        if self.position == self.target:
-            raise ValueError(f"target {list(self.target)} is where the camera stands; give another point to look at")
-        return self
+def medium_of(table: MediumTable | None, path: Path) -> Medium | None:
+    """The medium of a table; raises InvalidScene naming the key."""
+    if table is None:
+        return None
+    with naming(f"{path}: medium"):
+        return Medium(table.absorption, table.scattering, table.anisotropy)
 
 
 class SceneTable(Table):
@@ -140,6 +122,8 @@ class SceneTable(Table):
     objects: list[ObjectTable] = Field(default_factory=list)
     local: list[LocalTable] = Field(default_factory=list)
     whitted: WhittedSettings | None = None
+    sequence: SequenceTable | None = None
+    medium: MediumTable | None = None
 
     @model_validator(mode="after")
     def _shows_something(self) -> SceneTable:
@@ -148,9 +132,15 @@ class SceneTable(Table):
         return self
 
     @model_validator(mode="after")
-    def _is_lit(self) -> SceneTable:
-        if self.light is None and not self.lights:
-            raise ValueError("light: missing, and there are no [[lights]], so all would be black; give one of the two")
+    def _moves_in_a_sequence(self) -> SceneTable:
+        if self.sequence is not None and self.sequence.plates is not None:
+            raise ValueError("sequence.plates: a scene file has no plate; remove it")
+        if self.sequence is None:
+            tables = {f"objects.{index}": each.keyframes for index, each in enumerate(self.objects)}
+            tables |= {"camera": self.camera.keyframes, "light": () if self.light is None else self.light.keyframes}
+            for place, keys in tables.items():
+                if keys:
+                    raise ValueError(f'{place}.keyframes: of which frames? give [sequence] frames = "1-120"')
         return self
 
 
@@ -177,30 +167,52 @@ def read_scene(path: str | Path, light: str | Path | None = None, size: tuple[in
         return scene_of_mesh(path, light, size or SIZE)
     read = _read_table(path)
     if light is not None:
-        read = replace(read, scene=replace(read.scene, light=read_light(Path(light))))
-    return read if size is None else replace(read, camera=read.camera.resized(*size))
+        read = read.under(read_light(Path(light)))
+    return read if size is None else read.resized(*size)
 
 
 def _read_table(path: Path) -> SceneFile:
     """A scene file's own words."""
     table = checked(SceneTable, read_toml(path, "scene file", InvalidScene), path, "scene file", InvalidScene)
-    with naming(f"{path}: camera"):
-        camera = _camera(table.camera)
-    light = distant_light(table.light, path)
+    # Camera and light first: they are at the head of a file.
+    first = None if table.sequence is None else table.sequence.frames[0]
+    between = BETWEEN["linear" if table.sequence is None else table.sequence.interpolation]
+    camera = camera_of(table.camera if first is None else table.camera.at(first, between, path), path,
+                       None if first is None else 0.0)  # fmt: skip
+    read = distant_light(table.light, path)
+    light = adjusted_light(read, table.light, path)
+    distant, probe = distant_of(table.light, path)
     lights = tuple(light_of(item, f"{path}: lights.{index}") for index, item in enumerate(table.lights))
+    # What they show.
     materials = {
         name: made(material, name, path.parent, f"{path}: materials.{name}")
         for name, material in table.materials.items()
     }
-    planes = tuple(plane_of(item, f"local.{index}", materials, path) for index, item in enumerate(table.local))
-    solids = [
-        pair
-        for index, item in enumerate(table.objects)
-        for pair in solids_of(item, f"objects.{index}", materials, path)
+    local = [
+        shape
+        for index, item in enumerate(table.local)
+        for shape in surfaces_of(item, f"local.{index}", materials, path)
     ]
-    scene = Scene(light, planes, tuple(solid for solid, _ in solids), lights)
-    orbits = tuple(orbit for _, orbit in solids)
-    return SceneFile(scene, camera, whitted_of(table.whitted, path), orbits, table.whitted is not None)
+    objects = tuple(object_of(item, f"objects.{index}", materials, path) for index, item in enumerate(table.objects))
+    solids = tuple(solid for each in objects for solid in each.at_rest())
+    scene = Scene(light, tuple(local), solids, lights, distant, probe, medium_of(table.medium, path))
+    orbits = tuple(each.orbit for each in objects for _ in each.solids)
+    # And how it moves.
+    sequence = None
+    if table.sequence is not None:
+        sequence = SceneSequence(table.sequence, path.absolute(), table.camera, table.light, read, objects)
+        scene = sequence.scene_at(table.sequence.frames[0], scene)
+    _require_light(table, scene, path)
+    return SceneFile(scene, camera, whitted_of(table.whitted, path), orbits, table.whitted is not None, sequence)
+
+
+def _require_light(table: SceneTable, scene: Scene, path: Path) -> None:
+    """Raises InvalidScene where nothing shines."""
+    if table.light is None and not scene.lights and not any(map(shines, (*scene.local, *scene.objects))):
+        raise InvalidScene(
+            f"{path}: light: missing, and there are neither [[lights]] nor a pbr material with emission, so all would "
+            "be black; give one of the three"
+        )
 
 
 def scene_of_mesh(path: str | Path, light: str | Path, size: tuple[int, int] = SIZE) -> SceneFile:
@@ -217,22 +229,9 @@ def scene_of_mesh(path: str | Path, light: str | Path, size: tuple[int, int] = S
     vertices = np.concatenate([mesh.vertices for mesh in meshes]).astype(np.float64)
     centre = (vertices.min(axis=0) + vertices.max(axis=0)) / 2
     radius = np.linalg.norm(vertices - centre, axis=1).max()
-    focal_length = _focal_length(size[0], FIELD_OF_VIEW)
+    focal_length = focal_length_of(size[0], FIELD_OF_VIEW)
     half = np.arctan(min(size) / 2 / focal_length)
     back = np.array([0, np.sin(ELEVATION), np.cos(ELEVATION)])
     position = centre + MARGIN * radius / np.sin(half) * back
     camera = Camera.looking_at(position, centre, width=size[0], height=size[1], focal_length=focal_length)
     return SceneFile(Scene(found, objects=meshes), camera)
-
-
-def _focal_length(width: int, field_of_view: float) -> float:
-    """In pixels, of a field of view across in degrees."""
-    return float(width / 2 / np.tan(np.radians(field_of_view) / 2))
-
-
-def _camera(table: CameraTable) -> Camera:
-    width, height = table.size
-    focal_length = _focal_length(width, table.field_of_view)
-    return Camera.looking_at(
-        np.array(table.position), np.array(table.target), width=width, height=height, focal_length=focal_length
-    )

@@ -20,10 +20,11 @@ from relume.capture.brackets.settings import RESPONSE_METHODS, MergeSettings
 from relume.errors import InvalidShot, UnreadableFile
 from relume.probe.ball.silhouette import Outline, outline_of_circle, outline_through
 from relume.project.mesh_tables import MaterialTable, Placement
+from relume.project.place_tables import DistantTable
 from relume.project.schema import Names, Positive, Table, Vector, checked, read_toml
 from relume.project.shot_file.added_lights import AddedLight
 from relume.project.shot_file.camera_table import CameraTable
-from relume.project.shot_file.local_table import DistantTable, LocalTable
+from relume.project.shot_file.local_table import LocalTable
 from relume.project.shot_file.match_table import MatchTable
 from relume.project.shot_file.new_shot import NEW_RENDER, NewShot, write_new_shot
 from relume.project.shot_file.sequence_table import LightKey, ObjectKey, SequenceTable, require_rising
@@ -367,8 +368,7 @@ class Shot(Table):
             wild = any(c in pattern for c in "*?[") and not path.is_file()
             place = pattern if Path(pattern).is_absolute() else os.path.join(escape(str(self.folder)), pattern)
             named = [_direct(Path(name)) for name in glob(place)] if wild else [_direct(path)]
-            matches = sorted(named, key=_natural)
-            if not matches:
+            if not (matches := sorted(named, key=_natural)):
                 raise UnreadableFile(f"{path}: no such photographs; check the pattern in the shot file")
             found.extend(matches)
         return found

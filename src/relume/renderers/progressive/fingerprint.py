@@ -5,6 +5,7 @@ from __future__ import annotations
 import hashlib
 import json
 from dataclasses import fields, is_dataclass, replace
+from enum import Enum
 from functools import lru_cache
 from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
@@ -23,7 +24,8 @@ LIBRARIES = (
 
 
 def fingerprint(value: object) -> str:
-    """A SHA-256 of values; a Path counts as the bytes it holds, an array as its own, a dataclass as its fields."""
+    """A SHA-256 of values; a Path counts as the bytes it holds, an array as its own, a dataclass as its fields,
+    one of an enumeration as its name."""
     return hashlib.sha256(json.dumps(value, default=_content, sort_keys=True).encode()).hexdigest()
 
 
@@ -70,4 +72,6 @@ def _content(value: object) -> Any:
         return [str(value.dtype), value.shape, hashlib.sha256(values.data).hexdigest()]
     if is_dataclass(value):
         return [type(value).__name__, {field.name: getattr(value, field.name) for field in fields(value)}]
+    if isinstance(value, Enum):
+        return [type(value).__name__, value.name]
     raise TypeError(f"{type(value).__name__} cannot be part of a fingerprint")

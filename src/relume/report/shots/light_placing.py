@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from relume.project.shot_file.local_table import distant_scene
+from relume.project.place_tables import distant_scene
 from relume.project.shot_file.objects import placed_meshes
 from relume.project.shot_file.shot import Shot
 from relume.scene.cameras.camera import Camera

@@ -7,10 +7,12 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+from scipy.spatial.transform import Rotation
 
 from relume.errors import UnreadableFile
 from relume.scene.cameras.camera import Camera
 from relume.scene.cameras.pose import UpAxis, pose, require_aspect
+from relume.scene.motion.keyframes import Slerp
 
 FORMAT = "relume camera 1"
 """What the script writes under "format"."""
@@ -28,28 +30,45 @@ scene = bpy.context.scene
 camera, render = scene.camera, scene.render
 if camera is None or camera.data.type != "PERSP":
     raise SystemExit("the scene has no perspective camera; choose one under Scene, Camera")
-placed = camera.evaluated_get(bpy.context.evaluated_depsgraph_get()).matrix_world
-lens, field = camera.data, camera.data.dof
-focus = None
-if field.use_dof:
-    focus = field.focus_distance
-    if field.focus_object is not None:
-        to_object = placed.inverted() @ field.focus_object.matrix_world.translation
-        focus = -to_object.z
-camera_facts = {
+
+
+def facts_now():
+    placed = camera.evaluated_get(bpy.context.evaluated_depsgraph_get()).matrix_world
+    lens, field = camera.data, camera.data.dof
+    focus = None
+    if field.use_dof:
+        focus = field.focus_distance
+        if field.focus_object is not None:
+            to_object = placed.inverted() @ field.focus_object.matrix_world.translation
+            focus = -to_object.z
+    return {
+        "matrix_world": [list(row) for row in placed],
+        "lens": lens.lens,
+        "shift": [lens.shift_x, lens.shift_y],
+        "f_number": field.aperture_fstop if field.use_dof else None,
+        "focus": focus,
+    }
+
+
+lens = camera.data
+camera_facts = facts_now() | {
     "format": "FORMAT",
-    "matrix_world": [list(row) for row in placed],
     "unit": scene.unit_settings.scale_length,
-    "lens": lens.lens,
     "sensor_width": lens.sensor_width,
     "sensor_height": lens.sensor_height,
     "sensor_fit": lens.sensor_fit,
-    "shift": [lens.shift_x, lens.shift_y],
     "resolution": [render.resolution_x, render.resolution_y],
     "pixel_aspect": [render.pixel_aspect_x, render.pixel_aspect_y],
-    "f_number": field.aperture_fstop if field.use_dof else None,
-    "focus": focus,
 }
+# Where it is in every frame of the scene, if it moves.
+now, frames = scene.frame_current, []
+for frame in range(scene.frame_start, scene.frame_end + 1):
+    scene.frame_set(frame)
+    frames.append(facts_now())
+scene.frame_set(now)
+if any(frame != frames[0] for frame in frames):
+    camera_facts["frames"] = frames
+    camera_facts["rate"] = render.fps / render.fps_base
 path = os.path.join(os.path.dirname(bpy.data.filepath) or os.getcwd(), "camera.json")
 with open(path, "w") as file:
     json.dump(camera_facts, file, indent=1)
@@ -62,15 +81,21 @@ def blender_camera_script() -> str:
     return SCRIPT
 
 
-def read_blender_camera(path: Path, width: int, height: int, up: UpAxis | None, unit: float | None) -> Camera:
+def read_blender_camera(
+    path: Path, width: int, height: int, up: UpAxis | None, unit: float | None, time: float | None = None
+) -> Camera:
     """Read the file that `blender_camera_script` writes: pose, sensor, fit, shift and depth of field.
 
     up : "z" unless given, as Blender has it
     unit : metres to a unit; from the scene unless given
+    time : seconds since the scene's first frame, of a camera that moves; between two frames it turns the shorter way
+        and all else goes in straight lines
     Raises UnreadableFile for another file, or one written for a render of another aspect than the picture.
     """
     facts = _read_facts(path)
     try:
+        if time is not None and facts.get("frames"):
+            facts = facts | _between(facts["frames"], time * float(facts["rate"]))
         resolution = float(facts["resolution"][0]), float(facts["resolution"][1])
         squareness = float(facts["pixel_aspect"][0]) / float(facts["pixel_aspect"][1])
         sensors = float(facts["sensor_width"]), float(facts["sensor_height"])
@@ -81,7 +106,7 @@ def read_blender_camera(path: Path, width: int, height: int, up: UpAxis | None, 
         aperture = metres * lens / 1000 / (2 * float(f_number)) if f_number else 0.0
         distance = float(focus) * metres if focus is not None else np.inf
         matrix = facts["matrix_world"]
-    except (KeyError, IndexError, TypeError, ValueError, ZeroDivisionError) as error:
+    except (AttributeError, KeyError, IndexError, TypeError, ValueError, ZeroDivisionError) as error:
         raise UnreadableFile(f"{path}: its camera lacks something ({error!r}); run the script again") from None
     require_aspect(path, (width, height), resolution)
     if abs(squareness - 1) > 1e-6:
@@ -102,6 +127,28 @@ def read_blender_camera(path: Path, width: int, height: int, up: UpAxis | None, 
         )  # fmt: skip
     except ValueError as error:
         raise UnreadableFile(f"{path}: {error}; run the script again") from None
+
+
+def _between(frames: list[dict[str, Any]], place: float) -> dict[str, Any]:
+    """The facts between two of the frames; the first ones' and the last ones' beyond."""
+    index = int(np.clip(np.floor(place), 0, max(len(frames) - 2, 0)))
+    first, second = frames[index], frames[min(index + 1, len(frames) - 1)]
+    share = float(np.clip(place - index, 0, 1))
+    if share in (0.0, 1.0):
+        return second if share else first
+    mixed: dict[str, Any] = {}
+    for name in ("lens", "shift", "f_number", "focus"):
+        one, other = first.get(name), second.get(name)
+        lost = one is None or other is None
+        mixed[name] = one if lost else ((1 - share) * np.array(one) + share * np.array(other)).tolist()
+    ends = [np.asarray(each["matrix_world"], np.float64) for each in (first, second)]
+    matrix = (1 - share) * ends[0] + share * ends[1]
+    turns = np.stack(
+        [Rotation.from_matrix(end[:3, :3] / np.cbrt(np.linalg.det(end[:3, :3]))).as_quat() for end in ends]
+    )
+    turn = Slerp().between(np.array([0.0, 1.0]), turns, 0, share)
+    matrix[:3, :3] = Rotation.from_quat(turn).as_matrix()
+    return mixed | {"matrix_world": matrix.tolist()}
 
 
 def _read_facts(path: Path) -> dict[str, Any]:

@@ -24,6 +24,7 @@ def read_camera(
     name: str | None = None,
     up: UpAxis | None = None,
     unit: float | None = None,
+    time: float | None = None,
 ) -> Camera:
     """Read a camera from a file of another program, by its suffix, for a picture of width × height pixels.
 
@@ -32,21 +33,23 @@ def read_camera(
     name : of the camera, where a file of several kinds can hold more than one (glTF, USD)
     up : the axis of the file's frame that points up, "y" or "z"; what the format or the file says unless given
     unit : metres to a unit of the file; what the format or the file says unless given
+    time : seconds since the file's motion began, for a camera that moves in it (glTF, USD, Blender); before the first
+        key and after the last it rests. Unless given the camera stands where the file has it at rest
     Raises UnreadableFile for a file that cannot be used.
     """
     path = Path(path)
     suffix = path.suffix.lower()
     if suffix in (".glb", ".gltf"):
-        return read_gltf_camera(path, width, height, name, up, unit)
+        return read_gltf_camera(path, width, height, name, up, unit, time)
     if suffix in (".usda", ".usd", ".usdc", ".usdz"):
-        return read_usd_camera(path, width, height, name, up, unit)
+        return read_usd_camera(path, width, height, name, up, unit, time)
     if suffix not in (".fspy", ".json"):
         kind = f"of kind {suffix}" if suffix else "without a suffix"
         raise UnreadableFile(f"{path}: no camera is read from files {kind}; use {KINDS}")
     if name is not None:
         raise UnreadableFile(f"{path}: holds one camera only; leave the name {name!r} out")
     if suffix == ".json" and not _is_fspy(path):
-        return read_blender_camera(path, width, height, up, unit)
+        return read_blender_camera(path, width, height, up, unit, time)
     return read_fspy(path, width, height, up=up, unit=unit)
 
 

@@ -14,21 +14,26 @@ from relume.scene.usd.stage import stage_of
 
 
 def read_usd_camera(
-    path: Path, width: int, height: int, name: str | None, up: UpAxis | None, unit: float | None
-) -> Camera:
+    path: Path, width: int, height: int, name: str | None, up: UpAxis | None, unit: float | None,
+    time: float | None = None,
+) -> Camera:  # fmt: skip
     """Read a perspective camera of a USD file; its horizontal field of view is that of the picture.
 
     name : of the camera's prim; not needed where there is one only
     up, unit : what points up, and metres to a unit; the file's own upAxis and metersPerUnit unless given
+    time : seconds since the stage's first time code, by its rate; what lies between two samples is interpolated
     References, payloads and the variants that the file selects are followed. A camera that moves is taken at its first
-    time, with a warning; so are files that the stage names and that cannot be opened.
+    time, with a warning, unless a time is given. Warns too of files that the stage names and that cannot be opened.
     Raises UnreadableFile where the file is damaged, holds no such camera or several to choose from, or where OpenUSD is
     not installed.
     """
     with stage_of(path, "Usd", "UsdGeom") as (stage, usd, geometry):
         prim = _chosen(path, stage, name, usd, geometry)
-        lens = geometry.Camera(prim).GetCamera(usd.TimeCode.EarliestTime())
-        moves = _moves(prim, geometry)
+        code = usd.TimeCode.EarliestTime()
+        if time is not None:
+            code = usd.TimeCode(stage.GetStartTimeCode() + time * stage.GetTimeCodesPerSecond())
+        lens = geometry.Camera(prim).GetCamera(code)
+        moves = time is None and _moves(prim, geometry)
         metres = unit or float(geometry.GetStageMetersPerUnit(stage))
         axis = up or ("z" if geometry.GetStageUpAxis(stage) == "Z" else "y")
     if moves:

@@ -10,25 +10,30 @@ import numpy as np
 from relume.errors import UnreadableFile
 from relume.scene.cameras.camera import Camera
 from relume.scene.cameras.pose import UpAxis, pose, the_only, warn_of_aspect
+from relume.scene.gltf.animation import read_animation
 from relume.scene.gltf.document import local_matrix, read_document
+from relume.scene.motion.animation import Animation
 
 DEEPEST = 1000
 """Nodes within nodes; more than that is a node within itself."""
 
 
 def read_gltf_camera(
-    path: Path, width: int, height: int, name: str | None, up: UpAxis | None, unit: float | None
-) -> Camera:
+    path: Path, width: int, height: int, name: str | None, up: UpAxis | None, unit: float | None,
+    time: float | None = None,
+) -> Camera:  # fmt: skip
     """Read a perspective camera of a glTF file; its vertical field of view is that of the picture.
 
     name : of the camera or of the node that places it; not needed where there is one only
     up : "y" unless given, as glTF says
     unit : metres to a unit; 1 unless given, as glTF says
+    time : seconds of the file's own animation, in which the camera's node may move; at rest unless given
     Raises UnreadableFile where there is no such camera, or several to choose from. glTF 2.0, §3.10.
     """
     header = read_document(path).header
+    moving = None if time is None else read_animation(path)
     try:
-        placed = _placed(path, header)
+        placed = _placed(path, header, moving, time)
     except (AttributeError, IndexError, KeyError, TypeError, ValueError) as error:
         raise UnreadableFile(f"{path}: its nodes cannot be followed ({error!r}); export it again") from None
     labels = [(node or camera.get("name") or f"camera {index}") for node, index, camera, _ in placed]
@@ -45,7 +50,9 @@ def read_gltf_camera(
     return Camera(width, height, float(height / 2 / np.tan(lens["yfov"] / 2)), position, rotation)
 
 
-def _placed(path: Path, header: dict[str, Any]) -> list[tuple[str, int, dict[str, Any], np.ndarray]]:
+def _placed(
+    path: Path, header: dict[str, Any], moving: Animation | None, time: float | None
+) -> list[tuple[str, int, dict[str, Any], np.ndarray]]:
     """The scene's cameras: the node's name, the camera's number and description, and its matrix in the world."""
     nodes, cameras = header.get("nodes", []), header.get("cameras", [])
     scenes = header.get("scenes")
@@ -58,7 +65,7 @@ def _placed(path: Path, header: dict[str, Any]) -> list[tuple[str, int, dict[str
         if depth > DEEPEST:
             raise UnreadableFile(f"{path}: a node lies within itself; export it again")
         node = nodes[index]
-        matrix = above @ local_matrix(node)
+        matrix = above @ (local_matrix(node) if moving is None else moving.nodes[index].to_parent(time))
         if "camera" in node:
             found.append((str(node.get("name", "")), int(node["camera"]), cameras[node["camera"]], matrix))
         stack += [(child, matrix, depth + 1) for child in reversed(node.get("children", []))]

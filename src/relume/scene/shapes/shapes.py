@@ -51,7 +51,7 @@ class Plane:
     height : y, metres
     """
 
-    material: Diffuse | Material | WhittedMaterial
+    material: AnyMaterial
     size: tuple[float, float] | None = None
     height: float = 0.0
 

@@ -38,7 +38,7 @@ def unwrapped(path: Path, rim: Sequence[float] | None, target: Path) -> dict[str
             light, camera=np.array([0.0, 0.0, 1.0]), centre=np.zeros(3), outline=outline, name=path.name,
             focal_length=picture.focal_length or USUAL_LENS * max(light.size),
         )  # fmt: skip
-        probe = rl.blend_views([view], size=ROWS)
+        probe = rl.probe.blend_views([view], size=ROWS)
     rl.write(target, rl.as_radiance_map(probe.light))
     found = view.outline
     return {

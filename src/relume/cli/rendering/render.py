@@ -11,8 +11,8 @@ from cyclopts import Parameter, Token
 from cyclopts.validators import Number
 
 import relume as rl
-from relume.cli.arguments import ClusterWord, DryRun, Threads, require_files, require_suffix
-from relume.cli.console import OutputOptions, print_facts, progress, spread, warnings_as_notes
+from relume.cli.arguments import ClusterWord, DryRun, Threads, require_files, require_output_folder, require_suffix
+from relume.cli.console import OutputOptions, force, print_facts, progress, spread, warnings_as_notes
 from relume.cli.option_types import Pixel, Point, Size, numbers
 
 FILTERS = Literal["plain", "subdivision", "quadrilateral", "preintegrated", "mip"]
@@ -33,10 +33,14 @@ def _renderer(kind: object, tokens: Sequence[Token]) -> str:
 @Parameter(name="*")
 @dataclass(frozen=True)
 class TracingOptions:
-    """How the recursive ray tracer works."""
+    """How far rays are followed, and how the recursive ray tracer works."""
 
     depth: Annotated[
-        int | None, Parameter(help="whitted: nodes from a tree's root to its farthest leaf; 8 unless the file says.")
+        int | None,
+        Parameter(
+            help="mitsuba: bounces before a path ends, 12 unless given; whitted: nodes from a tree's root to its "
+            "farthest leaf, 8 unless the file says."
+        ),
     ] = None
     rays: Annotated[
         int | None, Parameter(help="whitted: rays at a glossy or frosted surface; 16 unless the file says.")
@@ -72,10 +76,14 @@ class TracingOptions:
 @Parameter(name="*")
 @dataclass(frozen=True)
 class MotionOptions:
-    """Frames of a motion."""
+    """Frames of a motion or of the scene file's sequence."""
 
     frames: Annotated[
-        int | None, Parameter(validator=Number(gte=1), help="prefiltered, whitted: this many pictures of a motion.")
+        str | None,
+        Parameter(
+            help="This many pictures of a motion; of a scene file with [sequence] these of its frames, as 3,5-8 or "
+            "1-100x2, all unless given."
+        ),
     ] = None
     motion: Annotated[
         Literal["turntable", "orbit"] | None,
@@ -87,6 +95,24 @@ class MotionOptions:
     degrees: Annotated[
         float | None, Parameter(help="With --frames: how far; 360 unless given.", allow_leading_hyphen=True)
     ] = None
+
+
+@Parameter(name="*")
+@dataclass(frozen=True)
+class TransportOptions:
+    """How long light transport goes on, and what is done about the noise that is left."""
+
+    samples: Annotated[
+        int | None, Parameter(validator=Number(gte=2), help="mitsuba: rays a pixel; 256 unless given.")
+    ] = None
+    noise: Annotated[
+        float | None,
+        Parameter(validator=Number(gt=0), help="mitsuba: stop once the expected error is below this share, like 0.01."),
+    ] = None
+    denoise: Annotated[
+        bool, Parameter(negative="", help="mitsuba: take what noise is left out of the picture (Open Image Denoise).")
+    ] = False
+    seed: Annotated[int | None, Parameter(help="mitsuba, whitted: another seed for what is random.")] = None
 
 
 @Parameter(name="*")
@@ -109,6 +135,23 @@ class InsteadOptions:
         ),
     ] = None
 
+    def check(self, out: Path, pictures: dict[str, object], cluster: str | None) -> None:
+        """Refuse an output that cannot be written, and options of pictures where none is made."""
+        if self.environment is not None:
+            _check_alone("--environment shows all directions", {"--tree": self.tree, **pictures})
+            require_suffix(out, ".exr", ".hdr")
+        elif self.tree is not None:
+            _check_alone("--tree draws one pixel's rays", pictures)
+            require_suffix(out, ".png", ".svg")
+        else:
+            _check_output(out)
+            return
+        if cluster is not None:
+            raise ValueError(
+                "--cluster makes a picture or the frames of a motion, and neither an environment map nor a tree; leave "
+                "it out"
+            )
+
 
 def render(
     scene: Annotated[Path, Parameter(help="A scene file, .toml, or a mesh: .glb, .gltf, .obj, .ply, .stl or .usd.")],
@@ -119,7 +162,7 @@ def render(
         Parameter(
             alias="-o",
             help="The picture, .exr with matte, depth and normals (whitted: and rays), .hdr, .png or .jpg; "
-            "with --frames a folder or an .mp4.",
+            "for frames a folder or an .mp4.",
         ),
     ],
     renderer: Annotated[
@@ -147,8 +190,7 @@ def render(
     plate: Annotated[
         Path | None, Parameter(help="prefiltered: a radiance map to matte the objects over, of the picture's size.")
     ] = None,
-    samples: Annotated[int | None, Parameter(help="mitsuba: rays a pixel; 256 unless given.")] = None,
-    seed: Annotated[int | None, Parameter(help="mitsuba, whitted: another seed for what is random.")] = None,
+    transport: TransportOptions = TransportOptions(),
     tracing: TracingOptions = TracingOptions(),
     moving: MotionOptions = MotionOptions(),
     instead: InsteadOptions = InsteadOptions(),
@@ -160,29 +202,22 @@ def render(
             allow_leading_hyphen=True,
         ),
     ] = 0.0,
+    restart: Annotated[bool, Parameter(negative="", help="Discard the saved state of an interrupted render.")] = False,
     threads: Threads = None,
     cluster: ClusterWord = None,
     dry_run: DryRun = False,
     output: OutputOptions = OutputOptions(),
 ) -> None:
-    """Render a scene under an environment map and lights, as one picture or as frames of a motion."""
+    """Render a scene under an environment map and lights, as one picture or as frames of a motion.
+
+    Frames that are there, made from the same, are kept, and an interrupted render is resumed. Beside a picture under
+    way its .preview.png shows what there is.
+    """
     environment, tree = instead.environment, instead.tree
     with warnings_as_notes(output):
         # Refuse what cannot be written, before any work.
         pictures = {"--frames": moving.frames, "--region": tracing.region, "--plate": plate}
-        if environment is not None:
-            _check_alone("--environment shows all directions", {"--tree": tree, **pictures})
-            require_suffix(out, ".exr", ".hdr")
-        elif tree is not None:
-            _check_alone("--tree draws one pixel's rays", pictures)
-            require_suffix(out, ".png", ".svg")
-        else:
-            _check_output(out, moving)
-        if cluster is not None and (environment is not None or tree is not None):
-            raise ValueError(
-                "--cluster makes a picture or the frames of a motion, and neither an environment map nor a tree; leave "
-                "it out"
-            )
+        instead.check(out, pictures, cluster)
         require_files([each for each in (scene, light, plate) if each is not None])
         # Read what the options name.
         read = rl.read_scene(scene, light, size if environment is None else None)
@@ -190,8 +225,7 @@ def render(
             renderer=renderer,
             filter=filter,
             plate=None if plate is None else rl.read_radiance(plate),
-            samples=samples,
-            seed=seed,
+            **vars(transport),
             **vars(tracing),
             **vars(moving),
             exposure=exposure,
@@ -203,11 +237,22 @@ def render(
         elif tree is not None:
             facts = _tree(read, out, tree, settings, dry_run)
         else:
-            with spread(None if dry_run else cluster, output, tasks=moving.frames is not None) as (workers, report):
-                made = rl.render_scene(read, out, settings, dry_run=dry_run, report=report, cluster=workers)
-            facts = {"renderer": made.renderer, "shapes": made.shapes, "size": f"{made.size[0]}×{made.size[1]}"}
-            facts["exposure"] = made.film.exposure
+            facts = _pictures(read, out, settings, None if dry_run else cluster, restart, dry_run, output)
         print_facts(output, {"would write" if dry_run else "written": str(out), **facts})
+
+
+def _pictures(
+    read: rl.SceneFile, out: Path, settings: rl.RenderSettings, cluster: str | None, restart: bool, dry_run: bool,
+    output: OutputOptions,
+) -> dict[str, object]:  # fmt: skip
+    with spread(cluster, output, tasks=out.suffix.lower() not in PICTURES) as (workers, report):
+        made = rl.render_scene(
+            read, out, settings, dry_run=dry_run, report=report, cluster=workers, restart=restart, preview=True,
+            force=force,
+        )  # fmt: skip
+    facts: dict[str, object] = {"renderer": made.renderer, "shapes": made.shapes}
+    facts |= {"size": f"{made.size[0]}×{made.size[1]}", "exposure": made.film.exposure}
+    return facts if made.frames is None else {**facts, "frames": made.frames, "kept from before": made.kept}
 
 
 def _environment(
@@ -252,21 +297,11 @@ def _check_alone(what: str, others: dict[str, object]) -> None:
         raise ValueError(f"{what}, and {given[0]} is for pictures; leave one of them out")
 
 
-def _check_output(out: Path, moving: MotionOptions) -> None:
-    """Refuse an output that does not fit the number of frames."""
-    frames = moving.frames
-    given = [
-        name for name, value in {"--motion": moving.motion, "--degrees": moving.degrees}.items() if value is not None
-    ]
-    if given and frames is None:
-        raise ValueError(f"{given[0]} is about a motion; give --frames N too")
-    if frames is None and out.suffix.lower() == ".mp4":
-        raise ValueError(f"-o {out}: a movie needs --frames N")
-    if frames is None:
-        require_suffix(out, *PICTURES)
-    elif out.suffix.lower() == ".mp4":
+def _check_output(out: Path) -> None:
+    """Refuse an output that cannot be written; whether there are frames for it the scene file says too."""
+    if out.suffix.lower() == ".mp4":
         require_suffix(out, ".mp4")
     elif out.suffix:
-        raise ValueError(f"-o {out}: with --frames give a folder for numbered pictures, or an .mp4")
-    elif left := sorted(path.name for path in out.glob("frame_*.png"))[frames:]:
-        raise ValueError(f"-o {out}: holds frames of another movie, from {left[0]} on; remove them")
+        require_suffix(out, *PICTURES)
+    else:
+        require_output_folder(out)

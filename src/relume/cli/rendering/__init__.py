@@ -1,0 +1,1 @@
+"""Commands that make pictures of scenes: render, film, and the reflection maps for others' renderers."""

@@ -1,0 +1,254 @@
+"""A scene of diffuse surfaces made ready for rays, and one line that refuses by name what is not diffuse.
+
+Surfaces reflect from both sides and shine from their outer side alone, as Mitsuba's do here. Radiance of a surface is
+its emission and ρ/π times its irradiance.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import cached_property
+from typing import NamedTuple
+
+import numpy as np
+
+from relume.errors import UnsupportedScene
+from relume.renderers.raytrace.alpha_coverage import repeated
+from relume.renderers.raytrace.raycast import RayCaster
+from relume.renderers.raytrace.surface import Surfaces
+from relume.renderers.unsupported_features import unsupported_features
+from relume.scene.lights import DistantLight, PointLight
+from relume.scene.materials.materials import Diffuse, Material
+from relume.scene.scene import Infinite, Scene
+from relume.scene.shapes.shapes import AnyMaterial, Mesh, Patches, Plane, Polygon, Shape, Sphere
+from relume.scene.shapes.tessellation import tessellated, triangulated
+from relume.sphere.environment_map import EnvironmentMap
+
+NEAR = 1e-6
+"""Share of the scene's size: a ray that starts on a surface does not meet it again before that."""
+ROUND = 4
+"""How often the 20 triangles of a ball are quartered: its outline is then off by a thousandth of its radius."""
+
+
+class Seen(NamedTuple):
+    """What N rays meet; rows of rays that met nothing hold zeros.
+
+    hit : (N,) bool
+    shape, primitive : (N,) int32; barycentric : (N, 2); distance : (N,) metres, ∞ where nothing was met: as `Hits`
+    front : (N,) bool, whether the outer side was met
+    point : (N, 3) metres, world
+    normal, geometric : (N, 3) unit vectors towards the side that was met: for shading, and of the surface itself
+    reflectance, emission : (N, 3), ρ, and the radiance that is sent back along the ray
+    """
+
+    hit: np.ndarray
+    shape: np.ndarray
+    primitive: np.ndarray
+    barycentric: np.ndarray
+    distance: np.ndarray
+    front: np.ndarray
+    point: np.ndarray
+    normal: np.ndarray
+    geometric: np.ndarray
+    reflectance: np.ndarray
+    emission: np.ndarray
+
+    @staticmethod
+    def places(points: np.ndarray, normals: np.ndarray) -> Seen:
+        """Places (N, 3) on flat, black surfaces of these unit normals."""
+        count = len(points)
+        black, number, true = np.zeros((count, 3)), np.zeros(count, np.int32), np.ones(count, bool)
+        return Seen(true, number, number, black[:, :2], number, true, points, normals, normals, black, black)
+
+    def only(self, which: np.ndarray) -> Seen:
+        """Some of the rows."""
+        return Seen(*(plane[which] for plane in self))
+
+
+@dataclass(frozen=True, eq=False)
+class DiffuseScene:
+    """Shapes that are diffuse, and their lights.
+
+    shapes : the local scene's, then the objects
+    local : how many are the local scene's
+    sky : the environment map; None where it is black
+    lights : points and distant lights
+    threads : all cores for None
+    """
+
+    shapes: tuple[Shape, ...]
+    local: int
+    sky: EnvironmentMap | None
+    lights: tuple[PointLight | DistantLight, ...]
+    threads: int | None = None
+
+    @staticmethod
+    def of(scene: Scene, whose: str, threads: int | None = None) -> DiffuseScene:
+        """The scene as `whose` renderer sees it; raises UnsupportedScene naming what it cannot show."""
+        if not isinstance(scene.distant, Infinite):
+            raise UnsupportedScene(
+                f"{whose} sees its light map at infinity, and this scene's is on walls; use rl.Mitsuba "
+                "(--renderer mitsuba), or an Infinite distant scene"
+            )
+        if getattr(scene, "medium", None) is not None:
+            raise UnsupportedScene(
+                f"{whose} shows surfaces in clear air, and a medium fills this scene; use rl.Mitsuba "
+                "(--renderer mitsuba), or leave the medium out"
+            )
+        for light in scene.lights:
+            if not isinstance(light, PointLight | DistantLight):
+                raise UnsupportedScene(
+                    f"{whose} has no {type(light).__name__}; use rl.Mitsuba (--renderer mitsuba), or a surface with "
+                    "emission"
+                )
+        shapes = (*scene.local, *scene.objects)
+        for shape in shapes:
+            if (why := not_diffuse(shape.material)) is not None:
+                raise UnsupportedScene(
+                    f"{whose} shows diffuse surfaces alone, and the material of {_name(shape)!r} has {why}; use "
+                    "rl.Mitsuba (--renderer mitsuba), or a diffuse material (of pbr: specular = 0)"
+                )
+        lit = bool(np.any(scene.light.radiance))
+        if not lit and not scene.lights and not any(shines(shape.material) for shape in shapes):
+            raise UnsupportedScene(
+                "nothing shines in this scene: it has no lights, no emission, and its light map is black; add one"
+            )
+        # What shines is sampled by its triangles, so that rays have to meet the same ones.
+        ready = tuple(as_mesh(shape) if shines(shape.material) else shape for shape in shapes)
+        lights = tuple(light for light in scene.lights if isinstance(light, PointLight | DistantLight))
+        return DiffuseScene(ready, len(scene.local), scene.light if lit else None, lights, threads)
+
+    @cached_property
+    def caster(self) -> RayCaster:
+        """The one tree over all shapes."""
+        return RayCaster.of(self.shapes)
+
+    @cached_property
+    def size(self) -> float:
+        """The longest side of the box round all but endless ground, metres; 1 where there is nothing else."""
+        bounded = (shape for shape in self.shapes if not isinstance(shape, Plane) or shape.size is not None)
+        corners = [corner for shape in bounded for corner in _box(shape)]
+        return float(np.ptp(corners, axis=0).max()) if corners else 1.0
+
+    @cached_property
+    def box(self) -> tuple[np.ndarray, np.ndarray]:
+        """The low and the high corner (3,), metres, of the box round all shapes."""
+        corners = np.array([corner for shape in self.shapes for corner in _box(shape)]).reshape(-1, 3)
+        return (corners.min(axis=0), corners.max(axis=0)) if len(corners) else (np.zeros(3), np.ones(3))
+
+    @cached_property
+    def _surfaces(self) -> Surfaces:
+        return Surfaces.of(self.shapes)
+
+    def look(self, origins: np.ndarray, directions: np.ndarray, *, leaving: bool = True) -> Seen:
+        """What rays (N, 3) meet; `leaving` says that they start on a surface, which they do not meet again."""
+        beyond = NEAR * self.size if leaving else 0.0
+        hits = self.caster.nearest(origins, directions, beyond=beyond, threads=self.threads)
+        there = self._surfaces.at(origins, directions, hits, threads=self.threads)
+        front = np.einsum("ij,ij->i", there.geometric_normal, directions) <= 0
+        side = np.where(front, 1.0, -1.0)[:, None]
+        reflectance, emission = (np.zeros((len(directions), 3)) for _ in range(2))
+        for index in np.unique(hits.shape[hits.shape >= 0]):
+            here = np.flatnonzero(hits.shape == index)
+            material = self.shapes[index].material
+            reflectance[here] = looked_up(reflectance_of(material), there.uv[here])
+            if shines(material):
+                emission[here] = looked_up(emission_of(material), there.uv[here]) * front[here, None]
+        return Seen(
+            hits.shape >= 0, hits.shape, hits.primitive, hits.barycentric, hits.distance, front, there.point,
+            side * there.shading_normal, side * there.geometric_normal, reflectance, emission,
+        )  # fmt: skip
+
+    def blocked(
+        self, origins: np.ndarray, normals: np.ndarray, directions: np.ndarray, distances: object
+    ) -> np.ndarray:
+        """Whether something lies on ways (N, 3) from surfaces of these geometric normals, shorter than distances."""
+        step = NEAR * self.size
+        limits = np.maximum(np.asarray(distances, np.float64) - 2 * step, 0)
+        return self.caster.occluded(origins + step * normals, directions, limits, threads=self.threads)
+
+
+def not_diffuse(material: AnyMaterial) -> str | None:
+    """What of a material is not diffuse, in a few words; None of a diffuse one."""
+    if isinstance(material, Diffuse):
+        return None
+    if not isinstance(material, Material):
+        return f"the reflection of a {type(material).__name__}"
+    others = [name for name in unsupported_features(material) if name not in ("emission", "specular")]
+    if np.any(material.through):
+        others.insert(0, "transmission")
+    if np.any(np.asarray(material.metallic) > 0):
+        others.insert(0, "the reflection of a metal")
+    elif np.any(np.asarray(material.specular) > 0):
+        others.insert(0, "specular reflection")
+    return ", ".join(others) or None
+
+
+def shines(material: AnyMaterial) -> bool:
+    """Whether a surface sends out light of its own."""
+    return isinstance(material, Material) and material.emits
+
+
+def reflectance_of(material: AnyMaterial) -> object:
+    """The reflectance of a material that is diffuse: a colour or an image."""
+    if isinstance(material, Diffuse):
+        return material.reflectance
+    assert isinstance(material, Material)
+    return material.base_color
+
+
+def emission_of(material: AnyMaterial) -> object:
+    """The radiance that a surface sends out: a colour or an image."""
+    return material.emission if isinstance(material, Material) else (0.0, 0.0, 0.0)
+
+
+def looked_up(value: object, uv: np.ndarray) -> np.ndarray:
+    """A colour, or an image of them, at texture coordinates (N, 2): (N, 3) or (3,)."""
+    colours = np.asarray(value, np.float64)
+    return colours if colours.ndim == 1 else repeated(colours)(uv)
+
+
+def as_mesh(shape: Shape, quartered: int = ROUND) -> Mesh:
+    """Any shape as triangles; a plane as the rectangle of its extent, a ball as 20 triangles `quartered` so often."""
+    if isinstance(shape, Mesh):
+        return shape
+    if isinstance(shape, Patches):
+        return tessellated(shape)
+    if isinstance(shape, Polygon):
+        return triangulated(shape)
+    if isinstance(shape, Sphere):
+        return _ball(shape, quartered)
+    x, z = np.array(shape.extent) / 2
+    corners = np.array([[-x, shape.height, z], [x, shape.height, z], [x, shape.height, -z], [-x, shape.height, -z]])
+    uv = np.array([[0, 0], [1, 0], [1, 1], [0, 1]], np.float32)
+    faces = np.array([[0, 1, 2], [0, 2, 3]], np.int32)
+    return Mesh(corners.astype(np.float32), faces, shape.material, uv=uv, name="plane")
+
+
+def _ball(sphere: Sphere, quartered: int) -> Mesh:
+    """A sphere as the quartered faces of an icosahedron, with its own normals and lat-long texture coordinates."""
+    import trimesh
+
+    ball = trimesh.creation.icosphere(subdivisions=quartered)
+    normals = np.asarray(ball.vertices, np.float64)
+    u = 0.5 + np.arctan2(normals[:, 0], -normals[:, 2]) / (2 * np.pi)
+    uv = np.stack([u, 1 - np.arccos(np.clip(normals[:, 1], -1, 1)) / np.pi], axis=-1)
+    vertices = np.asarray(sphere.centre) + sphere.radius * normals
+    faces = np.asarray(ball.faces, np.int32)
+    return Mesh(
+        vertices.astype(np.float32), faces, sphere.material, normals.astype(np.float32), uv.astype(np.float32),
+        sphere.name,
+    )  # fmt: skip
+
+
+def _name(shape: Shape) -> str:
+    return getattr(shape.material, "name", "") or getattr(shape, "name", "the ground plane")
+
+
+def _box(shape: Shape) -> Sequence[np.ndarray]:
+    """Two corners of a box round a shape."""
+    if isinstance(shape, Sphere):
+        return np.asarray(shape.centre) - shape.radius, np.asarray(shape.centre) + shape.radius
+    points = (shape.control if isinstance(shape, Patches) else as_mesh(shape).vertices).reshape(-1, 3)
+    return points.min(axis=0), points.max(axis=0)

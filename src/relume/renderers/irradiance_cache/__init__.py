@@ -1,0 +1,1 @@
+"""The irradiance cache (Ward, Rubinstein & Clear 1988; Ward & Heckbert 1992)."""

@@ -1,0 +1,1 @@
+"""Radiosity by progressive refinement (Cohen, Chen, Wallace & Greenberg 1988)."""
