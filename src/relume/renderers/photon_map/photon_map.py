@@ -159,16 +159,10 @@ def _planes(stage: Stage, eyes: np.ndarray, rays: np.ndarray, scene: Scene) -> n
 def _render(sums: np.ndarray, passes: int, camera: Camera) -> Render:
     """The picture that is in the sums of passes, (H·W, 15)."""
     means = (sums / passes).reshape(camera.height, camera.width, 15)
-    spread = (
-        np.maximum(means[..., 3:6] - means[..., :3] ** 2, 0) / (passes - 1) if passes > 1 else means[..., 3:6] * np.nan
-    )
+    spread = np.maximum(means[..., 3:6] - means[..., :3] ** 2, 0) / (passes - 1 or np.nan)
     there = np.maximum(means[..., 6:7], 1e-30)
     planes = (
-        means[..., :3],
-        spread,
-        means[..., 7],
-        means[..., 8] / there[..., 0],
-        means[..., 9:12] / there,
+        means[..., :3], spread, means[..., 7], means[..., 8] / there[..., 0], means[..., 9:12] / there,
         means[..., 12:] / there,
-    )
+    )  # fmt: skip
     return Render(*(plane.astype(np.float32) for plane in planes), samples=passes, passes=passes)

@@ -200,8 +200,7 @@ def _refused(what: str, otherwise: str = "") -> UnsupportedScene:
 
 def lamps_of(scene: Scene) -> tuple[Lamp, ...]:
     """All that shines in a scene; raises UnsupportedScene naming a lamp that sends no photons."""
-    shapes = (*scene.local, *scene.objects)
-    shining = [(shape, shape.material) for shape in shapes]
+    shining = [(shape, shape.material) for shape in (*scene.local, *scene.objects)]
     lamps: list[Lamp] = [Surface(s, m.emission) for s, m in shining if isinstance(m, Material) and m.emits]
     for light in scene.lights:
         if (lamp := lamp_of(light)) is None:
@@ -212,7 +211,7 @@ def lamps_of(scene: Scene) -> tuple[Lamp, ...]:
     if np.any(scene.light.radiance):
         lamps.append(Environment(BrightDirections.of(as_latlong(scene.light))))
     far = any(isinstance(lamp, Distant | Environment) for lamp in lamps)
-    if far and any(isinstance(shape, Plane) and shape.size is None for shape in shapes):
+    if far and any(isinstance(shape, Plane) and shape.size is None for shape, _ in shining):
         raise UnsupportedScene("photons from infinity would be spread over a plane without an edge; give it a size")
     if not lamps:
         raise UnsupportedScene("nothing shines in this scene: it has no lights and its light map is black; add one")
