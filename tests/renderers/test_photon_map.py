@@ -228,6 +228,14 @@ def test_between_a_lamp_and_a_wall_fog_takes_what_beer_and_lambert_say():
     np.testing.assert_allclose(direct[1] / direct[0], expected, rtol=0.005)
 
 
+def test_inside_glass_there_is_no_fog():
+    pane = replace(GLASS, ior=1.0)
+    scene = Scene(EVEN, (), (Sphere((0.0, 0.0, 0.0), 1.0, pane),), medium=Medium((2.0, 2.0, 2.0)))
+    # The fog ends where the ball does, and all of it would lie inside.
+    seen = PhotonMap(photons=100, passes=1).render(scene, looking((0, 0, 4), (0, 0, 0), 2, 400.0))
+    np.testing.assert_allclose(seen.radiance, 1, rtol=1e-3)
+
+
 def test_in_an_endless_fog_photons_scatter_as_often_as_the_albedo_says():
     fog = Medium((0.5, 0.25, 0.5), (0.5, 0.75, 0.5), 0.4)
     far = Sphere((0.0, 0.0, 0.0), 12.0, BLACK)
