@@ -161,6 +161,29 @@ def test_under_an_even_sky_white_things_and_clear_glass_cannot_be_seen():
     assert within.radiance[3:9, 3:9].mean() == pytest.approx(1, rel=0.03)
 
 
+def test_a_painted_floor_under_an_even_sky_shows_its_picture():
+    image = np.zeros((8, 8, 3), np.float32)
+    image[:, 4:] = (0.8, 0.4, 0.2)
+    scene = Scene(EVEN, (Plane(Diffuse(image), size=(2.0, 2.0)),))
+    seen = (
+        PhotonMap(photons=200, passes=16, shadows=8).render(scene, looking((0, 2, 0), (0, 0, 1e-3), 8, 12.0)).radiance
+    )
+    # From above with +Z up, +X lies to the left.
+    bright, dark = seen[:, :3].mean((0, 1)), seen[:, 5:].mean((0, 1))
+    np.testing.assert_allclose(bright, (0.8, 0.4, 0.2), rtol=0.02)
+    np.testing.assert_allclose(dark, 0, atol=1e-6)
+
+
+def test_what_an_object_changes_is_the_difference_of_two_renders():
+    scene = cornell_box()
+    change = PhotonMap(photons=2000, passes=2, gather=2).change(scene, cornell_camera(16), seed=3)
+    assert change.matte[12, 10] == 1 and change.matte[2, 8] == 0
+    assert change.objects[change.matte == 1].mean() > 0.01 and not change.objects[2, 8].any()
+    # Beside the blocks it is darker than without them.
+    floor = change.difference[15, 2:14][change.matte[15, 2:14] == 0]
+    assert floor.mean() < 0
+
+
 def test_light_through_coloured_glass_fades_by_beers_law():
     filter_ = replace(GLASS, attenuation_color=(0.5, 0.8, 1.0), attenuation_distance=1.0, ior=1.0)
     scene = Scene(EVEN, (), (Sphere((0.0, 0.0, 0.0), 1.0, filter_),))
