@@ -80,9 +80,11 @@ def main(folder: Path, size: int) -> None:
     )
     scene = beam()
     *_, step = PhotonMap(photons=100_000, neighbours=30, passes=12, gather=2).steps(scene, camera)
-    hanging = step.flight.fog.only(np.arange(len(step.flight.fog.power)) % 4 == 0)
     truth = rl.Mitsuba(samples=512, depth=24).render(scene, camera).radiance
-    panels = [shown(drawn_photons(hanging, replace(scene, objects=()), camera), 1.2), shown(step.render.radiance, 1.0)]
+    panels = [
+        shown(drawn_photons(step.caustics.surface, replace(scene, objects=()), camera), 1.2),
+        shown(step.render.radiance, 1.0),
+    ]
     panels.append(shown(truth, 1.0))
     rl.write(folder / "photon_map_fog.jpg", rl.Photograph(np.concatenate(panels, axis=1), "photon map in fog"))
 

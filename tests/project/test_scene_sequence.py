@@ -8,9 +8,11 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from gltf_files import Channels, animated, as_glb, moving_gltf
 from relume.errors import InvalidScene, UnsupportedScene
 from relume.image.files import read_layers, read_photograph, read_radiance, write
 from relume.image.radiance import RadianceMap
+from relume.project.film.film_file import read_film
 from relume.project.scene_file.rendering import render_scene
 from relume.project.scene_file.scene_file import SceneFile, read_scene
 from relume.project.scene_file.settings import RenderSettings
@@ -102,6 +104,21 @@ def test_meshes_and_polygons_move_and_what_no_key_moves_stays(tmp_path):
     assert still.at_frame(1)[0].light is still.at_frame(4)[0].light
 
 
+def test_meshes_and_cameras_that_move_in_their_own_files_move_with_the_sequence(tmp_path):
+    times = [0.0, 0.125]  # three frames of 24 a second
+    moves: Channels = [(0, "translation", times, [[0, 0, 0], [3, 0, 0]], "LINEAR")]
+    (tmp_path / "moving.glb").write_bytes(as_glb(*animated(moves, [{"name": "square", "mesh": 0}])))
+    moving_gltf(tmp_path / "camera.gltf")  # a metre a second along x
+    text = '[camera]\nsize = [24, 16]\nfile = "camera.gltf"\n' + LIGHT + '[sequence]\nframes = "11-20"\n'
+    found = scene_of(tmp_path, text + '[[objects]]\nmesh = "moving.glb"\nscale = 2\n')
+    (rest,), (moved,) = (found.at_frame(frame)[0].objects for frame in (11, 13))
+    assert isinstance(rest, Mesh) and isinstance(moved, Mesh)
+    np.testing.assert_allclose(moved.vertices - rest.vertices, np.tile([4.0, 0, 0], (4, 1)), atol=1e-6)
+    np.testing.assert_allclose(found.at_frame(17)[1].position, [6 / 24, 1, 0], atol=1e-12)
+    # Beside the rest pose of both, a picture of the file shows the first frame.
+    np.testing.assert_allclose(found.camera.position, [0, 1, 0], atol=1e-12)
+
+
 def test_light_turns_and_brightens(tmp_path):
     radiance = np.zeros((8, 16, 3), np.float32)
     radiance[4, 8] = 1.0  # towards −Z
@@ -160,6 +177,18 @@ def test_a_key_that_no_file_may_have_is_named_with_its_frame(tmp_path):
     found = scene_of(tmp_path, keys + LIGHT + SEQUENCE + CLAY + BALL)
     with pytest.raises(InvalidScene, match=r"camera: at frame 5 target \[4\.0, 1\.0, 4\.0\] is where the camera"):
         found.at_frame(5)
+
+
+def test_the_examples_in_the_docs_are_a_scene_and_a_film(tmp_path):
+    page = (Path(__file__).parents[2] / "docs/scene-file.md").read_text(encoding="utf-8")
+    scene, film = re.findall(r"```toml\n(.*?)```", page, re.DOTALL)[-2:]
+    for name in ("room.hdr", "mine.exr"):
+        write(tmp_path / name, RadianceMap(np.ones((8, 16, 3), np.float32)))
+    found = scene_of(tmp_path, scene)
+    assert found.sequence is not None and len(found.sequence.table.frames) == 120
+    np.testing.assert_allclose(ball_at(found, 120).centre, [1, 0.1, 0])
+    (tmp_path / "film.toml").write_text(film)
+    assert len(read_film(tmp_path / "film.toml").scene.at_frame(240)[0].objects) == 1
 
 
 # The frames
@@ -222,7 +251,8 @@ def test_an_interrupted_frame_is_resumed_with_the_same_pixels(tmp_path):
     render_scene(found, tmp_path / "cut.exr", settings, report=lambda stage, share: begun.append(share))
     assert 0 < min(begun) and min(begun) > 0.4  # it went on
     render_scene(found, tmp_path / "whole.exr", settings)
-    np.testing.assert_array_equal(*(read_layers(tmp_path / name)["radiance"] for name in ("cut.exr", "whole.exr")))
+    cut, whole = (read_layers(tmp_path / name)["radiance"] for name in ("cut.exr", "whole.exr"))
+    np.testing.assert_array_equal(cut, whole)
     assert not list(tmp_path.glob(".*.passes*"))
 
 

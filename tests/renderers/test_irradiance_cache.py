@@ -168,6 +168,16 @@ def test_records_are_found_where_the_eye_does_not_see():
     assert cache.octree.records < 1500
 
 
+def test_few_records_do_for_the_ground_that_goes_on_to_the_horizon():
+    grey = Diffuse((0.5, 0.5, 0.5))
+    wall = quad([[-1, 0, -1], [1, 0, -1], [1, 2, -1], [-1, 2, -1]], grey)
+    camera = rl.Camera.looking_at(np.array([0, 1.0, 3]), np.array([0, 1.0, -1]), width=8, height=8, focal_length=8)
+    cache = FEW.prepared(Scene(EVEN, (rl.Plane(grey), wall)), camera).cache
+    place = cache.octree.tree.place[: cache.octree.records]
+    assert np.abs(place).max() > 20
+    assert 10 < cache.octree.records < 400
+
+
 def test_what_is_seen_may_be_nothing_at_all():
     away = rl.Camera.looking_at(np.array([0, 1.0, 9.0]), np.array([0, 2.0, 20.0]), width=2, height=2, focal_length=8)
     scene = Scene(EVEN, (quad([[-1, 0, 1], [1, 0, 1], [1, 0, -1], [-1, 0, -1]], Diffuse((0.5, 0.5, 0.5))),))

@@ -7,6 +7,7 @@ from itertools import pairwise
 
 import numpy as np
 import pytest
+import trimesh
 
 import relume as rl
 from cornell_box import cornell_box, cornell_camera
@@ -16,7 +17,7 @@ from relume.scene.materials.materials import Diffuse, Material
 from relume.scene.scene import Scene
 from relume.scene.shapes.shapes import Mesh, Sphere
 from relume.sphere.environment_map import EnvironmentMap
-from solids import quad, room
+from solids import built, quad, room
 from walls import differences_by_wall
 
 BLACK = EnvironmentMap(np.zeros((8, 16, 3), np.float32))
@@ -218,6 +219,8 @@ def test_smooth_bodies_have_no_creases_and_corners_have():
     assert len(np.unique(ball)) == 162  # the quartered icosahedron's
     walls = smooth.vertex[: smooth.first[6]]
     assert len(np.unique(walls)) == 24
+    block = Elements.of(prepared_for(built(trimesh.creation.box((0.2, 0.2, 0.2)), GREY)).scene, 2.0, 2.0)
+    assert len(np.unique(block.vertex[block.first[6] :])) == 24  # eight corners, each with three sides
 
 
 def prepared_for(solid: Sphere | Mesh) -> PreparedRadiosity:

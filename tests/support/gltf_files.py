@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+import base64
 import io
 import json
 import struct
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -132,3 +134,39 @@ def animated(
         "animations": [{"samplers": samplers, "channels": targets}],
     }  # fmt: skip
     return header, blob
+
+
+def moving_gltf(path: Path) -> Path:
+    """A camera that goes from x = 0 to x = 2 in two seconds, in a node one metre up, and turns half about y."""
+    times, places = np.array([0, 2], "<f4"), np.array([[0, 0, 0], [2, 0, 0]], "<f4")
+    turns = np.array([[0, 0, 0, 1], [0, 1, 0, 0]], "<f4")
+    blob = times.tobytes() + places.tobytes() + turns.tobytes()
+    spans = [(0, 8), (8, 24), (32, 32)]
+    header = {
+        "asset": {"version": "2.0"},
+        "scenes": [{"nodes": [0]}],
+        "nodes": [{"translation": [0, 1, 0], "children": [1]}, {"camera": 0}],
+        "cameras": [{"type": "perspective", "perspective": {"yfov": 1.0, "aspectRatio": 1.5}}],
+        "buffers": [
+            {
+                "byteLength": len(blob),
+                "uri": "data:application/octet-stream;base64," + base64.b64encode(blob).decode(),
+            }
+        ],
+        "bufferViews": [{"buffer": 0, "byteOffset": at, "byteLength": size} for at, size in spans],
+        "accessors": [
+            {"bufferView": view, "componentType": 5126, "count": 2, "type": kind}
+            for view, kind in enumerate(("SCALAR", "VEC3", "VEC4"))
+        ],
+        "animations": [
+            {
+                "samplers": [{"input": 0, "output": 1}, {"input": 0, "output": 2}],
+                "channels": [
+                    {"sampler": 0, "target": {"node": 1, "path": "translation"}},
+                    {"sampler": 1, "target": {"node": 1, "path": "rotation"}},
+                ],
+            }
+        ],
+    }
+    path.write_text(json.dumps(header))
+    return path

@@ -1,10 +1,11 @@
 """Turn the profile of the film's pedestal about its axis: `python pedestal.py` writes pedestal.obj beside this file."""
 
+from itertools import pairwise
 from pathlib import Path
 
 import numpy as np
 
-SIDES = 96
+SIDES, FINER = 80, 3
 # Radius and height from the foot up, metres; an edge is where a point stands twice.
 PROFILE = [
     (0.0, 0.0), (0.17, 0.0), (0.17, 0.0), (0.17, 0.012), (0.17, 0.012), (0.155, 0.02), (0.135, 0.028), (0.12, 0.042),
@@ -13,9 +14,28 @@ PROFILE = [
 ]  # fmt: skip
 
 
+def finer(points: np.ndarray) -> np.ndarray:
+    """The profile with points between: a cubic from edge to edge (Catmull and Rom 1974)."""
+    edges = [0, *(1 + np.flatnonzero(np.all(points[1:] == points[:-1], axis=1))), len(points)]
+    runs = [points[first:last] for first, last in pairwise(edges)]
+    return np.vstack([smooth(run) if len(run) > 2 else run for run in runs])
+
+
+def smooth(run: np.ndarray) -> np.ndarray:
+    """A run of points with FINER steps from each to the next."""
+    ends = np.vstack([2 * run[0] - run[1], run, 2 * run[-1] - run[-2]])
+    found = [run[:1]]
+    for before, first, last, after in zip(ends, ends[1:], ends[2:], ends[3:], strict=False):
+        for t in np.arange(1, FINER + 1) / FINER:
+            slopes = (last - before) / 2, (after - first) / 2
+            place = (2 * t**3 - 3 * t**2 + 1) * first + (t**3 - 2 * t**2 + t) * slopes[0]
+            found.append((place + (3 * t**2 - 2 * t**3) * last + (t**3 - t**2) * slopes[1])[None])
+    return np.vstack(found)
+
+
 def main() -> None:
     """Write vertices, normals and faces, counter-clockwise from outside."""
-    points = np.array(PROFILE)
+    points = finer(np.array(PROFILE))
     # Outward across the profile: of the segments that meet in a point where it stands once, of its own where twice.
     segments = np.diff(points, axis=0)
     across = np.stack([segments[:, 1], -segments[:, 0]], axis=1)

@@ -16,7 +16,7 @@ from relume.cli.console import OutputOptions, force, print_facts, progress, spre
 from relume.cli.option_types import Pixel, Point, Size, numbers
 
 FILTERS = Literal["plain", "subdivision", "quadrilateral", "preintegrated", "mip"]
-RENDERERS = Literal["prefiltered", "mitsuba", "whitted"]
+RENDERERS = Literal["prefiltered", "mitsuba", "whitted", "radiosity", "irradiance-cache"]
 PICTURES = (".exr", ".hdr", ".png", ".jpg", ".jpeg")
 ROWS = 512
 
@@ -103,7 +103,11 @@ class TransportOptions:
     """How long light transport goes on, and what is done about the noise that is left."""
 
     samples: Annotated[
-        int | None, Parameter(validator=Number(gte=2), help="mitsuba: rays a pixel; 256 unless given.")
+        int | None,
+        Parameter(
+            validator=Number(gte=2),
+            help="mitsuba: rays a pixel, 256 unless given; radiosity, irradiance-cache: 4 unless given.",
+        ),
     ] = None
     noise: Annotated[
         float | None,
@@ -112,7 +116,9 @@ class TransportOptions:
     denoise: Annotated[
         bool, Parameter(negative="", help="mitsuba: take what noise is left out of the picture (Open Image Denoise).")
     ] = False
-    seed: Annotated[int | None, Parameter(help="mitsuba, whitted: another seed for what is random.")] = None
+    seed: Annotated[
+        int | None, Parameter(help="Another seed for what is random; not of prefiltered, where nothing is.")
+    ] = None
 
 
 @Parameter(name="*")
@@ -170,9 +176,10 @@ def render(
         Parameter(
             converter=_renderer,
             help="mitsuba: light transport; prefiltered: prefiltered environment maps (reflection maps), without noise "
-            "and without shadows; whitted: shadows, mirrors and glass by recursive ray tracing (Whitted 1980). Unless "
-            "given, what the scene file and the options need: whitted for a [whitted] table, its materials and "
-            "ambient light; prefiltered for mirror, glossy, retroreflector and glass; else mitsuba.",
+            "and without shadows; whitted: shadows, mirrors and glass by recursive ray tracing (Whitted 1980); "
+            "radiosity, irradiance-cache: diffuse surfaces, for teaching. Unless given, what the scene file and the "
+            "options need: whitted for a [whitted] table, its materials and ambient light; prefiltered for mirror, "
+            "glossy, retroreflector and glass; else mitsuba.",
         ),
     ] = None,
     light: Annotated[

@@ -86,10 +86,11 @@ def render_scene(
     require_shown(read, name, plan)
     check_region(read, settings)
     check_plate(read, settings)
-    if cluster is not None and one and name == "prefiltered":
+    if cluster is not None and one and name not in ("mitsuba", "whitted"):
+        by = "prefiltered maps" if name == "prefiltered" else name
         raise ValueError(
-            "cluster: one picture by prefiltered maps has no parts for workers, for its tables take the time; leave it "
-            "out, or give --frames N"
+            f"cluster: one picture by {by} has no parts for workers, for what is prepared for it takes the time; leave "
+            "it out, or give --frames N"
         )
     if cluster is not None and one and plan is not None and plan.shutter is not None:
         raise ValueError("cluster: its workers make whole frames of what moves; give a folder, or leave cluster out")

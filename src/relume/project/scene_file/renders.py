@@ -14,7 +14,7 @@ from relume.errors import UnsupportedScene, warn
 from relume.project.scene_file.frame_plan import FramePlan
 from relume.project.scene_file.metering import shines
 from relume.project.scene_file.scene_file import SceneFile
-from relume.project.scene_file.settings import RendererName, RenderSettings, whitted_of
+from relume.project.scene_file.settings import TAUGHT, RendererName, RenderSettings, whitted_of
 from relume.renderers.progressive.accumulation import NO_SESSION, RenderSession
 from relume.renderers.progressive.fingerprint import fingerprint, program, without_threads
 from relume.renderers.results import Render
@@ -22,8 +22,10 @@ from relume.scene.cameras.camera import Camera
 from relume.scene.scene import Scene
 
 if TYPE_CHECKING:
+    from relume.renderers.irradiance_cache.irradiance_cache import IrradianceCache
     from relume.renderers.mitsuba.path_tracer import Mitsuba
     from relume.renderers.prefiltered.prefiltered import Prefiltered, Prepared
+    from relume.renderers.radiosity.radiosity import Radiosity
     from relume.renderers.whitted.whitted import Whitted
 
 Report = Callable[[str, float], None]
@@ -47,7 +49,7 @@ class Pictures:
 
     def made(self, report: Report, only: Sequence[int], watch: Watch = lambda number: NO_SESSION) -> Iterator[Render]:
         """The pictures of these frames, one after the other; of a single picture the number means nothing."""
-        by = {"mitsuba": _by_mitsuba, "prefiltered": _by_maps, "whitted": _by_trees}[self.name]
+        by = {"mitsuba": _by_mitsuba, "prefiltered": _by_maps, "whitted": _by_trees}.get(self.name, _by_taught)
         return by(self, report, only, watch)
 
     def key(self, number: int, written_with: object) -> str:
@@ -70,7 +72,7 @@ class Pictures:
             "mitsuba": lambda: mitsuba_of(settings),
             "prefiltered": lambda: prefiltered_of(settings),
             "whitted": lambda: whitted_of(read, settings),
-        }[self.name]()
+        }.get(self.name, lambda: taught_of(self.name, settings))()
         parts: list[Any] = [
             program(), self.name, without_threads(renderer), settings.seed or 0, settings.region,
             bool(settings.denoise), None if settings.plate is None else settings.plate.radiance,
@@ -110,6 +112,16 @@ def prefiltered_of(settings: RenderSettings) -> Prefiltered:
     return Prefiltered(kind(), background=settings.plate is None, threads=settings.threads)
 
 
+def taught_of(name: RendererName, settings: RenderSettings) -> Radiosity | IrradianceCache:
+    """A renderer for teaching with the given settings."""
+    from relume.renderers.irradiance_cache.irradiance_cache import IrradianceCache
+    from relume.renderers.radiosity.radiosity import Radiosity
+
+    kind = {"radiosity": Radiosity, "irradiance-cache": IrradianceCache}[name]
+    given = {} if settings.samples is None else {"samples": settings.samples}
+    return kind(**given, threads=settings.threads)
+
+
 def require_shown(read: SceneFile, name: RendererName, plan: FramePlan | None) -> None:
     """Raises UnsupportedScene for what the renderer would leave out of a scene in silence."""
     if name == "mitsuba":
@@ -124,7 +136,7 @@ def require_shown(read: SceneFile, name: RendererName, plan: FramePlan | None) -
         )
     shapes = (*read.scene.local, *read.scene.objects)
     lit = bool(np.any(read.scene.light.radiance)) or bool(read.scene.lights)
-    if not lit and any(map(shines, shapes)):
+    if name not in TAUGHT and not lit and any(map(shines, shapes)):
         raise UnsupportedScene(
             f"all light of the scene is its materials' emission, which lights nothing by the renderer {name}; use "
             "rl.Mitsuba (--renderer mitsuba)"
@@ -211,6 +223,18 @@ def _by_trees(job: Pictures, report: Report, only: Sequence[int], watch: Watch) 
         if plan is None:
             _warn_of_darkness(picture, method, read)
         yield picture
+
+
+def _by_taught(job: Pictures, report: Report, only: Sequence[int], watch: Watch) -> Iterator[Render]:
+    """Pictures by a renderer for teaching; nothing is kept of one that was interrupted."""
+    renderer = taught_of(job.name, job.settings)
+    for done, number in enumerate(only):
+        scene, camera = (job.read.scene, job.read.camera) if job.plan is None else job.plan.moment(job.read, number)
+
+        def rendering(share: float, done: int = done) -> None:
+            report("rendering", (done + share) / len(only))
+
+        yield renderer.render(scene, camera, seed=job.settings.seed or 0, progress=rendering)
 
 
 def _warn_of_what_stays(read: SceneFile, plan: FramePlan) -> None:

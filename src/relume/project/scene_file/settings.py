@@ -13,17 +13,20 @@ from relume.scene.materials.whitted import WhittedMaterial
 if TYPE_CHECKING:
     from relume.renderers.whitted.whitted import Whitted
 
-RendererName = Literal["mitsuba", "prefiltered", "whitted"]
+RendererName = Literal["mitsuba", "prefiltered", "whitted", "radiosity", "irradiance-cache"]
 FilterName = Literal["plain", "subdivision", "quadrilateral", "preintegrated", "mip"]
 Shown = Literal["picture", "ray tree", "environment map"]
 ALL: tuple[RendererName, ...] = ("mitsuba", "prefiltered", "whitted")
+"""Those that may be chosen for a scene; the ones for teaching are only named."""
+TAUGHT: tuple[RendererName, ...] = ("radiosity", "irradiance-cache")
+"""Those for teaching: `rl.renderers`."""
 FOR: dict[str, tuple[RendererName, ...]] = {
     "filter": ("prefiltered",),
     "plate": ("prefiltered",),
-    "samples": ("mitsuba",),
+    "samples": ("mitsuba", *TAUGHT),
     "noise": ("mitsuba",),
     "denoise": ("mitsuba",),
-    "seed": ("mitsuba", "whitted"),
+    "seed": ("mitsuba", "whitted", *TAUGHT),
     "depth": ("mitsuba", "whitted"),
     "rays": ("whitted",),
     "contribution": ("whitted",),
@@ -44,10 +47,10 @@ class RenderSettings:
     renderer : unless given, the first that the other settings allow and that can shade the scene
     filter : prefiltered: how a pixel reads the maps; preintegrated unless given
     plate : prefiltered: a radiance map of the picture's size, to matte the objects over
-    samples : mitsuba: rays a pixel; 256 unless given
+    samples : mitsuba: rays a pixel; 256 unless given. Those for teaching: 4 unless given
     noise : mitsuba: stop earlier, once the mean error to be expected is below this share of the picture
     denoise : mitsuba: take the noise that is left out of the picture, by Open Image Denoise
-    seed : mitsuba, whitted: of what is random; 0 unless given
+    seed : of what is random; 0 unless given
     depth : mitsuba: bounces before a path ends; whitted: see `Whitted`
     rays, contribution, constellation : whitted: see `Whitted`
     subdivisions, tolerance : whitted: see `Antialiasing`

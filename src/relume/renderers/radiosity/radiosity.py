@@ -7,9 +7,9 @@ vertices, shows the patches as they are, or gathers once more at every pixel.
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass
-from functools import cached_property
+from functools import cached_property, partial
 
 import numpy as np
 
@@ -99,16 +99,19 @@ class Radiosity(Renderer):
 
 @dataclass(frozen=True, eq=False)
 class Step:
-    """What is seen while patches shoot.
+    """What patches have shot until now.
 
-    shots : until now
-    left : the share of all light that is unshot
-    radiance : (H, W, 3) float32
+    shots : how many; left : the share of all light that is unshot
     """
 
     shots: int
     left: float
-    radiance: np.ndarray
+    _look: Callable[[], np.ndarray]
+
+    @cached_property
+    def radiance(self) -> np.ndarray:
+        """What the camera sees of it: (H, W, 3) float32, rendered when it is first asked for."""
+        return self._look()
 
 
 @dataclass(frozen=True, eq=False)
@@ -136,7 +139,7 @@ class PreparedRadiosity:
         return elements, state
 
     def steps(self, camera: Camera, *, every: int = 1) -> Iterator[Step]:
-        """Pictures while the coarse elements are solved: before the first shot, and after each `every` shots.
+        """The coarse elements while they are solved: before the first shot, and after each `every` shots.
 
         Raises ValueError for less than one shot.
         """
@@ -144,8 +147,8 @@ class PreparedRadiosity:
             raise ValueError(f"every is {every}; expected at least one shot between two pictures")
         for state in self._shooting(self.coarse, 0).shots():
             if state.count % every == 0 or state.left <= self.method.unshot:
-                seen = self._picture(camera, self.coarse, state, None)
-                yield Step(state.count, state.left, seen.radiance)
+                look = partial(self._picture, camera, self.coarse, state, None)
+                yield Step(state.count, state.left, lambda look=look: look().radiance)
 
     def render(self, camera: Camera, *, progress: Progress | None = None) -> Render:
         """The solved scene as a camera sees it."""
