@@ -12,7 +12,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from relume.errors import UnsupportedScene
+from relume.errors import UnsupportedScene, warn
 from relume.light.reflection.convolution import as_latlong
 from relume.light.reflection.weights import Fresnel
 from relume.renderers.raytrace.lamps import Ball, Distant, Environment, Lamp, Surface, lamp_of, painted
@@ -189,7 +189,10 @@ def _kind(material: AnyMaterial) -> int:
         return MIRROR
     if material.through == 1 and smooth:
         return GLASS
-    if material.metallic == 0 and material.transmission == 0 and np.all(np.asarray(material.specular) == 0):
+    bare = bool(np.all(np.asarray(material.specular) == 0))
+    if material.metallic == 0 and material.transmission == 0 and (bare or material.emits):
+        if not bare:
+            warn(f"a photon map does not show the gloss of the lamp {name!r}; specular = 0 says that it has none")
         return EVEN
     raise _refused(f"the gloss of the material {name!r}", "specular = 0, smooth mirrors, smooth glass and ")
 
