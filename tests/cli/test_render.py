@@ -369,5 +369,5 @@ def test_a_photon_map_is_named_and_takes_a_pass_for_each_sample(tmp_path, capsys
     read = rl.read_scene(box)
     with pytest.warns(DoubtWarning, match="gloss of the lamp"):
         render = PhotonMap(passes=2).render(read.scene, read.camera.resized(12, 12), seed=4)
-    np.testing.assert_array_equal(read_radiance(out).radiance, render.radiance)
+    np.testing.assert_array_equal(read_layers(out)["radiance"], render.radiance)
     assert "depth is for the renderer mitsuba" in refused([*command, "--depth", "3"], capsys)
