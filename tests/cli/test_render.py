@@ -8,10 +8,13 @@ import numpy as np
 import pytest
 
 import lights
+import relume as rl
 from command_line import printed, refused, reported
 from relume.cli import main
+from relume.errors import DoubtWarning
 from relume.image.files import read_layers, read_photograph, read_radiance, write
 from relume.image.radiance import RadianceMap
+from relume.renderers import PhotonMap
 from relume.sphere.environment_files import as_radiance_map
 
 SCENE = """
@@ -355,3 +358,16 @@ def test_a_plate_of_another_size_is_refused_with_the_size_to_give(folder, capsys
     write(folder / "plate.exr", RadianceMap(np.ones((10, 20, 3), np.float32)))
     line = refused(command(folder, "chrome.toml", "a.png", "--plate", str(folder / "plate.exr")), capsys)
     assert "give the picture the size 20x10" in line
+
+
+def test_a_photon_map_is_named_and_takes_a_pass_for_each_sample(tmp_path, capsys):
+    box = Path(__file__).parents[2] / "examples" / "cornell_box" / "cornell_box.toml"
+    out = tmp_path / "box.exr"
+    command = ["render", str(box), "--renderer", "photon-map", "--size", "12x12", "-o", str(out)]
+    said = printed([*command, "--samples", "2", "--seed", "4", "--threads", "1"], capsys)
+    assert "does not show the gloss of the lamp 'lamp'" in said.err and "photon-map" in said.out
+    read = rl.read_scene(box)
+    with pytest.warns(DoubtWarning, match="gloss of the lamp"):
+        render = PhotonMap(passes=2).render(read.scene, read.camera.resized(12, 12), seed=4)
+    np.testing.assert_array_equal(read_layers(out)["radiance"], render.radiance)
+    assert "depth is for the renderer mitsuba" in refused([*command, "--depth", "3"], capsys)

@@ -1,4 +1,8 @@
 from .irradiance_cache.irradiance_cache import IrradianceCache as IrradianceCache
+from .photon_map.drawing import drawn_discs as drawn_discs
+from .photon_map.drawing import drawn_photons as drawn_photons
+from .photon_map.photon_map import PhotonMap as PhotonMap
+from .photon_map.photon_map import PhotonStep as PhotonStep
 from .radiosity.form_factors import FormFactors as FormFactors
 from .radiosity.form_factors import form_factors as form_factors
 from .radiosity.radiosity import Radiosity as Radiosity

@@ -10,6 +10,7 @@ from .lights import RectangleLight as RectangleLight
 from .lights import SphereLight as SphereLight
 from .materials.materials import Ward as Ward
 from .materials.materials import dispersed as dispersed
+from .materials.media import Medium as Medium
 from .materials.presets import PRESETS as PRESETS
 from .materials.presets import material_preset as material_preset
 from .materials.reflective import Reflective as Reflective

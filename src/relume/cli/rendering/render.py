@@ -16,7 +16,7 @@ from relume.cli.console import OutputOptions, force, print_facts, progress, spre
 from relume.cli.option_types import Pixel, Point, Size, numbers
 
 FILTERS = Literal["plain", "subdivision", "quadrilateral", "preintegrated", "mip"]
-RENDERERS = Literal["prefiltered", "mitsuba", "whitted", "radiosity", "irradiance-cache"]
+RENDERERS = Literal["prefiltered", "mitsuba", "whitted", "radiosity", "irradiance-cache", "photon-map"]
 PICTURES = (".exr", ".hdr", ".png", ".jpg", ".jpeg")
 ROWS = 512
 
@@ -106,7 +106,8 @@ class TransportOptions:
         int | None,
         Parameter(
             validator=Number(gte=2),
-            help="mitsuba: rays a pixel, 256 unless given; radiosity, irradiance-cache: 4 unless given.",
+            help="mitsuba: rays a pixel, 256 unless given; radiosity, irradiance-cache: 4 unless given; photon-map: "
+            "16 unless given, each in a pass of its own.",
         ),
     ] = None
     noise: Annotated[
@@ -177,9 +178,9 @@ def render(
             converter=_renderer,
             help="mitsuba: light transport; prefiltered: prefiltered environment maps (reflection maps), without noise "
             "and without shadows; whitted: shadows, mirrors and glass by recursive ray tracing (Whitted 1980); "
-            "radiosity, irradiance-cache: diffuse surfaces, for teaching. Unless given, what the scene file and the "
-            "options need: whitted for a [whitted] table, its materials and ambient light; prefiltered for mirror, "
-            "glossy, retroreflector and glass; else mitsuba.",
+            "radiosity, irradiance-cache: diffuse surfaces, photon-map: these with mirrors, glass and fog, for "
+            "teaching. Unless given, what the scene file and the options need: whitted for a [whitted] table, its "
+            "materials and ambient light; prefiltered for mirror, glossy, retroreflector and glass; else mitsuba.",
         ),
     ] = None,
     light: Annotated[

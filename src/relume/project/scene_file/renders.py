@@ -24,6 +24,7 @@ from relume.scene.scene import Scene
 if TYPE_CHECKING:
     from relume.renderers.irradiance_cache.irradiance_cache import IrradianceCache
     from relume.renderers.mitsuba.path_tracer import Mitsuba
+    from relume.renderers.photon_map.photon_map import PhotonMap
     from relume.renderers.prefiltered.prefiltered import Prefiltered, Prepared
     from relume.renderers.radiosity.radiosity import Radiosity
     from relume.renderers.whitted.whitted import Whitted
@@ -112,8 +113,13 @@ def prefiltered_of(settings: RenderSettings) -> Prefiltered:
     return Prefiltered(kind(), background=settings.plate is None, threads=settings.threads)
 
 
-def taught_of(name: RendererName, settings: RenderSettings) -> Radiosity | IrradianceCache:
+def taught_of(name: RendererName, settings: RenderSettings) -> Radiosity | IrradianceCache | PhotonMap:
     """A renderer for teaching with the given settings."""
+    if name == "photon-map":
+        from relume.renderers.photon_map.photon_map import PhotonMap
+
+        # Each pass has a ray a pixel.
+        return PhotonMap(passes=settings.samples or PhotonMap.passes, threads=settings.threads)
     from relume.renderers.irradiance_cache.irradiance_cache import IrradianceCache
     from relume.renderers.radiosity.radiosity import Radiosity
 

@@ -13,12 +13,12 @@ from relume.scene.materials.whitted import WhittedMaterial
 if TYPE_CHECKING:
     from relume.renderers.whitted.whitted import Whitted
 
-RendererName = Literal["mitsuba", "prefiltered", "whitted", "radiosity", "irradiance-cache"]
+RendererName = Literal["mitsuba", "prefiltered", "whitted", "radiosity", "irradiance-cache", "photon-map"]
 FilterName = Literal["plain", "subdivision", "quadrilateral", "preintegrated", "mip"]
 Shown = Literal["picture", "ray tree", "environment map"]
 ALL: tuple[RendererName, ...] = ("mitsuba", "prefiltered", "whitted")
 """Those that may be chosen for a scene; the ones for teaching are only named."""
-TAUGHT: tuple[RendererName, ...] = ("radiosity", "irradiance-cache")
+TAUGHT: tuple[RendererName, ...] = ("radiosity", "irradiance-cache", "photon-map")
 """Those for teaching: `rl.renderers`."""
 FOR: dict[str, tuple[RendererName, ...]] = {
     "filter": ("prefiltered",),
@@ -47,7 +47,7 @@ class RenderSettings:
     renderer : unless given, the first that the other settings allow and that can shade the scene
     filter : prefiltered: how a pixel reads the maps; preintegrated unless given
     plate : prefiltered: a radiance map of the picture's size, to matte the objects over
-    samples : mitsuba: rays a pixel; 256 unless given. Those for teaching: 4 unless given
+    samples : mitsuba: rays a pixel; 256 unless given. Those for teaching: 4 unless given, photon-map 16
     noise : mitsuba: stop earlier, once the mean error to be expected is below this share of the picture
     denoise : mitsuba: take the noise that is left out of the picture, by Open Image Denoise
     seed : of what is random; 0 unless given

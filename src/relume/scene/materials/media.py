@@ -41,6 +41,16 @@ class Medium:
         extinction = np.asarray(self.extinction)
         return triple(np.asarray(self.scattering) / np.where(extinction > 0, extinction, 1.0))
 
+    def phase(self, cosine: np.ndarray) -> np.ndarray:
+        """Henyey and Greenstein's phase function, 1/steradian, of the cosine between the ways before and after."""
+        g = self.anisotropy
+        return (1 - g * g) / (4 * np.pi * (1 + g * g - 2 * g * np.asarray(cosine, np.float64)) ** 1.5)
+
+    def scattered_cosine(self, share: np.ndarray) -> np.ndarray:
+        """The cosine between the ways before and after below which this share (N,), 0 to 1, of all scatterings is."""
+        g, u = self.anisotropy, 2 * np.asarray(share, np.float64) - 1
+        return u if abs(g) < 1e-3 else (1 + g * g - ((1 - g * g) / (1 + g * u)) ** 2) / (2 * g)
+
     def diffuse_reflectance(self) -> Colour:
         """The diffuse albedo of a half-space of the medium behind a matched boundary, per channel.
 
