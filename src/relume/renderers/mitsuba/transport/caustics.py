@@ -32,6 +32,8 @@ def caustics(world: World, spheres: Spheres, lens: Lens, rng: Any, active: Any) 
     # Rays from the light that meet an object first.
     context = mi.BSDFContext(mi.TransportMode.Importance)
     ray, flux, active = world.light.emitted(spheres, rng, active)
+    spectral = world.dispersion
+    hue, own = mi.Float(-1), mi.Float(-1) if spectral is None else rng.next_float32()
     first = world.objects.ray_intersect_preliminary(ray, active=active)
     met = world.nearest(ray, active)
     active &= first.is_valid() & (met.t == first.t)
@@ -43,6 +45,8 @@ def caustics(world: World, spheres: Spheres, lens: Lens, rng: Any, active: Any) 
     added = [mi.Bool(False) for _ in range(SEEN)]
     while active:
         si = met.compute_surface_interaction(ray, mi.RayFlags.All, active)
+        if spectral is not None:
+            si.time = spectral.index(si.shape, dr.select(hue < 0, own, hue))
         bsdf = si.bsdf(ray)
         on_object = world.is_object(met.shape)
         # What has been sent on is seen where it is scattered.
@@ -67,6 +71,10 @@ def caustics(world: World, spheres: Spheres, lens: Lens, rng: Any, active: Any) 
         active &= (delta & (on_object | sent_on)) | scattered
         sent_on |= active & delta & on_object
         flux = dr.select(active, flux * weight, flux)
+        if spectral is not None:
+            bent, whole = spectral.met(si, sample, own, active & (hue < 0))
+            flux = spectral.sent(flux * whole, own, bent)
+            hue = dr.select(bent, own, hue)
         # Russian roulette, once something has scattered the light.
         brightness = dr.max(weight)
         active &= (dr.max(flux) > 0) & (bounces < world.depth) & (seen_so_far < SEEN)

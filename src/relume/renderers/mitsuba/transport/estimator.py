@@ -14,6 +14,7 @@ from relume.renderers.mitsuba.materials import bsdf, emission, filling
 from relume.renderers.mitsuba.scene import _shape
 from relume.renderers.mitsuba.transport import opaque
 from relume.renderers.mitsuba.transport.caustics import caustics
+from relume.renderers.mitsuba.transport.dispersion import dispersion_of
 from relume.renderers.mitsuba.transport.guides import first_scattered
 from relume.renderers.mitsuba.transport.lens import Lens
 from relume.renderers.mitsuba.transport.light import SceneLight
@@ -67,6 +68,7 @@ class Estimator:
             any(isinstance(m, Material) and m.emits for m in materials), depth, caught,
             light.map is not None and _sticks_out(scene),
         )  # fmt: skip
+        self.world.dispersion = dispersion_of([(local, scene.local), (objects, scene.objects)])
         self.camera, self.lens, self.guide = camera, Lens(camera), Guide(scene.objects)
         round_them = (bounding_sphere(solid) for solid, sent in zip(scene.objects, smooth, strict=True) if sent)
         self.spheres = [opaque.sphere(*each) for each in round_them]
@@ -128,24 +130,25 @@ class Estimator:
         more, taken = mi.Color3f(0), mi.Color3f(0)
         met, weight = added, self._solid(ray, added)
         density, bounces, parted = mi.Float(0), mi.UInt32(0), mi.Bool(False)
-        begun = on_object
+        begun, before = on_object, mi.Float(-1)
         if world.local is not None:
             on_real = real.is_valid() & ~on_object
-            (more, taken), (way, share, drawn, so_far, first), (hit, missed) = changed(
+            (more, taken), (way, share, drawn, so_far, first, hue), (hit, missed) = changed(
                 world, self.guide, ray, real, numbers, on_real, LOOKS
             )
             if not self.alone:
                 taken += followed(
                     world, way, missed, mi.Color3f(share), mi.Float(drawn), mi.UInt32(so_far), numbers,
-                    missed.is_valid(), False, mi.Bool(False),
+                    missed.is_valid(), False, mi.Bool(False), hue,
                 )  # fmt: skip
             ray, met = dr.select(on_object, ray, way), dr.select(on_object, added, hit)
             weight, density = dr.select(on_object, weight, share), dr.select(on_object, density, drawn)
             bounces, parted = dr.select(on_object, bounces, so_far), ~on_object & first
-            begun = on_object | hit.is_valid()
+            begun, before = on_object | hit.is_valid(), dr.select(on_object, -1, hue)
         found = followed(
-            world, ray, met, mi.Color3f(weight), mi.Float(density), mi.UInt32(bounces), numbers, begun, True, parted
-        )
+            world, ray, met, mi.Color3f(weight), mi.Float(density), mi.UInt32(bounces), numbers, begun, True, parted,
+            before,
+        )  # fmt: skip
         objects = dr.select(on_object, found, 0)
         more += dr.select(on_object, 0, found)
         return {"objects": objects, "difference": more - taken, "taken": taken, "matte": mi.Float(on_object)}
@@ -262,7 +265,9 @@ def _built(shapes: tuple[Shape, ...]) -> Any:
     if not shapes:
         return None
     parts = {
-        f"shape_{index:06d}": _shape(mi, shape, bsdf(mi, shape.material, media=True), emission(mi, shape.material))
+        f"shape_{index:06d}": _shape(
+            mi, shape, bsdf(mi, shape.material, media=True, dispersion=True), emission(mi, shape.material)
+        )
         for index, shape in enumerate(shapes)
     }
     return mi.load_dict({"type": "scene", **parts}, optimize=False)

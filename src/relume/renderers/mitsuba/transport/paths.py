@@ -9,6 +9,7 @@ import mitsuba
 import numpy as np
 
 from relume.renderers.mitsuba.path_tracer import FAIR, WALK
+from relume.renderers.mitsuba.transport.dispersion import Dispersion, joined
 from relume.renderers.mitsuba.transport.light import SceneLight
 from relume.renderers.mitsuba.transport.media import Media
 from relume.renderers.mitsuba.transport.sampling import Guide, Numbers, two
@@ -33,7 +34,10 @@ class World:
     depth : bounces at most
     smooth : whether `caustics` follows the light that smooth objects send on
     sticks_out : whether real surfaces reach out of the distant scene
+    dispersion : what bends light by its wavelength; None where nothing does
     """
+
+    dispersion: Dispersion | None = None
 
     # Not a dataclass: Dr.Jit's loops would take its fields for state and rewrite them.
     def __init__(
@@ -92,7 +96,7 @@ def mitigated(a: Any, b: Any) -> Any:
 @dr.syntax
 def followed(
     world: World, ray: Any, met: Any, throughput: Any, density: Any, bounces: Any, numbers: Numbers, active: Any,
-    objects: bool, parted: Any,
+    objects: bool, parted: Any, hue: Any = -1.0,
 ) -> Any:  # fmt: skip
     """Radiance that comes back along rays.
 
@@ -100,8 +104,12 @@ def followed(
     density : per steradian, of the ray's direction among those beside which light is sampled; 0 for an only way
     objects : whether the added objects are there
     parted : whether the ray comes from a surface that scatters light, seen by the camera itself
+    hue : the wavelength that a ray has already, as a place (`Dispersion`)
     """
     light = world.light
+    spectral = world.dispersion
+    hue, own = mi.Float(hue), mi.Float(-1) if spectral is None else numbers.wavelength()
+    before, tint, dispersed = mi.Color3f(0), mi.Color3f(1), mi.Bool(False)
     # Whether the light that `caustics` follows from the lamps would be counted twice.
     scattered_first, on_surface, sent_on = mi.Bool(parted), mi.Bool(True), mi.Bool(False)
     context = mi.BSDFContext()
@@ -119,6 +127,8 @@ def followed(
             ray = dr.select(scattered, onward, ray)
             walked += dr.select(scattered, 1, 0)
         si = met.compute_surface_interaction(ray, mi.RayFlags.All, active & ~scattered)
+        if spectral is not None:
+            si.time = spectral.index(si.shape, dr.select(hue < 0, own, hue))
         on = active & ~scattered & si.is_valid()
         bsdf = si.bsdf(ray)
         if world.emitting and objects:
@@ -144,6 +154,10 @@ def followed(
         onward = si.to_world(sample.wo)
         going = on & (bounces < world.depth) & (dr.max(value) > 0) & (sample.pdf > 0)
         throughput = dr.select(on, throughput * value, throughput)
+        if spectral is not None:
+            first, whole = spectral.met(si, sample, own, going & (hue < 0))
+            before, tint, result, throughput = spectral.parted(before, tint, result, throughput * whole, own, first)
+            hue, dispersed = dr.select(first, own, hue), dispersed | first
         delta = mi.has_flag(sample.sampled_type, mi.BSDFFlags.Delta)
         density = dr.select(on, dr.select(delta, 0, sample.pdf), density)
         if world.smooth:
@@ -170,7 +184,7 @@ def followed(
         seen = light.arriving(ray.o, ray.d, reached, active & (inside == 0), density, dim=sent_on)
         result += dr.select(active, throughput * seen, 0)
         active &= met.is_valid()
-    return result
+    return joined(before, tint, result, dispersed)
 
 
 @dr.syntax
@@ -185,6 +199,9 @@ def changed(
     brings; and what it meets with the objects, and without.
     """
     light = world.light
+    spectral = world.dispersion
+    hue, own = mi.Float(-1), mi.Float(-1) if spectral is None else numbers.wavelength()
+    hue_parted = mi.Float(-1)
     context = mi.BSDFContext()
     rng = numbers.stream
     even = [numbers.towards_light(look, looks) for look in range(looks)]
@@ -201,6 +218,8 @@ def changed(
     real_parted.t = dr.inf
     while active:
         si = met.compute_surface_interaction(ray, mi.RayFlags.All, active)
+        if spectral is not None:
+            si.time = spectral.index(si.shape, dr.select(hue < 0, own, hue))
         bsdf = si.bsdf(ray)
         smooth = active & mi.has_flag(bsdf.flags(), mi.BSDFFlags.Smooth) & (bounces < world.depth)
         cones = guide.cones(si.p, dr.select(dr.dot(si.n, ray.d) < 0, si.n, -si.n))
@@ -238,6 +257,10 @@ def changed(
         density = dr.select(delta, 0, density)
         first_scatters = dr.select(active & (bounces == 0), ~delta, first_scatters)
         throughput = dr.select(active, throughput * weight, throughput)
+        if spectral is not None:
+            bent, whole = spectral.met(si, sample, own, active & ~towards & (hue < 0))
+            throughput = spectral.weighed(throughput * whole, own, bent)
+            hue = dr.select(bent, own, hue)
         going = active & (dr.max(throughput) > 0) & (bounces < world.depth)
         ray = dr.select(active, si.spawn_ray(onward), ray)
         added = world.objects.ray_intersect_preliminary(ray, active=going)
@@ -255,13 +278,14 @@ def changed(
         weight_parted = dr.select(parting, throughput, weight_parted)
         density_parted = dr.select(parting, density, density_parted)
         bounces_parted = dr.select(parting, bounces, bounces_parted)
+        hue_parted = dr.select(parting, hue, hue_parted)
         met = dr.select(going & ~parting, real, met)
         active = going & ~parting & real.is_valid()
         # What is changed of a change is faint: such paths end early.
         survives = rng.next_float32() < 0.5
         throughput = dr.select(active, throughput * 2, throughput)
         active &= survives
-    way = (parted, weight_parted, density_parted, bounces_parted, first_scatters)
+    way = (parted, weight_parted, density_parted, bounces_parted, first_scatters, hue_parted)
     return (added_light, taken), way, (added_parted, real_parted)
 
 
