@@ -17,7 +17,7 @@ from relume.light.constellations.placement import PlacedLights, radii_at
 from relume.light.reflection.convolution import as_latlong
 from relume.project.insertion.prepared import PreparedShot
 from relume.renderers.mitsuba.distant import wall_distances
-from relume.scene.lights import AmbientLight, DistantLight, Light, PointLight, SphereLight, SquareLaw
+from relume.scene.lights import AmbientLight, DistantLight, Light, PointLight, RectangleLight, SphereLight, SquareLaw
 from relume.scene.scene import Infinite
 from relume.sphere.environment_files import as_radiance_map
 from relume.sphere.environment_map import EnvironmentMap
@@ -39,7 +39,8 @@ def light_of(value: PreparedShot) -> tuple[EnvironmentMap, LampFile]:
 
     The map is the background of the lamps unless the distant scene has walls, which show it then.
     The key lights of a distant scene with walls stand where their rays from the probe meet them, as in
-    `light.placing.placed_in_box`. Raises UnsupportedScene for ambient light and for points without the square law.
+    `light.placing.placed_in_box`. Raises UnsupportedScene for ambient light, points without the
+    square law, and rectangles of light.
     """
     scene, keys = value.scene, value.keys
     distant, places = _of_scene(scene.lights)
@@ -80,6 +81,10 @@ def _of_scene(lights: tuple[Light, ...]) -> tuple[Constellation, list[tuple[Any,
             # From everywhere a sphere is a disc of π r².
             intensity = np.pi * light.radius**2 * np.asarray(light.radiance, np.float64)
             places.append((light.position, intensity, light.radius))
+        elif isinstance(light, RectangleLight):
+            raise UnsupportedScene(
+                "rectangles of light are not written for other programs; leave them out, or use spheres of light"
+            )
         elif isinstance(light, AmbientLight) or not isinstance(light.falloff, SquareLaw):
             raise UnsupportedScene(
                 "ambient light, and points that do not fall with the square of the distance, are in no other program; "

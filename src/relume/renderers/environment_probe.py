@@ -15,7 +15,7 @@ from relume.errors import warn
 from relume.renderers.renderer import Renderer
 from relume.renderers.results import Progress
 from relume.scene.cameras.camera import Camera
-from relume.scene.lights import AmbientLight, DistantLight, SphereLight
+from relume.scene.lights import AmbientLight, DistantLight, RectangleLight, SphereLight
 from relume.scene.materials.materials import Material
 from relume.scene.materials.whitted import WhittedMaterial
 from relume.scene.scene import Scene
@@ -64,7 +64,8 @@ def environment(
     are added at the direction they come from: their irradiance at the point, intensity/distance² for the square law,
     over the solid angle of the pixels about it, so that the map's total grows by exactly that much. Those behind a
     shape are left out, wholly, however clear it is, with a warning. Ambient light is in the map as far as surfaces
-    show it, and lamps that have a size, spheres of light, are seen in the pictures.
+    show it, and lamps that have a size, spheres and rectangles of light, are seen in the
+    pictures.
     Raises UnsupportedScene where the renderer cannot shade the scene, ValueError for a lamp at the point.
     """
     place = np.asarray(point, np.float64)
@@ -109,12 +110,12 @@ def face_camera(face: int, point: np.ndarray, side: int) -> Camera:
 def arrivals(scene: Scene, point: np.ndarray) -> list[Arrival]:
     """What the scene's points of light and suns send to a point, but for those behind a shape.
 
-    Spheres of light are not among them: renderers that know them show them.
+    Spheres and rectangles of light are not among them: renderers that know them show them.
     """
     found: list[Arrival] = []
     distances: list[float] = []
     for light in scene.lights:
-        if isinstance(light, AmbientLight | SphereLight):
+        if isinstance(light, AmbientLight | SphereLight | RectangleLight):
             continue
         if isinstance(light, DistantLight):
             found.append(Arrival(normalised(light.towards), np.asarray(light.irradiance, np.float64)))

@@ -24,6 +24,8 @@ class Render:
     samples : rays a pixel that were traced
     passes : in how many passes
     rays : (H, W) int32, how many rays each pixel needed, or None from a renderer that spends as many on all
+    guide_albedo, guide_normal : (H, W, 3) float32, of the first thing that scatters light: what smooth mirrors and
+        clear glass show, where `normal` and `albedo` are their own. For a denoiser; None from renderers without them
     """
 
     radiance: np.ndarray
@@ -35,6 +37,8 @@ class Render:
     samples: int = 1
     passes: int = 1
     rays: np.ndarray | None = None
+    guide_albedo: np.ndarray | None = None
+    guide_normal: np.ndarray | None = None
 
 
 @dataclass(frozen=True, eq=False)

@@ -6,6 +6,7 @@ from .cameras.vanishing_lines import fit_vanishing_lines as fit_vanishing_lines
 from .lights import AmbientLight as AmbientLight
 from .lights import DistantLight as DistantLight
 from .lights import PointLight as PointLight
+from .lights import RectangleLight as RectangleLight
 from .lights import SphereLight as SphereLight
 from .materials.glasses import GLASSES as GLASSES
 from .materials.glasses import Cauchy as Cauchy

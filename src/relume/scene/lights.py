@@ -1,4 +1,5 @@
-"""Lights that are not part of the environment map: points, suns, and light from everywhere (Whitted 1980, eq. 1)."""
+"""Lights that are not part of the environment map: points, suns, lamps with a size, and light from everywhere (Whitted
+1980, eq. 1)."""
 
 from __future__ import annotations
 
@@ -102,6 +103,46 @@ class SphereLight:
 
 
 @dataclass(frozen=True)
+class RectangleLight:
+    """A flat lamp: a rectangle that shines evenly to one side, takes no light and throws no shadow.
+
+    position : of its middle, metres, world
+    towards : the direction that it faces, of any length above 0
+    size : width and height, metres
+    radiance : per channel, of its front, in the light's unit; the back is not seen
+    up : of its two sides the height lies as near to this direction as it can; not along `towards`
+    """
+
+    position: tuple[float, float, float]
+    towards: tuple[float, float, float]
+    size: tuple[float, float]
+    radiance: Colour
+    up: tuple[float, float, float] = (0.0, 1.0, 0.0)
+
+    def __post_init__(self) -> None:
+        _check_vector("position of a rectangle of light", self.position)
+        _check_vector("direction of a rectangle of light", self.towards)
+        _check_vector("up of a rectangle of light", self.up)
+        _check_colour("radiance of a rectangle of light", self.radiance)
+        if len(self.size) != 2 or not all(0 < side < np.inf for side in self.size):
+            raise ValueError(f"size of a rectangle of light is {self.size}; expected two positive lengths in metres")
+        lengths = np.linalg.norm(self.towards), np.linalg.norm(self.up)
+        if np.linalg.norm(np.cross(self.towards, self.up)) <= 1e-6 * lengths[0] * lengths[1]:
+            raise ValueError(
+                f"a rectangle of light faces {self.towards} and its up is {self.up}; expected two directions that are "
+                "not along each other"
+            )
+
+    @property
+    def frame(self) -> np.ndarray:
+        """(3, 3) unit columns: along the width, along the height, and the direction that it faces."""
+        ahead = np.asarray(self.towards, np.float64) / np.linalg.norm(self.towards)
+        across = np.cross(np.asarray(self.up, np.float64), ahead)
+        across /= np.linalg.norm(across)
+        return np.stack([across, np.cross(ahead, across), ahead], axis=1)
+
+
+@dataclass(frozen=True)
 class AmbientLight:
     """The same light from everywhere that nothing shadows: I_a of eq. 1 and 2.
 
@@ -114,7 +155,7 @@ class AmbientLight:
         _check_colour("radiance of ambient light", self.radiance)
 
 
-Light = PointLight | DistantLight | SphereLight | AmbientLight
+Light = PointLight | DistantLight | SphereLight | RectangleLight | AmbientLight
 
 
 def _check_vector(what: str, value: tuple[float, float, float]) -> None:

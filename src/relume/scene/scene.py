@@ -13,6 +13,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from relume.scene.lights import Light
+from relume.scene.materials.media import Medium
 from relume.scene.shapes.shapes import Shape, Solid
 from relume.sphere.environment_map import EnvironmentMap
 
@@ -101,6 +102,9 @@ class Scene:
     lights : others than the distant scene
     distant : onto what the light is projected; at infinity, where every place sees the same, unless given
     probe : where the light was measured, metres, world; means nothing for a distant scene at infinity
+    medium : what fills all space outside of bodies, as fog does; None for clear air. It ends at the walls of a near
+        distant scene. Through an endless fog no light of infinity would arrive: with an infinite distant scene it ends
+        at the sphere about all shapes and near lamps
     """
 
     light: EnvironmentMap
@@ -109,6 +113,7 @@ class Scene:
     lights: tuple[Light, ...] = ()
     distant: Distant = Infinite()
     probe: Point = (0.0, 0.0, 0.0)
+    medium: Medium | None = None
 
     def adding(self, *objects: Solid) -> Scene:
         """The same scene with more objects."""

@@ -20,6 +20,7 @@ from relume.scene.lights import (
     Light,
     Linear,
     PointLight,
+    RectangleLight,
     SphereLight,
     SquareLaw,
     Unattenuated,
@@ -197,6 +198,10 @@ def _shown_by_white(light: Light, middle: np.ndarray, radius: float) -> float:
     if isinstance(light, SphereLight):
         # What faces a sphere of light gets π L (r/d)²; on the sphere itself, and from within, π L.
         return _luminance(light.radiance) * min(light.radius / max(distance, light.radius), 1.0) ** 2
+    if isinstance(light, RectangleLight):
+        # What faces it from before it, at its middle; from close by π L.
+        area = light.size[0] * light.size[1] / (np.pi * max(distance, 1e-9) ** 2)
+        return _luminance(light.radiance) * min(area, 1.0)
     share = float(light.falloff.at(np.array(distance))) if distance > 0 else np.inf
     return _luminance(light.intensity) * share / np.pi
 

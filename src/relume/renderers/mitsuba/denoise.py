@@ -10,7 +10,7 @@ import numpy as np
 from scipy.ndimage import distance_transform_edt, gaussian_filter
 
 from relume.image.texture import texture
-from relume.renderers.results import Change
+from relume.renderers.results import Change, Render
 
 Cleaner = Callable[[np.ndarray, np.ndarray, np.ndarray], np.ndarray]
 FAINT = 0.1
@@ -70,6 +70,21 @@ def denoised(
         guide_albedo=None,
         guide_normal=None,
     )
+
+
+def denoised_render(render: Render, quick: bool = False) -> Render:
+    """The same picture with less noise, by Open Image Denoise; as bright about each place as it was traced.
+
+    quick : by OIDN's smaller network, in half the time
+    It is guided by what smooth mirrors and clear glass show, where the renderer knows. Its variance is that of the
+    picture before: how far a filter errs is not known.
+    """
+    guided = render.guide_albedo is not None and render.guide_normal is not None
+    albedo = render.guide_albedo if render.guide_albedo is not None and guided else render.albedo
+    normal = render.guide_normal if render.guide_normal is not None and guided else render.normal
+    clean = _clean(render.radiance, np.clip(albedo, 0, 1), normal, quick)
+    kept = _as_bright(np.maximum(clean, 0), render.radiance, np.ones((*render.radiance.shape[:2], 1), np.float32))
+    return replace(render, radiance=kept.astype(np.float32))
 
 
 def _share(

@@ -19,15 +19,8 @@ import numpy as np
 
 from relume.errors import UnsupportedScene, warn
 from relume.renderers.mitsuba.distant import require_inside
-from relume.renderers.mitsuba.path_tracer import (
-    MATTE_SAMPLES,
-    PASS_RAYS,
-    PASSES,
-    Mitsuba,
-    PathTracing,
-    _mitsuba,
-    in_worker,
-)
+from relume.renderers.mitsuba.limits import FEW_RAYS, GUIDES, MATTE_SAMPLES, PASS_RAYS, samples_a_pass
+from relume.renderers.mitsuba.path_tracer import Mitsuba, PathTracing, _mitsuba, in_worker
 from relume.renderers.mitsuba.scene import why_not
 from relume.renderers.progressive.accumulation import NO_SESSION, Planes, RenderSession, accumulate, pass_seed
 from relume.renderers.progressive.allocation import Neediest
@@ -43,12 +36,6 @@ from relume.scene.scene import Scene
 if TYPE_CHECKING:
     from relume.renderers.mitsuba.transport.estimator import Estimator
 
-FEW_RAYS = 500_000
-"""Samples of a pass below which starting it takes longer than tracing it."""
-FEWEST_PASSES = 8
-"""Of a small picture: their scatter estimates a pixel's variance to half of itself."""
-GUIDES = 4
-"""Samples of depth, normals and albedo for each of the change, where those are few: they cost a fifth of it."""
 QUICK_GUIDES = 1
 """The same of a render that is to come soon."""
 FEWEST_RAYS = 100_000
@@ -78,9 +65,18 @@ class Differential(PathTracing):
     def _plain(self) -> Mitsuba:
         return Mitsuba(self.samples, self.noise, self.depth, self.variant, self.threads)
 
-    def render(self, scene: Scene, camera: Camera, *, seed: int = 0, progress: Progress | None = None) -> Render:
+    def render(
+        self,
+        scene: Scene,
+        camera: Camera,
+        *,
+        seed: int = 0,
+        progress: Progress | None = None,
+        moments: Moments | None = None,
+        shutter: Shutter = Shutter(0.0, 0.0),
+    ) -> Render:
         """Render one picture by `Mitsuba` with the same settings."""
-        return self._plain().render(scene, camera, seed=seed, progress=progress)
+        return self._plain().render(scene, camera, seed=seed, progress=progress, moments=moments, shutter=shutter)
 
     def change(
         self,
@@ -107,6 +103,11 @@ class Differential(PathTracing):
         """
         if (reason := why_not(scene)) is not None:
             raise UnsupportedScene(reason)
+        if scene.medium is not None:
+            raise UnsupportedScene(
+                "what objects change is not found through a medium that fills the whole scene (scene.medium); give the "
+                "medium to a body of index 1, or render the scene by rl.Mitsuba"
+            )
         require_inside(scene.distant, scene.probe, scene.objects)
         if not scene.objects:
             return _nothing(camera)
@@ -118,7 +119,7 @@ class Differential(PathTracing):
             from relume.renderers.mitsuba.transport.estimator import Estimator
 
             # How many passes, of how many samples, at which times of the shutter.
-            samples = _samples_a_pass(self.samples, camera, 1 if self.quick else None)
+            samples = samples_a_pass(self.samples, camera, 1 if self.quick else None)
             full = max(self.samples // samples, 1 if self.quick else 2)
             even, passes, share = _spread_of(full, samples, camera) if moments is None else (full, full, 1.0)
             backdrop = np.zeros((camera.height, camera.width, 3)) if plate is None else plate
@@ -286,13 +287,6 @@ def _spread_of(full: int, samples: int, camera: Camera) -> tuple[int, int, float
         return full, full, 1.0
     even = max(LEAST, full // 2)
     return even, even + int((full - even) / share), share
-
-
-def _samples_a_pass(samples: int, camera: Camera, passes: int | None = None) -> int:
-    """Many enough that a pass is worth its start, few enough that there are PASSES where the rays are many."""
-    pixels = camera.width * camera.height
-    passes = passes or (PASSES if samples * pixels > PASSES * FEW_RAYS else FEWEST_PASSES)
-    return max(1, min(samples // passes, PASS_RAYS // pixels))
 
 
 def _nothing(camera: Camera) -> Change:

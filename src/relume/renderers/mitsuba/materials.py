@@ -86,6 +86,20 @@ def filling(material: AnyMaterial) -> Medium | None:
     return material.medium if isinstance(material, Material) else None
 
 
+def crossed_straight(material: AnyMaterial) -> np.ndarray | None:
+    """The share (3,) of light that crosses the surface of a clear body of index 1, which does not bend it.
+
+    None where light is bent, scattered or mirrored there, or has the colours of an image.
+    """
+    if not isinstance(material, Material) or material.thin or material.ior > 1 or material.normal is not None:
+        return None
+    if np.any(np.asarray(material.through) < 1) or np.any(np.asarray(material.alpha) < 1):
+        return None
+    if np.mean(np.asarray(material.roughness)) > SMOOTH or np.ndim(material.base_color) != 1:
+        return None
+    return np.sqrt(np.asarray(material.base_color, np.float32))
+
+
 def interior(material: AnyMaterial) -> dict[str, Any] | None:
     """Mitsuba's medium inside a shape of this material, for its volumetric integrators; None where it is clear."""
     medium = filling(material)

@@ -13,37 +13,26 @@ from contextlib import ExitStack, contextmanager
 from dataclasses import dataclass, replace
 from functools import lru_cache
 from math import isqrt
-from typing import Any, Self
+from typing import Any, Protocol, Self
 
 import numpy as np
 
 from relume.cluster.attempt import threads as worker_threads
-from relume.errors import ClusterUnusable
-from relume.renderers.mitsuba.materials import filling
-from relume.renderers.mitsuba.scene import matte_dictionary, scene_dictionary, surfaces_dictionary
+from relume.errors import ClusterUnusable, UnsupportedScene
+from relume.renderers.mitsuba import scalar
+from relume.renderers.mitsuba.distant import require_inside
+from relume.renderers.mitsuba.limits import GUIDES, MATTE_SAMPLES, PASS_RAYS, PASSES, samples_a_pass
+from relume.renderers.mitsuba.scene import why_not
 from relume.renderers.mitsuba.variant import choose_llvm, choose_variant, why_not_here
 from relume.renderers.progressive.accumulation import NO_SESSION, Planes, RenderSession, accumulate, pass_seed
 from relume.renderers.progressive.convergence import Target, standard_error
-from relume.renderers.progressive.fingerprint import render_key
+from relume.renderers.progressive.fingerprint import fingerprint, render_key
 from relume.renderers.progressive.pass_workers import WholePasses
-from relume.renderers.raytrace.alpha_coverage import coverage, is_pierced
-from relume.renderers.renderer import Renderer
+from relume.renderers.renderer import Moments, Renderer
 from relume.renderers.results import Progress, Render
 from relume.scene.cameras.camera import Camera
-from relume.scene.lights import SphereLight
+from relume.scene.motion.keyframes import Shutter
 from relume.scene.scene import Scene
-
-PASS_RAYS = 4_000_000
-"""Rays traced at once: under about half a gigabyte, and about two seconds of two cores, so that a first Ctrl-C is
-answered in time."""
-PASSES = 16
-"""Passes at least, where the samples allow it: the scatter of 16 estimates a pixel's variance to a third of itself."""
-MATTE_SAMPLES = 64
-"""Rays a pixel for the matte and the other planes: coverage to about a hundredth at edges."""
-WALK = 10_000
-"""Scatterings inside a body, at most: a white ball 67 mean free paths across keeps 0.98 of its light in 1000."""
-FAIR = 1000
-"""Of them before chance ends a path: ended earlier, a few lucky paths carry all the light."""
 
 
 @dataclass(frozen=True)
@@ -71,14 +60,14 @@ class PathTracing(Renderer):
 
 @dataclass(frozen=True)
 class Mitsuba(PathTracing):
-    """Unidirectional path tracing with multiple importance sampling of the light.
+    """Path tracing with multiple importance sampling of the light; what lamps send through glass is followed from them.
 
     samples : rays a pixel, at most; 256 shows little noise on what the light reaches directly
     noise : stop earlier, once the standard error of the picture's mean pixel is below this share of it; None traces
         all samples
-    depth : bounces before a path ends; 12 lets light into and out of glass before and behind glass. Where bodies
-        scatter light inside, whose scatterings Mitsuba counts alike, `WALK` more
-    variant : Mitsuba's variant; chosen for this machine unless given
+    depth : bounces before a path ends; 12 lets light into and out of glass before and behind glass. Scatterings within
+        a medium do not count
+    variant : Mitsuba's variant; chosen for this machine unless given. A scalar one takes Mitsuba's own path tracers
     threads : all cores unless given; the pixels do not depend on it
     passes : exactly this many passes of the `samples` are traced, to repeat what a render with `noise` traced
     """
@@ -93,69 +82,142 @@ class Mitsuba(PathTracing):
         seed: int = 0,
         progress: Progress | None = None,
         watch: RenderSession = NO_SESSION,
+        moments: Moments | None = None,
+        shutter: Shutter = Shutter(0.0, 0.0),
     ) -> Render:
         """Render in passes of equal size; the passes' scatter is the variance.
 
         watch : what goes on around it: a state kept on disk, previews
+        moments : the scene and the camera at each moment of the exposure, where something moves; `scene` and `camera`
+            are those in its middle, of which depth, normals and albedo are
+        shutter : which moments
+
+        Raises UnsupportedScene naming what cannot be shaded, ValueError for objects outside the distant scene.
         """
+        if (reason := why_not(scene)) is not None:
+            raise UnsupportedScene(reason)
+        require_inside(scene.distant, scene.probe, scene.objects)
         with _mitsuba(self.variant, self.threads) as mi, ExitStack() as stack:
-            side = _side(camera, max(self.samples // PASSES, 1))
-            passes = self.passes or max(self.samples // side**2, 2)
-            early = self.noise is not None and self.passes is None
+            # How many passes, of how many samples, at which times of the shutter.
+            samples = _samples_of(mi, self.samples, camera)
+            passes = self.passes or max(self.samples // samples, 2)
+            times = shutter.times(passes, seed) if moments is not None else np.zeros(passes)
+            at = {pass_seed(seed, index): float(time) for index, time in enumerate(times)}
             # A pass by its seed: traced here, or by workers.
-            whole = PlainPasses(self.for_workers(), scene, camera, side)
-            if watch.workers is None:
-                trace = whole.made(mi)
-            else:
+            whole = PlainPasses(self.for_workers(), scene, camera, samples)
+            still = whole.made(mi)
+            trace: Callable[[int], Planes] = still.traced
+            if watch.workers is not None:
+                if moments is not None:
+                    raise ValueError("workers trace a still; make the frames of a motion by workers instead")
                 parts = stack.enter_context(watch.workers.sharing(whole))
-                trace = WholePasses(parts, [pass_seed(seed, index) for index in range(passes)])
+                trace = WholePasses(parts, list(at))
+            elif moments is not None:
+                trace = lambda own: whole.at(*moments(at[own])).made(mi).traced(own)  # noqa: E731
+            # The passes.
+            early = self.noise is not None and self.passes is None
             sums = accumulate(
                 trace,
                 passes=passes,
                 seed=seed,
+                scattered=("radiance",),
                 target=Target(self.noise or 1, standard_error, confirmations=1) if early else None,
-                key=render_key(scene, camera, self, seed) if watch.checkpoint is not None else None,
+                key=self._key(scene, camera, seed, moments, times) if watch.checkpoint is not None else None,
                 watch=watch,
                 progress=progress,
             )
-            finer = _finer(camera, _side(camera, MATTE_SAMPLES))
-            world = mi.load_dict(surfaces_dictionary(mi, scene, finer, media=True))
-            depth, normal, albedo = _planes(mi, world, camera, seed)
-            matte = _matte(mi, scene, camera, seed)
-        radiance, variance = (p.astype(np.float32) for p in (sums.mean("radiance"), sums.variance("radiance")))
-        return Render(radiance, variance, matte, depth, normal, albedo, sums.passes * side**2, sums.passes)
+            # Depth, normals and albedo, which need few samples.
+            planes = still.guides(min(MATTE_SAMPLES, GUIDES * self.samples), seed)
+        planes |= {name: sums.mean(name) for name in sums.totals} | {"variance": sums.variance("radiance")}
+        planes = {name: plane.astype(np.float32) for name, plane in planes.items()}
+        return Render(**planes, samples=sums.passes * samples, passes=sums.passes)
 
-    def _integrator(self, scene: Scene) -> dict[str, Any]:
-        """Mitsuba's path tracer, or the one that also goes through what fills bodies and through lamps."""
-        media = [medium for shape in (*scene.local, *scene.objects) if (medium := filling(shape.material)) is not None]
-        if not media and not any(isinstance(light, SphereLight) for light in scene.lights):
-            return {"type": "path", "max_depth": self.depth + 1, "rr_depth": 8}
-        if any(any(medium.scattering) for medium in media):
-            return {"type": "volpathmis", "max_depth": self.depth + 1 + WALK, "rr_depth": FAIR}
-        return {"type": "volpathmis", "max_depth": self.depth + 1, "rr_depth": 8}
+    def _key(
+        self, scene: Scene, camera: Camera, seed: int, moments: Moments | None, times: np.ndarray
+    ) -> dict[str, str]:  # fmt: skip
+        """All that a pixel depends on: also every moment that is seen."""
+        key = dict(render_key(scene, camera, self, seed))
+        if moments is not None:
+            key["motion"] = fingerprint([[list(moments(float(time))) for time in sorted(set(times))]])
+        return key
+
+
+class Passes(Protocol):
+    """A scene and a camera, made ready for passes."""
+
+    def traced(self, seed: int) -> Planes:
+        """The planes of a pass."""
+        ...
+
+    def guides(self, samples: int, seed: int) -> dict[str, np.ndarray]:
+        """Planes beside the picture, from so many samples a pixel."""
+        ...
 
 
 @dataclass(frozen=True, eq=False)
 class PlainPasses:
     """Passes of a picture by `Mitsuba`, each a part by its seed.
 
-    side : cells along each side of a pixel, with a ray each
+    samples : rays a pixel of a pass
     """
 
     renderer: Mitsuba
     scene: Scene
     camera: Camera
-    side: int
+    samples: int
 
-    def made(self, mi: Any) -> Callable[[int], Planes]:
-        """The function of a pass's seed, for where Mitsuba's variant is set."""
-        world = mi.load_dict(scene_dictionary(mi, self.scene, _finer(self.camera, self.side), media=True))
-        path = mi.load_dict(self.renderer._integrator(self.scene))
-        return lambda seed: {"radiance": _cells_mean(_traced(mi, world, path, seed), self.side)}
+    def at(self, scene: Scene, camera: Camera) -> PlainPasses:
+        """The same of another moment."""
+        return replace(self, scene=scene, camera=camera)
+
+    def made(self, mi: Any) -> Passes:
+        """Made ready, for where Mitsuba's variant is set."""
+        if "_ad_" not in mi.variant():
+            return _ScalarPasses(mi, self)
+        return _OwnPasses(self)
 
     def ready(self) -> Callable[[int], Planes]:
-        """The same for a worker, which uses its share of the cores."""
-        return in_worker(self.made, self.renderer.variant, self.renderer.threads)
+        """The function of a pass's seed for a worker, which uses its share of the cores."""
+        return in_worker(lambda mi: self.made(mi).traced, self.renderer.variant, self.renderer.threads)
+
+
+class _OwnPasses:
+    """By relume's own transport."""
+
+    def __init__(self, given: PlainPasses) -> None:
+        from relume.renderers.mitsuba.transport.plain import Plain
+
+        self.plain, self.samples = Plain(given.scene, given.camera, given.renderer.depth), given.samples
+
+    def traced(self, seed: int) -> Planes:
+        return self.plain.traced(self.samples, seed)
+
+    def guides(self, samples: int, seed: int) -> dict[str, np.ndarray]:
+        camera = self.plain.camera
+        found = self.plain.guides(min(samples, max(1, PASS_RAYS // (camera.width * camera.height))), seed)
+        planes = {name: found[name] for name in ("normal", "albedo", "guide_normal", "guide_albedo")}
+        return planes | {"depth": found["depth"] / np.maximum(found["seen"], 1e-12)}
+
+
+class _ScalarPasses:
+    """By Mitsuba's own path tracers."""
+
+    def __init__(self, mi: Any, given: PlainPasses) -> None:
+        self.mi, self.given = mi, given
+        self.trace = scalar.trace_of(mi, given.scene, given.camera, given.renderer.depth, isqrt(given.samples))
+
+    def traced(self, seed: int) -> Planes:
+        return self.trace(seed)
+
+    def guides(self, samples: int, seed: int) -> dict[str, np.ndarray]:
+        return scalar.guides_of(self.mi, self.given.scene, self.given.camera, seed)
+
+
+def _samples_of(mi: Any, samples: int, camera: Camera) -> int:
+    """Rays a pixel of a pass; for Mitsuba's own path tracers a square, one ray a cell."""
+    if "_ad_" in mi.variant():
+        return samples_a_pass(samples, camera)
+    return scalar.side_of(camera, max(samples // PASSES, 1)) ** 2
 
 
 def in_worker(
@@ -182,58 +244,6 @@ def require_here(variant: str | None) -> None:
         raise ClusterUnusable(
             f"a worker on {socket.gethostname()} cannot render by Mitsuba's {variant} as this machine does: {why}"
         )
-
-
-def _side(camera: Camera, samples: int) -> int:
-    """Cells along each side of a pixel, so that a pass of one ray a cell has no more than `samples` and PASS_RAYS."""
-    return max(1, isqrt(min(samples, PASS_RAYS // (camera.width * camera.height))))
-
-
-def _finer(camera: Camera, side: int) -> Camera:
-    """The same camera with side² pixels for each of its own.
-
-    One ray goes through each of them, so that no two threads ever add to the same pixel, in whatever order.
-    """
-    return camera.resized(camera.width * side, camera.height * side)
-
-
-def _traced(mi: Any, world: Any, integrator: Any, seed: int) -> np.ndarray:
-    return np.array(mi.render(world, integrator=integrator, spp=1, seed=seed))
-
-
-def _cells_mean(picture: np.ndarray, side: int, hit: np.ndarray | None = None) -> np.ndarray:
-    """The mean over each pixel's cells in a fixed order; over those that `hit` something only, where that is given."""
-    total, count = 0.0, 0.0
-    for row in range(side):
-        for column in range(side):
-            cell = picture[row::side, column::side].astype(np.float64)
-            total = total + cell
-            count = count + (1.0 if hit is None else hit[row::side, column::side])
-    return np.asarray(total / np.maximum(count, 1))
-
-
-def _planes(mi: Any, world: Any, camera: Camera, seed: int) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    integrator = mi.load_dict({"type": "aov", "aovs": "depth:depth,normal:sh_normal,albedo:albedo"})
-    side = _side(camera, MATTE_SAMPLES)
-    # The first three channels are the nested integrator's picture where there is one.
-    planes = _traced(mi, world, integrator, pass_seed(seed, 0))[..., -7:]
-    depth = _cells_mean(planes[..., 0], side, planes[..., 0] > 0)
-    normal, albedo = np.split(_cells_mean(planes[..., 1:], side), 2, axis=-1)
-    return depth.astype(np.float32), normal.astype(np.float32), albedo.astype(np.float32)
-
-
-def _matte(mi: Any, scene: Scene, camera: Camera, seed: int) -> np.ndarray:
-    if not scene.objects:
-        return np.zeros((camera.height, camera.width), np.float32)
-    side = _side(camera, MATTE_SAMPLES)
-    if any(is_pierced(shape.material) for shape in scene.objects):
-        return coverage(scene, camera, MATTE_SAMPLES, seed)
-    world = mi.load_dict(matte_dictionary(mi, scene, _finer(camera, side)))
-    whiteness = mi.load_dict({"type": "aov", "aovs": "albedo:albedo"})
-    passes = -(-MATTE_SAMPLES // side**2)
-    pictures = (_traced(mi, world, whiteness, pass_seed(seed, index))[..., -3] for index in range(passes))
-    matte = sum(_cells_mean(picture, side) for picture in pictures) / passes
-    return np.clip(matte, 0, 1).astype(np.float32)
 
 
 def give_back() -> None:

@@ -17,7 +17,7 @@ from relume.renderers.mitsuba.arrays import rgb, triangles
 from relume.renderers.mitsuba.distant import distant_shape, require_inside
 from relume.renderers.mitsuba.materials import bsdf, emission, interior
 from relume.scene.cameras.camera import Camera
-from relume.scene.lights import AmbientLight, Light, PointLight, SphereLight, SquareLaw
+from relume.scene.lights import AmbientLight, Light, PointLight, RectangleLight, SphereLight, SquareLaw
 from relume.scene.materials.reflective import Reflective
 from relume.scene.materials.whitted import WhittedMaterial
 from relume.scene.scene import Infinite, Scene
@@ -46,7 +46,7 @@ def scene_dictionary(mi: Any, scene: Scene, camera: Camera, *, media: bool = Fal
         else:
             dictionary["light"] = distant_shape(mi, scene)
     for index, light in enumerate(scene.lights):
-        dictionary[f"light_{index:04d}"] = _light(light)
+        dictionary[f"light_{index:04d}"] = _light(mi, light)
     return dictionary
 
 
@@ -155,7 +155,7 @@ def envmap_pixels(light: EnvironmentMap) -> np.ndarray:
     return np.ascontiguousarray(np.roll(rows, tall.shape[1] // 2, axis=1))
 
 
-def _light(light: Light) -> dict[str, Any]:
+def _light(mi: Any, light: Light) -> dict[str, Any]:
     """A light that `why_not` has nothing against."""
     assert not isinstance(light, AmbientLight)
     if isinstance(light, PointLight):
@@ -165,6 +165,13 @@ def _light(light: Light) -> dict[str, Any]:
         glow = {"type": "area", "radiance": rgb(light.radiance)}
         parts = {"emitter": glow, "bsdf": {"type": "null"}}
         return {"type": "sphere", "center": list(light.position), "radius": light.radius} | parts
+    if isinstance(light, RectangleLight):
+        pose = np.eye(4)
+        # Mitsuba's rectangle spans ±1 in x and y and faces +Z.
+        pose[:3, :3] = light.frame * [light.size[0] / 2, light.size[1] / 2, 1]
+        pose[:3, 3] = light.position
+        parts = {"emitter": {"type": "area", "radiance": rgb(light.radiance)}, "bsdf": {"type": "null"}}
+        return {"type": "rectangle", "to_world": mi.ScalarTransform4f(pose)} | parts
     # Mitsuba's direction is the light's way; ours points towards where it comes from.
     way = [-float(part) for part in light.towards]
     return {"type": "directional", "direction": way, "irradiance": rgb(light.irradiance)}

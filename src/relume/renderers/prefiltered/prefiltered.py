@@ -241,6 +241,11 @@ def _mappable(scene: Scene) -> list[Material | Diffuse | Reflective]:
             "reflection maps hold light from infinity alone, and this scene's is on walls; use rl.Mitsuba "
             "(--renderer mitsuba), or an Infinite distant scene"
         )
+    if scene.medium is not None:
+        raise UnsupportedScene(
+            "reflection maps hold light that meets nothing on its way, and a medium fills this scene; use rl.Mitsuba "
+            "(--renderer mitsuba), or leave the medium out"
+        )
     materials = []
     for shape in (*scene.local, *scene.objects):
         if isinstance(shape.material, WhittedMaterial):

@@ -8,7 +8,16 @@ from typing import NamedTuple
 import numpy as np
 
 from relume.light.constellations.constellation import constellation
-from relume.scene.lights import AmbientLight, Attenuation, DistantLight, Light, Linear, SphereLight, SquareLaw
+from relume.scene.lights import (
+    AmbientLight,
+    Attenuation,
+    DistantLight,
+    Light,
+    Linear,
+    RectangleLight,
+    SphereLight,
+    SquareLaw,
+)
 from relume.scene.scene import Scene
 
 NONE, LINEAR, SQUARE, DISTANT = 0, 1, 2, 3
@@ -60,8 +69,8 @@ def _row(light: Light) -> Sequence[float]:
     if isinstance(light, DistantLight):
         towards = np.array(light.towards, np.float64)
         return (*(towards / np.linalg.norm(towards)), *(np.array(light.irradiance) / np.pi), DISTANT, 0.0)
-    # Spheres of light are refused before.
-    assert not isinstance(light, AmbientLight | SphereLight)
+    # Lamps that have a size are refused before.
+    assert not isinstance(light, AmbientLight | SphereLight | RectangleLight)
     return (*light.position, *(np.array(light.intensity) / np.pi), *attenuation_code(light.falloff))
 
 

@@ -26,7 +26,7 @@ from relume.renderers.whitted.kernel import CHANNELS, MOST_RAYS, trace
 from relume.renderers.whitted.kernel_data import Record, Settings, attenuation_code, empty_record, light_table
 from relume.renderers.whitted.materials import material_tables
 from relume.scene.cameras.camera import Camera
-from relume.scene.lights import Attenuation, SphereLight, Unattenuated
+from relume.scene.lights import Attenuation, RectangleLight, SphereLight, Unattenuated
 from relume.scene.scene import Infinite, Scene
 from relume.scene.shapes.shapes import Mesh, Sphere, bounding_sphere
 from relume.sphere.bilinear_kernels import padded
@@ -87,7 +87,8 @@ class Whitted(Renderer):
     def prepared(self, scene: Scene) -> PreparedWhitted:
         """Everything that does not depend on the camera, for many pictures of one scene.
 
-        Raises UnsupportedScene for a distant scene that is not at infinity, and for spheres of light.
+        Raises UnsupportedScene for a distant scene that is not at infinity, for lamps that have a size, and
+        for a medium between the shapes.
         """
         if not isinstance(scene.distant, Infinite):
             raise UnsupportedScene(
@@ -98,6 +99,16 @@ class Whitted(Renderer):
             raise UnsupportedScene(
                 "Whitted's lights have no size, and one of the scene's is a sphere; use rl.Mitsuba "
                 "(--renderer mitsuba), or a PointLight of intensity π·radius² times its radiance"
+            )
+        if any(isinstance(light, RectangleLight) for light in scene.lights):
+            raise UnsupportedScene(
+                "Whitted's lights have no size, and one of the scene's is a rectangle; use rl.Mitsuba "
+                "(--renderer mitsuba), or PointLights"
+            )
+        if scene.medium is not None:
+            raise UnsupportedScene(
+                "Whitted's rays meet nothing between shapes, and a medium fills this scene; use rl.Mitsuba "
+                "(--renderer mitsuba), or leave the medium out"
             )
         return PreparedWhitted(self, scene)
 

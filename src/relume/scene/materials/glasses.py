@@ -131,13 +131,9 @@ GLASSES: Mapping[str, Glass] = MappingProxyType(
         "N-SF11": Sellmeier((1.73759695, 0.313747346, 1.89878101), (0.013188707, 0.0623068142, 155.23629)),
         "N-SF66": Sellmeier((2.0245976, 0.470187196, 2.59970433), (0.0147053225, 0.0692998276, 161.817601)),
         # Malitson 1965 ("Interspecimen comparison of the refractive index of fused silica"), 20 °C.
-        "fused silica": Sellmeier(
-            (0.6961663, 0.4079426, 0.8974794), (0.0684043**2, 0.1162414**2, 9.896161**2)
-        ),
+        "fused silica": Sellmeier((0.6961663, 0.4079426, 0.8974794), (0.0684043**2, 0.1162414**2, 9.896161**2)),
         # The ordinary ray: Malitson and Dodge 1972 ("Refractive index and birefringence of synthetic sapphire").
-        "sapphire": Sellmeier(
-            (1.4313493, 0.65054713, 5.3414021), (0.0726631**2, 0.1193242**2, 18.028251**2)
-        ),
+        "sapphire": Sellmeier((1.4313493, 0.65054713, 5.3414021), (0.0726631**2, 0.1193242**2, 18.028251**2)),
         # Peter 1923 ("Über Brechungsindizes und Absorptionskonstanten des Diamanten").
         "diamond": Sellmeier((0.3306, 4.3356), (0.1750**2, 0.1060**2)),
         # Daimon and Masumura 2007 ("Measurement of the refractive index of distilled water"), 20 °C.

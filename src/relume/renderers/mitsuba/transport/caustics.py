@@ -14,8 +14,8 @@ import drjit as dr
 import mitsuba as mi
 
 from relume.renderers.mitsuba.transport.lens import Lens
-from relume.renderers.mitsuba.transport.paths import World
 from relume.renderers.mitsuba.transport.sampling import Spheres, two
+from relume.renderers.mitsuba.transport.world import World
 
 SEEN = 4
 """Surfaces of one ray of light that the camera may see it on; light that has scattered more often is faint."""
@@ -31,13 +31,15 @@ def caustics(world: World, spheres: Spheres, lens: Lens, rng: Any, active: Any) 
     """
     # Rays from the light that meet an object first.
     context = mi.BSDFContext(mi.TransportMode.Importance)
-    ray, flux, active = world.light.emitted(spheres, rng, active)
-    spectral = world.dispersion
-    hue, own = mi.Float(-1), mi.Float(-1) if spectral is None else rng.next_float32()
+    ray, flux, active, far = world.light.emitted(spheres, rng, active)
     first = world.objects.ray_intersect_preliminary(ray, active=active)
     met = world.nearest(ray, active)
     active &= first.is_valid() & (met.t == first.t)
-    inside, bounces = mi.UInt32(0), mi.UInt32(0)
+    inside, bounces = mi.UInt32(world.outside), mi.UInt32(0)
+    spectral = world.dispersion
+    hue, own = mi.Float(-1), mi.Float(-1) if spectral is None else rng.next_float32()
+    if world.foggy:
+        flux = flux * _from_lamp(world, ray, met, far, active)
     seen_so_far = mi.UInt32(0)
     sent_on = mi.Bool(False)
     points = [mi.Point2f(-1) for _ in range(SEEN)]
@@ -55,26 +57,28 @@ def caustics(world: World, spheres: Spheres, lens: Lens, rng: Any, active: Any) 
         seen = smooth & (factor > 0)
         value = bsdf.eval(context, si, si.to_local(back.d), seen)
         seen &= dr.max(value) > 0
-        seen &= ~world.hidden(back, seen)
+        around = world.beyond(si, back.d, -ray.d, inside)
+        arrived = world.arrives(back, around, seen)
         for index in range(SEEN):
             here = seen & (seen_so_far == index)
             points[index] = dr.select(here, at, points[index])
-            colours[index] = dr.select(here, flux * value * factor, colours[index])
+            colours[index] = dr.select(here, flux * value * factor * arrived, colours[index])
             added[index] = dr.select(here, on_object, added[index])
         seen_so_far += dr.select(smooth, 1, 0)
         # The next direction.
         sample, weight = bsdf.sample(context, si, rng.next_float32(), two(rng), active)
         onward = si.to_world(sample.wo)
         delta = mi.has_flag(sample.sampled_type, mi.BSDFFlags.Delta)
+        straight, tint = world.tint(si.shape, active)
+        onward, weight = dr.select(straight, ray.d, onward), dr.select(straight, tint, weight)
         # A smooth object is the first to send light on; up to what scatters it, any smooth surface may.
         scattered = seen_so_far > 0
-        active &= (delta & (on_object | sent_on)) | scattered
-        sent_on |= active & delta & on_object
+        active &= (delta & (on_object | sent_on)) | scattered | straight
+        sent_on |= active & delta & on_object & ~straight
         flux = dr.select(active, flux * weight, flux)
         if spectral is not None:
             bent, whole = spectral.met(si, sample, own, active & (hue < 0))
-            flux = spectral.sent(flux * whole, own, bent)
-            hue = dr.select(bent, own, hue)
+            flux, hue = spectral.sent(flux * whole, own, bent), dr.select(bent, own, hue)
         # Russian roulette, once something has scattered the light.
         brightness = dr.max(weight)
         active &= (dr.max(flux) > 0) & (bounces < world.depth) & (seen_so_far < SEEN)
@@ -84,12 +88,20 @@ def caustics(world: World, spheres: Spheres, lens: Lens, rng: Any, active: Any) 
         active &= ~risky | survives
         bounces += 1
         if world.media is not None:
-            through = active & (dr.dot(si.n, onward) * dr.dot(si.n, -ray.d) < 0)
-            inside = dr.select(through, dr.select(dr.dot(si.n, onward) < 0, world.media.number(si.shape), 0), inside)
+            inside = dr.select(active, world.beyond(si, onward, -ray.d, inside), inside)
         # On to what the ray meets next.
         ray = dr.select(active, si.spawn_ray(onward), ray)
         met = dr.select(active, world.nearest(ray, active), met)
         active &= met.is_valid()
         if world.media is not None:
-            flux = dr.select(active, flux * world.media.passed(inside, met.t), flux)
+            way = world.reach(ray, met.t, inside, active)
+            flux = dr.select(active, flux * world.media.passed(inside, way), flux)
     return list(zip(points, colours, added, strict=True))
+
+
+def _from_lamp(world: World, ray: Any, met: Any, far: Any, active: Any) -> Any:
+    """The share of light that passes the medium between bodies from a lamp, or from where it enters, to a surface."""
+    assert world.media is not None
+    outside = mi.UInt32(world.outside)
+    back = mi.Ray3f(ray(met.t), -ray.d)
+    return world.media.passed(outside, world.reach(back, dr.select(far, dr.inf, met.t), outside, active))

@@ -16,6 +16,7 @@ import numpy as np
 from relume.image.spectra.hero import STRATA, strata
 from relume.renderers.mitsuba.materials import parts_light
 from relume.scene.materials.materials import Material
+from relume.scene.shapes.shapes import Shape
 
 dr: Any = drjit
 mi: Any = mitsuba
@@ -112,8 +113,8 @@ def joined(before: Any, tint: Any, result: Any, parted: Any) -> Any:
     return dr.select(parted, before + tint * (result.x + result.y + result.z), result)
 
 
-def dispersion_of(parts: Sequence[tuple[Any, Sequence[Any]]]) -> Dispersion | None:
-    """What bends light by its wavelength, of Mitsuba's scenes and the solids that each was made of; None for nothing."""
+def dispersion_of(*parts: tuple[Any, Sequence[Shape]]) -> Dispersion | None:
+    """What bends light by its wavelength, of Mitsuba's scenes and the shapes that each was made of; None for nothing."""
     found = [
         (shape, solid.material)
         for built, solids in parts

@@ -12,7 +12,7 @@ import drjit
 import mitsuba
 
 from relume.renderers.mitsuba.transport.light import BRIGHT
-from relume.renderers.mitsuba.transport.paths import World
+from relume.renderers.mitsuba.transport.world import World
 
 dr: Any = drjit
 mi: Any = mitsuba

@@ -2,99 +2,23 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from typing import Any
 
 import drjit as dr
 import mitsuba as mi
 import numpy as np
 
-from relume.errors import UnsupportedScene
 from relume.renderers.mitsuba.transport import opaque
-from relume.renderers.mitsuba.transport.light_map import FAR, LightMap
-from relume.renderers.mitsuba.transport.sampling import Sample, Spheres, aimed, beside, parallel
-from relume.scene.lights import DistantLight, PointLight, SphereLight, SquareLaw
+from relume.renderers.mitsuba.transport.extent import sphere_round
+from relume.renderers.mitsuba.transport.lamps import PointLamp, RectangleLamp, SphereLamp, Sun
+from relume.renderers.mitsuba.transport.light_map import LightMap
+from relume.renderers.mitsuba.transport.sampling import Sample, Spheres
+from relume.scene.lights import DistantLight, PointLight, RectangleLight, SphereLight
 from relume.scene.scene import Scene
-from relume.scene.shapes.shapes import bounding_sphere
-from relume.sphere.directions import normalised
 
 BRIGHT = 4.0
 """Of the map's mean radiance: what is brighter is followed from the light where objects are smooth."""
-
-
-class _SphereLamp:
-    """A sphere that shines."""
-
-    def __init__(self, light: SphereLight) -> None:
-        self.centre, self.radius = opaque.sphere(light.position, light.radius)
-        self.radiance = mi.Color3f(opaque.point(light.radiance))
-
-    def distance(self, place: Any, direction: Any) -> Any:
-        """How far along a ray it begins; infinity where it is missed or left from within."""
-        away = self.centre - place
-        along = dr.dot(away, direction)
-        square = self.radius**2 - dr.squared_norm(away - along * direction)
-        distance = along - dr.sqrt(dr.maximum(square, 0))
-        return dr.select((square > 0) & (distance > 0), distance, dr.inf)
-
-    def solid_angle(self, place: Any) -> Any:
-        """Its solid angle as a place sees it: 2π(1 − cos α), exact for small α too."""
-        square = self.radius**2 / dr.squared_norm(self.centre - place)
-        return 2 * np.pi * square / (1 + dr.safe_sqrt(1 - square))
-
-    def sample(self, place: Any, point: Any, active: Any) -> Sample:
-        """Evenly over its solid angle."""
-        away = self.centre - place
-        square = self.radius**2 / dr.squared_norm(away)
-        outside = square < 1
-        # 1 − cos, so that nothing cancels for a small lamp.
-        direction = beside(dr.normalize(away), point.x * square / (1 + dr.safe_sqrt(1 - square)), point.y)
-        along = dr.dot(away, direction)
-        distance = along - dr.safe_sqrt(self.radius**2 - dr.squared_norm(away - along * direction))
-        angle = self.solid_angle(place)
-        weight = dr.select(outside, self.radiance * angle, 0)
-        return Sample(direction, dr.maximum(distance, 0), weight, 1 / angle, outside)
-
-    def emit(self, spheres: Spheres, which: Any, point: Any, aim: Any, active: Any) -> tuple[Any, Any, Any]:
-        normal = mi.warp.square_to_uniform_sphere(point)
-        place = self.centre + self.radius * normal
-        direction, density = aimed(spheres, which, aim, place)
-        cosine = dr.dot(normal, direction)
-        valid = (cosine > 0) & (density > 0)
-        flux = self.radiance * (4 * np.pi * self.radius**2) * cosine / density
-        return mi.Ray3f(place, direction), dr.select(valid, flux, 0), valid
-
-
-class _PointLamp:
-    """A point that shines by the square law."""
-
-    def __init__(self, light: PointLight) -> None:
-        if not isinstance(light.falloff, SquareLaw):
-            raise UnsupportedScene("points of light fall with the square of the distance here; use the square law")
-        self.place = opaque.point(light.position)
-        self.intensity = mi.Color3f(opaque.point(light.intensity))
-
-    def sample(self, place: Any, point: Any, active: Any) -> Sample:
-        way = self.place - place
-        distance = dr.norm(way)
-        return Sample(way / distance, distance, self.intensity / dr.square(distance), mi.Float(0), mi.Bool(True))
-
-    def emit(self, spheres: Spheres, which: Any, point: Any, aim: Any, active: Any) -> tuple[Any, Any, Any]:
-        direction, density = aimed(spheres, which, aim, self.place)
-        return mi.Ray3f(self.place, direction), self.intensity / density, density > 0
-
-
-class _Sun:
-    """Parallel light."""
-
-    def __init__(self, light: DistantLight) -> None:
-        self.direction = mi.Vector3f(opaque.point(normalised(light.towards)))
-        self.irradiance = mi.Color3f(opaque.point(light.irradiance))
-
-    def sample(self, place: Any, point: Any, active: Any) -> Sample:
-        return Sample(self.direction, mi.Float(FAR), self.irradiance, mi.Float(0), mi.Bool(True))
-
-    def emit(self, spheres: Spheres, which: Any, point: Any, aim: Any, active: Any) -> tuple[Any, Any, Any]:
-        return parallel(spheres, which, aim, self.direction, self.irradiance)
 
 
 class SceneLight:
@@ -103,18 +27,24 @@ class SceneLight:
     def __init__(self, scene: Scene) -> None:
         self.map = LightMap(scene) if np.any(scene.light.radiance) else None
         spheres = [light for light in scene.lights if isinstance(light, SphereLight)]
+        rectangles = [light for light in scene.lights if isinstance(light, RectangleLight)]
         points = [light for light in scene.lights if isinstance(light, PointLight)]
         suns = [light for light in scene.lights if isinstance(light, DistantLight)]
-        self.spheres = [_SphereLamp(light) for light in spheres]
+        # Lamps that a ray can meet.
+        self.sized: list[Any] = [*map(SphereLamp, spheres), *map(RectangleLamp, rectangles)]
         beyond: list[Any] = [] if self.map is None else [self.map]
-        self.sources: list[Any] = [*beyond, *self.spheres, *map(_PointLamp, points), *map(_Sun, suns)]
-        middle = np.mean([bounding_sphere(s)[0] for s in scene.objects], axis=0) if scene.objects else np.zeros(3)
+        self.sources: list[Any] = [*beyond, *self.sized, *map(PointLamp, points), *map(Sun, suns)]
+        lit = scene.objects or scene.local
+        middle = np.mean([sphere_round(shape)[0] for shape in lit], axis=0) if lit else np.zeros(3)
         # How often each is sampled: as the irradiance that it gives where the objects are.
         total = float(scene.light.total().mean())
         given = [total for _ in beyond]
         for sphere in spheres:
             away = max(float(np.linalg.norm(np.array(sphere.position) - middle)), float(sphere.radius))
             given.append(np.pi * float(np.mean(sphere.radiance)) * (float(sphere.radius) / away) ** 2)
+        for rectangle in rectangles:
+            away = max(float(np.linalg.norm(np.array(rectangle.position) - middle)), 0.5 * max(rectangle.size))
+            given.append(float(np.mean(rectangle.radiance)) * rectangle.size[0] * rectangle.size[1] / away**2)
         for point in points:
             away = max(float(np.linalg.norm(np.array(point.position) - middle)), 1e-3)
             given.append(float(np.mean(point.intensity)) / away**2)
@@ -161,9 +91,40 @@ class SceneLight:
             valid = dr.select(mine, found.valid, valid)
         return Sample(direction, distance, weight, density, valid & active)
 
+    def place_on(self, ray: Any, reach: Any, rate: Any, choice: Any, point: Any) -> tuple[Any, Any]:
+        """Where on a ray through a medium to look for the light that `choice` is for, and the density, per metre.
+
+        reach : where the ray ends, metres
+        rate : of the medium's extinction, per metre
+        For lamps that stand near evenly in the angle at which they see the ray (Kulla & Fajardo 2012), for all others
+        as the ray's own light is lost.
+        """
+        # By extinction.
+        ends = 1 - dr.exp(-rate * reach)
+        thin = rate * reach < 1e-3
+        along = dr.select(thin, point * reach, -dr.log(1 - point * ends) / dr.maximum(rate, 1e-20))
+        density = dr.select(thin, 1 / dr.maximum(reach, 1e-20), rate * dr.exp(-rate * along) / dr.maximum(ends, 1e-20))
+        low = 0.0
+        for index, source in enumerate(self.sources):
+            share = self._sampled[index]
+            mine = (choice >= low) & ((choice < low + share) | (index == len(self.shares) - 1))
+            low += share
+            if source.middle is None:
+                continue
+            # By the angle, about the ray's nearest place to the lamp.
+            away = source.middle - ray.o
+            nearest = dr.dot(away, ray.d)
+            height = dr.maximum(dr.norm(away - nearest * ray.d), 1e-5)
+            first, last = dr.atan(-nearest / height), dr.atan((reach - nearest) / height)
+            offset = height * dr.tan(dr.lerp(first, last, point))
+            chance = height / (dr.maximum(last - first, 1e-9) * (dr.square(height) + dr.square(offset)))
+            along = dr.select(mine, dr.clip(nearest + offset, 0, reach), along)
+            density = dr.select(mine, chance, density)
+        return along, density
+
     def arriving(
         self, place: Any, direction: Any, surface: Any, active: Any, density: Any,
-        looks: int = 1, beyond: Any = 0, dim: Any = False,
+        looks: int = 1, beyond: Any = 0, dim: Any = False, passed: Callable[[Any], Any] | None = None,
     ) -> Any:  # fmt: skip
         """The radiance that a ray sees before a surface (at infinity for none), weighed against looking for it.
 
@@ -171,6 +132,7 @@ class SceneLight:
         looks : directions towards light that were looked in beside it
         beyond : lamps nearer than this are left out
         dim : where only what is not `emitted` is wanted
+        passed : the share of light that passes a medium over a distance beyond `beyond`; all unless given
 
         Lamps hide nothing: what was behind them in the map was left there (`light.free_lamps`). Each light has a weight
         of its own, as each is looked for by itself (the balance heuristic, Veach & Guibas 1995).
@@ -181,13 +143,17 @@ class SceneLight:
             radiance, chance = self.map.seen(place, direction, far)
             radiance = dr.select(dim, radiance * self.dimmed(radiance), radiance)
             weight = _weight(density, looks * chance * self._sampled[0])
+            if passed is not None:
+                weight = weight * passed(mi.Float(dr.inf))
             total += dr.select(far, radiance * weight, 0)
-        for index, sphere in enumerate(self.spheres):
-            distance = sphere.distance(place, direction)
+        for index, lamp in enumerate(self.sized):
+            distance = lamp.distance(place, direction)
             share = self._sampled[index + (self.map is not None)]
-            weight = _weight(density, looks * share / sphere.solid_angle(place))
+            weight = _weight(density, looks * share * lamp.density(place, direction, distance))
             met = active & (distance < surface) & (distance > beyond) & ~mi.Bool(dim)
-            total += dr.select(met, sphere.radiance * weight, 0)
+            if passed is not None:
+                weight = weight * passed(distance - beyond)
+            total += dr.select(met, lamp.radiance * weight, 0)
         return total
 
     def dimmed(self, radiance: Any) -> Any:
@@ -195,11 +161,13 @@ class SceneLight:
         brightness = dr.mean(radiance)
         return dr.select(brightness > self.bright, self.bright / dr.maximum(brightness, 1e-30), 1)
 
-    def emitted(self, spheres: Spheres, rng: Any, active: Any) -> tuple[Any, Any, Any]:
-        """Rays from the bright part of the light towards spheres, each with its share of the flux (Σ flux / N)."""
+    def emitted(self, spheres: Spheres, rng: Any, active: Any) -> tuple[Any, Any, Any, Any]:
+        """Rays from the bright part of the light towards spheres, each with its share of the flux (Σ flux / N), whether
+        there is one, and whether it comes from infinity."""
         choice = rng.next_float32()
         which, first, second, third, fourth = (rng.next_float32() for _ in range(5))
         ray, flux, valid = dr.zeros(mi.Ray3f), mi.Color3f(0), mi.Bool(False)
+        far = mi.Bool(False)
         low = 0.0
         for index, source in enumerate(self.sources):
             if not self.emitting[index]:
@@ -211,7 +179,8 @@ class SceneLight:
             begin, sent, fine = source.emit(spheres, which, point, aim, mine)
             ray, flux = dr.select(mine, begin, ray), dr.select(mine, sent / share, flux)
             valid = dr.select(mine, fine, valid)
-        return ray, flux, active & valid
+            far |= mine & source.parallel
+        return ray, flux, active & valid, far
 
     def wall(self, place: Any, direction: Any, active: Any) -> Any:
         """How far the distant scene is along a ray."""

@@ -31,6 +31,8 @@ FAR = 1e7
 class LightMap:
     """The probe's map over its distant scene."""
 
+    middle = None
+
     def __init__(self, scene: Scene) -> None:
         # A row more at each pole is the other side's, as in `EnvironmentMap.lookup`.
         self.tall = np.ascontiguousarray(continued_round(as_latlong(scene.light).radiance)[:, 1:-1])
@@ -42,6 +44,7 @@ class LightMap:
         self.grey = _mean_of_channels(self.tall)
         self.flux, self.chances, self.density = _by_flux(self.grey)
         self.distant = scene.distant
+        self.parallel = isinstance(scene.distant, Infinite)
         self.probe = opaque.point(scene.probe)
         if isinstance(scene.distant, Box):
             self.low, self.high = opaque.point(scene.distant.low), opaque.point(scene.distant.high)

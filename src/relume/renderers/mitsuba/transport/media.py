@@ -13,26 +13,63 @@ from relume.scene.materials.media import Medium
 
 
 class Media:
-    """The media of a scene's objects, by the numbers that Mitsuba gives their shapes."""
+    """The media of a scene's bodies, by the numbers that Mitsuba gives their shapes, and the one between bodies.
 
-    def __init__(self, shapes: Any, media: Sequence[Medium | None]) -> None:
+    shapes : of the bodies, as Mitsuba has them
+    media : what fills each of them; None for nothing
+    opens : of each body, whether light goes straight through its surface, so that lamps are seen from inside
+    outside : what fills the space between them; None for nothing
+    """
+
+    def __init__(
+        self, shapes: Any, media: Sequence[Medium | None], opens: Sequence[bool] = (), outside: Medium | None = None
+    ) -> None:  # fmt: skip
         numbers = np.array(dr.reinterpret_array(mi.UInt32, shapes))
-        kinds = [medium for medium in media if medium is not None]
-        table = np.zeros(int(numbers.max()) + 1, np.uint32)
-        for number, medium in zip(numbers, media, strict=True):
-            table[number] = 0 if medium is None else 1 + kinds.index(medium)
+        straight = [*opens, *([False] * (len(media) - len(opens)))]
+        bodies = [None if medium is None else (medium, open_) for medium, open_ in zip(media, straight, strict=True)]
+        kinds = [kind for kind in bodies if kind is not None]
+        table = np.zeros(int(numbers.max(initial=0)) + 1, np.uint32)
+        for number, kind in zip(numbers, bodies, strict=True):
+            table[number] = 0 if kind is None else 1 + kinds.index(kind)
         self.table = mi.UInt32(table)
+        if outside is not None:
+            kinds.append((outside, True))
+        self.outside = len(kinds) if outside is not None else 0
         # The first entry is empty space.
-        self.absorption = [mi.Float([0.0, *(m.absorption[c] for m in kinds)]) for c in range(3)]
-        self.scattering = [mi.Float([0.0, *(m.scattering[c] for m in kinds)]) for c in range(3)]
-        self.anisotropy = mi.Float([0.0, *(m.anisotropy for m in kinds)])
-        self.scatters = any(any(m.scattering) for m in kinds)
+        every = [medium for medium, _ in kinds]
+        self.absorption = [mi.Float([0.0, *(m.absorption[c] for m in every)]) for c in range(3)]
+        self.scattering = [mi.Float([0.0, *(m.scattering[c] for m in every)]) for c in range(3)]
+        self.anisotropy = mi.Float([0.0, *(m.anisotropy for m in every)])
+        self.clear = mi.UInt32([1, *(int(open_) for _, open_ in kinds)])
+        self.scatters = any(any(m.scattering) for m in every)
+        self.open = any(open_ for _, open_ in kinds)
+        # Whether lamps are looked for where light is scattered, and whether they cannot be.
+        self.looked_for = any(any(m.scattering) and open_ for m, open_ in kinds)
+        self.closed = any(any(m.scattering) and not open_ for m, open_ in kinds)
 
     def number(self, shape: Any) -> Any:
         """The number of what fills a shape; 0 for nothing."""
         index = mi.UInt32(dr.reinterpret_array(mi.UInt32, shape))
         known = index < dr.width(self.table)
         return dr.gather(mi.UInt32, self.table, dr.select(known, index, 0), known)
+
+    def opens(self, inside: Any) -> Any:
+        """Whether lamps are seen from within a medium, straight through what bounds it; as from empty space."""
+        return dr.gather(mi.UInt32, self.clear, inside) == 1
+
+    def extinction(self, inside: Any) -> Any:
+        """Per metre and channel."""
+        return self._of(self.absorption, inside) + self._of(self.scattering, inside)
+
+    def scattered_share(self, inside: Any, along: Any, towards: Any) -> Any:
+        """Of light from one direction, the share per metre that is scattered into another, per steradian.
+
+        along : the way that light goes backwards in, as rays from the camera go
+        towards : where it comes from
+        """
+        g = dr.gather(mi.Float, self.anisotropy, inside)
+        square = dr.maximum(1 + g * g - 2 * g * dr.dot(along, towards), 1e-9)
+        return self._of(self.scattering, inside) * ((1 - g * g) / (4 * np.pi * square * dr.sqrt(square)))
 
     def passed(self, inside: Any, distance: Any) -> Any:
         """The share of light that meets nothing on its way (Beer–Lambert)."""

@@ -1,0 +1,123 @@
+"""Paths of light in Dr.Jit with objects and without: what added objects change of the light of real surfaces."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import drjit
+import mitsuba
+
+from relume.renderers.mitsuba.transport.paths import from_objects, mitigated, way_to
+from relume.renderers.mitsuba.transport.sampling import Guide, Numbers, two
+from relume.renderers.mitsuba.transport.world import World
+
+# Untyped: a type checker would follow every variable round and round the loops.
+dr: Any = drjit
+mi: Any = mitsuba
+
+
+@dr.syntax
+def changed(
+    world: World, guide: Guide, ray: Any, met: Any, numbers: Numbers, active: Any, looks: int
+) -> tuple[Any, Any, Any]:
+    """What the objects change of the radiance of real surfaces, up to where paths with and without them part.
+
+    met : the real surface that each ray meets
+    looks : directions towards light a vertex
+    Returns the light added and the light taken so far, both 0 or more; the parted ray with the weight of what it
+    brings; and what it meets with the objects, and without.
+    """
+    light = world.light
+    spectral = world.dispersion
+    hue, own = mi.Float(-1), mi.Float(-1) if spectral is None else numbers.wavelength()
+    hue_parted = mi.Float(-1)
+    context = mi.BSDFContext()
+    rng = numbers.stream
+    even = [numbers.towards_light(look, looks) for look in range(looks)]
+    added_light, taken = mi.Color3f(0), mi.Color3f(0)
+    weight_parted, density_parted = mi.Color3f(0), mi.Float(0)
+    throughput = mi.Color3f(1)
+    bounces, bounces_parted = mi.UInt32(0), mi.UInt32(0)
+    first_scatters = mi.Bool(False)
+    ray = mi.Ray3f(ray)
+    parted = dr.zeros(mi.Ray3f, dr.width(active))
+    added_parted = dr.zeros(mi.PreliminaryIntersection3f, dr.width(active))
+    added_parted.t = dr.inf
+    real_parted = dr.zeros(mi.PreliminaryIntersection3f, dr.width(active))
+    real_parted.t = dr.inf
+    while active:
+        si = met.compute_surface_interaction(ray, mi.RayFlags.All, active)
+        if spectral is not None:
+            si.time = spectral.index(si.shape, dr.select(hue < 0, own, hue))
+        bsdf = si.bsdf(ray)
+        smooth = active & mi.has_flag(bsdf.flags(), mi.BSDFFlags.Smooth) & (bounces < world.depth)
+        cones = guide.cones(si.p, dr.select(dr.dot(si.n, ray.d) < 0, si.n, -si.n))
+        any_cone = mi.Float(0)
+        for _, _, share in cones:
+            any_cone += share
+        # Half of the directions go towards the objects, where there are any over the surface's horizon.
+        guided = dr.select(smooth & (any_cone > 0), 0.5, 0)
+        for look in range(looks if not light.dark else 0):
+            evenly = bounces == 0
+            choice, point = rng.next_float32(), two(rng)
+            choice, point = dr.select(evenly, even[look][0], choice), dr.select(evenly, even[look][1], point)
+            found = light.sample(si.p, choice, point, smooth)
+            wo = si.to_local(found.direction)
+            shadow = way_to(si, found.direction, found.distance)
+            # What no object hides is the same in both scenes.
+            dark = smooth & found.valid & world.objects.ray_test(shadow, active=smooth & found.valid)
+            value, chance = bsdf.eval_pdf(context, si, wo, dark)
+            dark &= dr.max(value) > 0
+            dark &= ~world.local.ray_test(shadow, active=dark)
+            other = (1 - guided) * chance + guided * guide.density(cones, found.direction)
+            weight = dr.select(found.density > 0, mitigated(looks * found.density, other), 1) / looks
+            lost = mi.Color3f(1)
+            if world.straight:
+                lost = 1 - world.arrives(shadow, mi.UInt32(0), dark)
+            taken += dr.select(dark, throughput * value * found.weight * weight * lost, 0)
+        if world.looks_for_objects:
+            added_light += throughput * from_objects(
+                world, si, bsdf, context, rng, smooth, ray, mi.UInt32(0), guide, cones, guided
+            )
+        # A direction by the surface's reflectance or towards an object.
+        towards = active & (rng.next_float32() < guided)
+        sample, mirrored = bsdf.sample(context, si, rng.next_float32(), two(rng), active & ~towards)
+        aimed = guide.sample(cones, rng.next_float32(), two(rng))
+        onward = dr.select(towards, aimed, si.to_world(sample.wo))
+        delta = ~towards & mi.has_flag(sample.sampled_type, mi.BSDFFlags.Delta)
+        value, chance = bsdf.eval_pdf(context, si, si.to_local(onward), active & ~delta)
+        density = (1 - guided) * chance + guided * guide.density(cones, onward)
+        weight = dr.select(delta, mirrored / dr.maximum(1 - guided, 1e-6), dr.select(density > 0, value / density, 0))
+        density = dr.select(delta, 0, density)
+        first_scatters = dr.select(active & (bounces == 0), ~delta, first_scatters)
+        throughput = dr.select(active, throughput * weight, throughput)
+        if spectral is not None:
+            bent, whole = spectral.met(si, sample, own, active & ~towards & (hue < 0))
+            throughput = spectral.weighed(throughput * whole, own, bent)
+            hue = dr.select(bent, own, hue)
+        going = active & (dr.max(throughput) > 0) & (bounces < world.depth)
+        ray = dr.select(active, si.spawn_ray(onward), ray)
+        added = world.objects.ray_intersect_preliminary(ray, active=going)
+        real = world.real(ray, going)
+        bounces += 1
+        far = dr.select(real.is_valid(), real.t, dr.inf)
+        near = dr.select(added.is_valid(), added.t, dr.inf)
+        parting = going & (near < far)
+        # What the object hides of the light; a lamp before it is seen in both scenes.
+        hidden = light.arriving(ray.o, ray.d, far, parting, density, looks, beyond=near)
+        taken += dr.select(parting, throughput * hidden, 0)
+        parted = dr.select(parting, ray, parted)
+        added_parted = dr.select(parting, added, added_parted)
+        real_parted = dr.select(parting, real, real_parted)
+        weight_parted = dr.select(parting, throughput, weight_parted)
+        density_parted = dr.select(parting, density, density_parted)
+        bounces_parted = dr.select(parting, bounces, bounces_parted)
+        hue_parted = dr.select(parting, hue, hue_parted)
+        met = dr.select(going & ~parting, real, met)
+        active = going & ~parting & real.is_valid()
+        # What is changed of a change is faint: such paths end early.
+        survives = rng.next_float32() < 0.5
+        throughput = dr.select(active, throughput * 2, throughput)
+        active &= survives
+    way = (parted, weight_parted, density_parted, bounces_parted, first_scatters, hue_parted)
+    return (added_light, taken), way, (added_parted, real_parted)

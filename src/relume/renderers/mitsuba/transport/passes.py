@@ -1,0 +1,192 @@
+"""One pass over a picture in Dr.Jit: rays from its pixels, what they meet first, and sums that no thread changes."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from copy import copy
+from typing import Any, Self
+
+import drjit as dr
+import mitsuba as mi
+import numpy as np
+
+from relume.renderers.mitsuba.materials import bsdf, crossed_straight, emission
+from relume.renderers.mitsuba.scene import _shape
+from relume.renderers.mitsuba.transport import opaque
+from relume.renderers.mitsuba.transport.caustics import caustics
+from relume.renderers.mitsuba.transport.extent import sphere_round
+from relume.renderers.mitsuba.transport.guides import first_scattered
+from relume.renderers.mitsuba.transport.lens import Lens
+from relume.renderers.mitsuba.transport.sampling import Numbers, Spheres, two
+from relume.renderers.mitsuba.transport.world import World
+from relume.scene.cameras.camera import Camera
+from relume.scene.shapes.shapes import Shape
+
+RAYS_OF_LIGHT = 8
+"""Samples of the picture for each ray that is followed from the light: those few carry its noise easily."""
+MOST_RAYS = 1_000_000
+"""Rays of light a pass, at most: in a large picture they lie close enough."""
+BAND = 2_000_000
+"""Samples traced at once, whose values take about a quarter of a gigabyte."""
+HOLES = 16
+"""Surfaces with holes that a ray from the camera is looked through one behind the other: leaves of a tree."""
+STEP = 1e-4
+"""Metres from one of them to where the next is looked for."""
+
+Planes = dict[str, np.ndarray]
+
+
+class Tracing:
+    """A world and a camera, made ready for passes.
+
+    spheres : round the shapes that send light on in one direction
+    pierced : whether shapes have holes
+    """
+
+    def __init__(self, world: World, camera: Camera, spheres: Spheres, pierced: bool) -> None:
+        self.world, self.spheres, self.pierced = world, spheres, pierced
+        self.camera, self.lens = camera, Lens(camera)
+
+    def seeing(self, camera: Camera) -> Self:
+        """The same scene, seen by another camera."""
+        other = copy(self)
+        other.camera, other.lens = camera, Lens(camera)
+        return other
+
+    def lit(self, samples: int, seed: int) -> Planes:
+        """What a pass of so many samples a pixel follows from the light, for `with_light`; of the whole picture."""
+        count = max(self.camera.width * self.camera.height * samples // RAYS_OF_LIGHT, 1)
+        return self._lit(min(count, MOST_RAYS), seed)
+
+    def on_picture(self, pixels: np.ndarray, planes: Planes) -> Planes:
+        """What `of_pixels` gave of these pixels, in order, in planes of the whole picture that are 0 elsewhere."""
+        height, width = self.camera.height, self.camera.width
+        whole: Planes = {}
+        for name, values in planes.items():
+            plane = values
+            if len(pixels) < height * width:
+                plane = np.zeros((height * width, *values.shape[1:]), np.float32)
+                plane[pixels] = values
+            whole[name] = plane.reshape(height, width, *values.shape[1:])
+        return whole
+
+    def guides(self, samples: int, seed: int) -> Planes:
+        """Depth, normal and albedo of what is seen first, the share of each pixel that shows anything, and a denoiser's
+        guides: albedo and normal of the first thing that scatters light."""
+        pixels = np.arange(self.camera.width * self.camera.height)
+        return self.on_picture(pixels, self._over(samples, seed, self._seen, pixels))
+
+    def _first(self, numbers: Numbers) -> tuple[Any, Any]:
+        """Rays from the camera, and what they meet first."""
+        raise NotImplementedError
+
+    def _seen(self, numbers: Numbers) -> dict[str, Any]:
+        ray, met = self._first(numbers)
+        seen = met.is_valid()
+        si = met.compute_surface_interaction(ray, mi.RayFlags.All, seen)
+        albedo = si.bsdf(ray).eval_diffuse_reflectance(si, seen)
+        along = -(self.lens.back @ (si.p - self.lens.place)).z
+        behind_albedo, behind_normal = first_scattered(self.world, ray, met, seen)
+        return {
+            "depth": dr.select(seen, along, 0), "seen": mi.Float(seen),
+            "normal": dr.select(seen, si.sh_frame.n, 0), "albedo": dr.select(seen, albedo, 0),
+            "guide_albedo": behind_albedo + self._beyond(ray, ~seen), "guide_normal": behind_normal,
+        }  # fmt: skip
+
+    def _beyond(self, ray: Any, active: Any) -> Any:
+        """What guides a denoiser where a ray from the camera meets nothing."""
+        return mi.Color3f(0)
+
+    def _over(self, samples: int, seed: int, trace: Callable[[Numbers], dict[str, Any]], pixels: np.ndarray) -> Planes:
+        """The means over the samples of each of these pixels; so many pixels at once as memory allows."""
+        most = max(1, BAND // samples)
+        bands: dict[str, list[np.ndarray]] = {}
+        for first in range(0, len(pixels), most):
+            these = pixels[first : first + most].astype(np.uint32)
+            for name, means in self._summed(trace(Numbers(these, samples, seed)), samples).items():
+                bands.setdefault(name, []).append(np.asarray(means, np.float32))
+        return {name: np.concatenate(parts) if len(parts) > 1 else parts[0] for name, parts in bands.items()}
+
+    def _rays(self, numbers: Numbers) -> Any:
+        """Rays from the camera."""
+        across, down = numbers.within_pixel()
+        width = self.camera.width
+        column, row = mi.Float(numbers.pixel % width), mi.Float(numbers.pixel // width)
+        return self.lens.rays(column + across, row + down, two(numbers.stream))
+
+    def _seen_object(self, ray: Any, numbers: Numbers) -> Any:
+        """The first of the objects that a ray from the camera meets, but for holes, which let it through by chance."""
+        added = self.world.objects.ray_intersect_preliminary(ray, active=mi.Bool(True))
+        if not self.pierced:
+            return added
+        on, gone, stopped = mi.Ray3f(ray), mi.Float(0), mi.Bool(False)
+        for _ in range(HOLES):
+            si = added.compute_surface_interaction(on, mi.RayFlags.All, added.is_valid())
+            through = dr.mean(si.bsdf(on).eval_null_transmission(si, added.is_valid()))
+            passes = added.is_valid() & ~stopped & (numbers.stream.next_float32() < through)
+            stopped |= ~passes
+            gone += dr.select(passes, added.t, 0)
+            # From the camera on: depth and interaction belong to the whole ray.
+            on.o = dr.select(passes, ray.o + (gone + STEP) * ray.d, on.o)
+            following = self.world.objects.ray_intersect_preliminary(on, active=passes)
+            added = dr.select(passes, following, added)
+            gone += dr.select(passes, STEP, 0)
+        added.t = dr.select(added.is_valid(), added.t + gone, dr.inf)
+        return added
+
+    def _solid(self, ray: Any, met: Any) -> Any:
+        """What the light of a surface with holes counts where a ray was not let through: its BSDF is of the whole."""
+        if not self.pierced:
+            return mi.Color3f(1)
+        si = met.compute_surface_interaction(ray, mi.RayFlags.All, met.is_valid())
+        through = dr.mean(si.bsdf(ray).eval_null_transmission(si, met.is_valid()))
+        return mi.Color3f(1 / dr.maximum(1 - through, 1e-4))
+
+    def _summed(self, values: dict[str, Any], samples: int) -> Planes:
+        """The mean over the samples of each pixel, which lie beside each other: the same whatever the threads."""
+        dr.eval(values)
+        planes = {}
+        for name, value in values.items():
+            channels = [value] if isinstance(value, mi.Float) else [value.x, value.y, value.z]
+            means = [np.array(dr.block_sum(channel, samples)) / samples for channel in channels]
+            planes[name] = means[0] if len(means) == 1 else np.stack(means, axis=-1)
+        return planes
+
+    def _lit(self, count: int, seed: int) -> Planes:
+        """Light followed from the lamps through the smooth objects, added up on the picture in a fixed order."""
+        rng = mi.PCG32(size=count, initstate=dr.opaque(mi.UInt64, seed + (1 << 40)))  # pyright: ignore[reportCallIssue]
+        found = caustics(self.world, self.spheres, self.lens, rng, dr.full(mi.Bool, True, count))
+        dr.eval(found)
+        height, width = self.camera.height, self.camera.width
+        planes = {name: np.zeros((height * width, 3)) for name in ("objects", "difference")}
+        for point, flux, on_object in found:
+            light = np.array(flux).astype(np.float64) / count
+            landed = light.max(axis=0) > 0
+            light, at = light[:, landed], np.array(point)[:, landed].astype(np.int64)
+            pixel = np.minimum(at[1], height - 1) * width + np.minimum(at[0], width - 1)
+            added = np.array(on_object)[landed]
+            for name, mine in (("objects", added), ("difference", ~added)):
+                for channel in range(3):
+                    planes[name][:, channel] += np.bincount(pixel[mine], light[channel][mine], height * width)
+        return {name: plane.reshape(height, width, 3) for name, plane in planes.items()}
+
+
+def built(shapes: Sequence[Shape]) -> Any:
+    """A Mitsuba scene of shapes alone."""
+    parts = {
+        f"shape_{index:06d}": _shape(
+            mi, shape, bsdf(mi, shape.material, media=True, dispersion=True), emission(mi, shape.material)
+        )
+        for index, shape in enumerate(shapes)
+    }
+    return mi.load_dict({"type": "scene", **parts}, optimize=False)
+
+
+def senders(shapes: Sequence[Shape], scene: Any) -> Spheres:
+    """Spheres round the shapes that send light on in one direction, which bends it there; `scene` as Mitsuba has it."""
+    sent = [bool(mi.has_flag(shape.bsdf().flags(), mi.BSDFFlags.Delta)) for shape in scene.shapes()]
+    return [
+        opaque.sphere(*sphere_round(shape))
+        for shape, bends in zip(shapes, sent, strict=True)
+        if bends and crossed_straight(shape.material) is None
+    ]

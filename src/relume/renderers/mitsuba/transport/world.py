@@ -1,0 +1,200 @@
+"""What rays meet in Dr.Jit: real surfaces and objects, what light passes through, and the light."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Any
+
+import drjit
+import mitsuba
+import numpy as np
+
+from relume.renderers.mitsuba.materials import crossed_straight
+from relume.renderers.mitsuba.transport import opaque
+from relume.renderers.mitsuba.transport.dispersion import Dispersion
+from relume.renderers.mitsuba.transport.light import SceneLight
+from relume.renderers.mitsuba.transport.media import Media
+from relume.scene.shapes.shapes import AnyMaterial
+
+# Untyped: a type checker would follow every variable round and round the loops.
+dr: Any = drjit
+mi: Any = mitsuba
+
+SHORTEN = 1 - 1e-4
+"""Of a ray to a light: it ends before what the light stands on."""
+
+
+class World:
+    """What rays meet: real surfaces and added objects apart, and the light.
+
+    local, objects : Mitsuba scenes; None where there is nothing of the kind. A picture of all together has all in
+        `objects`, which one search finds
+    light : everything that objects do not send themselves
+    media : what fills the objects and the space between; None where nothing does
+    emitting : whether any object shines
+    depth : bounces at most
+    smooth : whether `caustics` follows the light that smooth objects send on
+    sticks_out : whether real surfaces reach out of the distant scene
+    materials : of the objects, in order
+    dispersion : what bends light by its wavelength; None where nothing does
+    fog : the centre and the radius of the sphere that the medium between bodies ends at; None for the distant scene
+    """
+
+    dispersion: Dispersion | None = None
+
+    # Not a dataclass: Dr.Jit's loops would take its fields for state and rewrite them.
+    def __init__(
+        self, local: Any, objects: Any, light: SceneLight, media: Media | None, emitting: bool, depth: int,
+        smooth: bool, sticks_out: bool, materials: Sequence[AnyMaterial] = (), fog: tuple[Any, float] | None = None,
+    ) -> None:  # fmt: skip
+        self.local, self.objects, self.light = local, objects, light
+        self.media, self.emitting, self.depth, self.smooth = media, emitting, depth, smooth
+        self.outside = 0 if media is None else media.outside
+        self.foggy = self.outside > 0
+        # Through a medium the way to a lamp is not straight or not clear; there such lamps are found by chance alone.
+        self.looks_for_objects = emitting and (media is None or media.open)
+        self.sticks_out = sticks_out
+        self.fog = None if fog is None else opaque.sphere(*fog)
+        numbers = np.array(dr.reinterpret_array(mi.UInt32, objects.shapes_dr()))
+        added = np.zeros(int(numbers.max(initial=0)) + 1, np.uint32)
+        added[numbers] = 1
+        self.added = mi.UInt32(added)
+        # What light goes straight through, and its colour.
+        tints = [crossed_straight(material) for material in materials]
+        self.straight = any(tint is not None for tint in tints)
+        self.tints: list[Any] = []
+        if self.straight:
+            table = np.full((len(added), 3), -1.0, np.float32)
+            for number, tint in zip(numbers, tints, strict=True):
+                table[number] = -1.0 if tint is None else tint
+            self.tints = [mi.Float(np.ascontiguousarray(table[:, channel])) for channel in range(3)]
+
+    def is_object(self, shape: Any) -> Any:
+        """Whether a shape is one of the added ones."""
+        number = dr.reinterpret_array(mi.UInt32, shape)
+        known = number < dr.width(self.added)
+        return dr.gather(mi.UInt32, self.added, dr.select(known, number, 0), known) == 1
+
+    def tint(self, shape: Any, active: Any) -> tuple[Any, Any]:
+        """Whether light goes straight through a shape's surface, and the share that does."""
+        if not self.straight:
+            return mi.Bool(False), mi.Color3f(1)
+        number = dr.reinterpret_array(mi.UInt32, shape)
+        known = active & (number < dr.width(self.added))
+        share = mi.Color3f(*(dr.gather(mi.Float, each, dr.select(known, number, 0), known) for each in self.tints))
+        through = known & (share.x >= 0)
+        return through, dr.select(through, share, 1)
+
+    def nearest(self, ray: Any, active: Any, objects: bool = True) -> Any:
+        """The first of all surfaces on a ray."""
+        if not objects:
+            return self.real(ray, active)
+        added = self.objects.ray_intersect_preliminary(ray, active=active)
+        if self.local is None:
+            return self.within_walls(ray, added, active)
+        real = self.real(ray, active)
+        return dr.select(added.t < real.t, added, real)
+
+    def real(self, ray: Any, active: Any) -> Any:
+        """The first real surface on a ray; what lies behind the walls of the distant scene is not seen."""
+        return self.within_walls(ray, self.local.ray_intersect_preliminary(ray, active=active), active)
+
+    def within_walls(self, ray: Any, met: Any, active: Any) -> Any:
+        """What a ray meets, but for what lies behind the walls of the distant scene."""
+        if self.sticks_out:
+            wall = self.light.wall(ray.o, ray.d, active)
+            met.t = dr.select(met.t > wall, dr.inf, met.t)
+        return met
+
+    def hidden(self, ray: Any, active: Any, objects: bool = True) -> Any:
+        """Whether anything stands before a ray's end."""
+        found = mi.Bool(False)
+        if objects:
+            found |= self.objects.ray_test(ray, active=active)
+        if self.local is not None:
+            found |= self.local.ray_test(ray, active=active & ~found)
+        return found
+
+    def sees(self, inside: Any) -> Any:
+        """Whether lamps are seen from within what fills a place."""
+        return True if self.media is None else self.media.opens(inside)
+
+    def reach(self, ray: Any, distance: Any, inside: Any, active: Any) -> Any:
+        """How much of a distance along a ray lies within the medium where the ray begins."""
+        if not self.foggy:
+            return distance
+        if self.fog is None:
+            end = self.light.wall(ray.o, ray.d, active)
+        else:
+            centre, radius = self.fog
+            away = ray.o - centre
+            along = dr.dot(away, ray.d)
+            end = dr.maximum(-along + dr.safe_sqrt(dr.square(along) - dr.squared_norm(away) + dr.square(radius)), 0)
+        return dr.select(inside == self.outside, dr.minimum(distance, end), distance)
+
+    def entered(self, ray: Any, met: Any) -> tuple[Any, Any]:
+        """A ray from the camera, begun where it enters the medium between the bodies, and how far what it meets is."""
+        if self.fog is None:
+            return ray, met
+        centre, radius = self.fog
+        away = ray.o - centre
+        along = dr.dot(away, ray.d)
+        square = dr.square(along) - dr.squared_norm(away) + dr.square(radius)
+        skipped = dr.select(square > 0, dr.maximum(-along - dr.safe_sqrt(square), 0), 0)
+        skipped = dr.minimum(skipped, met.t)
+        begun = mi.Ray3f(ray)
+        begun.o = ray.o + skipped * ray.d
+        met.t = met.t - skipped
+        return begun, met
+
+    def passing(self, ray: Any, inside: Any, active: Any) -> Any:
+        """A function of a distance along a ray: the share of its light that meets nothing of the medium there.
+
+        None where there is no medium that lamps are seen through.
+        """
+        if self.media is None or not self.media.open:
+            return None
+        media = self.media
+        return lambda distance: media.passed(inside, self.reach(ray, distance, inside, active))
+
+    def beyond(self, si: Any, direction: Any, backward: Any, inside: Any) -> Any:
+        """The number of what fills the side of a surface that a direction leads to."""
+        if self.media is None:
+            return inside
+        through = dr.dot(si.n, direction) * dr.dot(si.n, backward) < 0
+        entered = dr.select(dr.dot(si.n, direction) < 0, self.media.number(si.shape), self.outside)
+        return dr.select(through, entered, inside)
+
+    def arrives(self, ray: Any, inside: Any, active: Any, objects: bool = True) -> Any:
+        """The share of light that reaches a ray's beginning from its end; 0 where anything stands between."""
+        if not self.straight or not objects:
+            free = active & ~self.hidden(ray, active, objects)
+            if self.media is None or not self.media.open:
+                return dr.select(free, mi.Color3f(1), 0)
+            return dr.select(free, self.media.passed(inside, self.reach(ray, ray.maxt, inside, free)), 0)
+        return _arrives(self, ray, inside, active)
+
+
+@dr.syntax
+def _arrives(world: World, ray: Any, inside: Any, active: Any) -> Any:
+    """The same, through surfaces that do not bend it."""
+    media = world.media
+    share, ray = mi.Color3f(dr.select(active, 1, 0)), mi.Ray3f(ray)
+    inside = mi.UInt32(inside)
+    walking = mi.Bool(active)
+    while walking:
+        met = world.nearest(ray, walking)
+        hit = walking & met.is_valid() & (met.t < ray.maxt)
+        if media is not None:
+            way = world.reach(ray, dr.select(hit, met.t, ray.maxt), inside, walking)
+            share = dr.select(walking, share * media.passed(inside, way), share)
+        si = met.compute_surface_interaction(ray, mi.RayFlags.All, hit)
+        through, tint = world.tint(si.shape, hit)
+        share = dr.select(hit, dr.select(through, share * tint, 0), share)
+        if media is not None:
+            inside = dr.select(through, world.beyond(si, ray.d, -ray.d, inside), inside)
+        onward = si.spawn_ray(ray.d)
+        onward.maxt = ray.maxt - met.t
+        ray = dr.select(through, onward, ray)
+        walking &= through & (dr.max(share) > 0) & (ray.maxt > 0)
+    return share
