@@ -1,8 +1,9 @@
 """Wavelengths for paths of light: each carries one, drawn as often as it counts in the picture (hero wavelengths).
 
-Wilkie, Nawaz, Droske, Weidlich and Hanika 2014 ("Hero wavelength spectral sampling") give each path one that steers it.
-Here the light itself stays linear Rec. 709: light L that is parted at a wavelength λ arrives as weight(λ) · Σ share(λ) L,
-of which the mean over all λ is L again. White through what does not disperse stays white, exactly.
+Wilkie, Nawaz, Droske, Weidlich and Hanika 2014 ("Hero wavelength spectral sampling") give each path one that steers
+it. Here the light itself stays linear Rec. 709: light L that is parted at a wavelength λ arrives as weight(λ) times the
+sum of share(λ) L over the channels, of which the mean over all λ is L again. White through what does not disperse stays
+white, exactly.
 """
 
 from __future__ import annotations
@@ -15,7 +16,7 @@ from relume.image.spectra.reflectance import primaries, white_matching
 from relume.image.spectra.spectrum import LONGEST, SHORTEST, visible
 
 STRATA = 2048
-"""Of equal chance: a tenth of a nanometre wide where the eye sees best, 40 at the red end, where it sees nearly nothing."""
+"""Of equal chance: a tenth of a nanometre wide where the eye sees best, 75 at the red end, where it sees nothing."""
 FINE = 256
 """Steps of each nanometre, so that strata end between the wavelengths of the tables."""
 

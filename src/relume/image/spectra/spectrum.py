@@ -32,7 +32,8 @@ class Spectrum:
     def __post_init__(self) -> None:
         if len(self.wavelengths) != len(self.values) or len(self.values) < 2:
             raise ValueError(
-                f"a spectrum has {len(self.wavelengths)} wavelengths and {len(self.values)} values; give as many, 2 or more"
+                f"a spectrum has {len(self.wavelengths)} wavelengths and {len(self.values)} values; give as many, "
+                "2 or more"
             )
         lengths, values = np.array(self.wavelengths, np.float64), np.array(self.values, np.float64)
         if not np.all(np.isfinite(lengths)) or not np.all(np.diff(lengths) > 0):
@@ -41,7 +42,8 @@ class Spectrum:
             raise ValueError("a spectrum has values below 0 or not finite; expected power, 0 or more")
         if lengths[-1] <= SHORTEST or lengths[0] >= LONGEST:
             raise ValueError(
-                f"nothing of a spectrum from {lengths[0]:g} to {lengths[-1]:g} is seen; give wavelengths in nm, of 380 to 780"
+                f"nothing of a spectrum from {lengths[0]:g} to {lengths[-1]:g} is seen; give wavelengths in nm, from "
+                "380 to 780"
             )
 
     def at(self, wavelengths: np.ndarray) -> np.ndarray:

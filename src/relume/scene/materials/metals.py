@@ -45,8 +45,8 @@ class Metal:
         lengths = np.array(self.wavelengths, np.float64)
         if len(lengths) < 2 or len(self.n) != len(lengths) or len(self.k) != len(lengths):
             raise ValueError(
-                f"metal {self.name!r} has {len(lengths)} wavelengths, {len(self.n)} n and {len(self.k)} k; give as many "
-                "of each, 2 or more"
+                f"metal {self.name!r} has {len(lengths)} wavelengths, {len(self.n)} n and {len(self.k)} k; give as "
+                "many of each, 2 or more"
             )
         if not np.all(np.diff(lengths) > 0):
             raise ValueError(f"the wavelengths of metal {self.name!r} do not increase; sort them, in nm")

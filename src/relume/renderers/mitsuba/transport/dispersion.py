@@ -114,7 +114,7 @@ def joined(before: Any, tint: Any, result: Any, parted: Any) -> Any:
 
 
 def dispersion_of(*parts: tuple[Any, Sequence[Shape]]) -> Dispersion | None:
-    """What bends light by its wavelength, of Mitsuba's scenes and the shapes that each was made of; None for nothing."""
+    """What bends light by its wavelength, of Mitsuba's scenes and the shapes that each is made of; None for nothing."""
     found = [
         (shape, solid.material)
         for built, solids in parts
