@@ -12,6 +12,7 @@ from pydantic import BeforeValidator, Discriminator, Field, Tag, model_validator
 from relume.image import files
 from relume.image.colour import luminance
 from relume.project.scene_file.materials import naming
+from relume.project.scene_file.spectra import SpectrumTable, with_spectrum
 from relume.project.schema import GreyOrColour, Positive, Table, Vector
 from relume.scene.lights import (
     AmbientLight,
@@ -81,6 +82,7 @@ class PointTable(Table):
     position: Vector
     intensity: GreyOrColour
     falloff: AttenuationTable = "square"
+    spectrum: SpectrumTable | None = None
 
 
 class DistantTable(Table):
@@ -89,6 +91,7 @@ class DistantTable(Table):
     kind: Literal["distant"]
     towards: Vector
     irradiance: GreyOrColour
+    spectrum: SpectrumTable | None = None
 
 
 class SphereTable(Table):
@@ -98,6 +101,7 @@ class SphereTable(Table):
     position: Vector
     radius: Positive
     radiance: GreyOrColour
+    spectrum: SpectrumTable | None = None
 
 
 class AmbientTable(Table):
@@ -105,6 +109,7 @@ class AmbientTable(Table):
 
     kind: Literal["ambient"]
     radiance: GreyOrColour
+    spectrum: SpectrumTable | None = None
 
 
 AnyLightTable = Annotated[PointTable | DistantTable | AmbientTable | SphereTable, Field(discriminator="kind")]
@@ -127,8 +132,12 @@ def distant_light(table: LightTable | None, path: Path) -> EnvironmentMap:
         return _adjusted(light, table)
 
 
-def light_of(table: PointTable | DistantTable | AmbientTable | SphereTable, place: str) -> Light:
-    """The light that a table stands for; raises InvalidScene naming the key below `place`."""
+def light_of(table: PointTable | DistantTable | AmbientTable | SphereTable, place: str, folder: Path = Path()) -> Light:
+    """The light that a table stands for; raises InvalidScene naming the key below `place`.
+
+    folder : beside which the files of spectra are looked for
+    """
+    table = with_spectrum(table, place, folder)
     with naming(place):
         match table:
             case PointTable():

@@ -187,7 +187,7 @@ def _read_table(path: Path) -> SceneFile:
     with naming(f"{path}: camera"):
         camera = _camera(table.camera)
     light = distant_light(table.light, path)
-    lights = tuple(light_of(item, f"{path}: lights.{index}") for index, item in enumerate(table.lights))
+    lights = tuple(light_of(item, f"{path}: lights.{index}", path.parent) for index, item in enumerate(table.lights))
     materials = {
         name: made(material, name, path.parent, f"{path}: materials.{name}")
         for name, material in table.materials.items()

@@ -69,6 +69,8 @@ def not_rendered(material: Material, *, media: bool, scalar: bool, dispersion: b
     if material.medium is not None and not media:
         lost.append("subsurface scattering (drawn diffuse)" if material.scattering_distance else "volume attenuation")
     if scalar:
+        if material.metal is not None and np.any(material.roughness):
+            lost.append("the metal's reflectance by angle (the scalar variant has Schlick's)")
         layers = ("clearcoat", "sheen", "specular", "anisotropy")
         lost += [f"{name} (the scalar variant has none)" for name in layers if there[name]]
     return tuple(lost)
@@ -157,6 +159,9 @@ def _opaque_side(mi: Any, material: Material) -> Any:
     plain, there = np.ndim(material.metallic) == 0 and np.ndim(material.roughness) == 0, extra_lobes(material)
     bare = not (there["clearcoat"] or there["sheen"] or there["anisotropy"])
     if plain and bare and material.metallic == 1 and material.roughness == 0:
+        if material.metal is not None:
+            eta, k = (rgb(part) for part in material.metal.eta_k)
+            return {"type": "conductor", "eta": eta, "k": k}
         return {
             "type": "conductor",
             "material": "none",

@@ -13,7 +13,8 @@ import numpy as np
 
 D_LINE, F_LINE, C_LINE = 587.5618, 486.1327, 656.2725
 """nm: helium's yellow line, hydrogen's blue and red ones, by which catalogues give n_d, n_F and n_C."""
-VISIBLE = np.array([380.0, 780.0])
+VISIBLE = (380.0, 780.0)
+"""nm, from violet to red."""
 
 
 @dataclass(frozen=True)
@@ -42,7 +43,7 @@ class _Glass:
 
     def _check(self) -> None:
         with np.errstate(all="ignore"):
-            ends = self.index(np.linspace(*VISIBLE, 41))
+            ends = self.index(np.linspace(VISIBLE[0], VISIBLE[1], 41))
         if not np.all((ends >= 1) & (ends < 10)):
             raise ValueError(
                 f"the coefficients {self} give no index of refraction from 1 to 10 between 380 and 780 nm; they belong "

@@ -2,9 +2,10 @@
 
 n and k at wavelengths in nm: Ag, Au, Cu of Johnson and Christy 1972 ("Optical constants of the noble metals"); Cr, Fe,
 Ni, Pd, Ti of the same 1974 ("Optical constants of transition metals"); Al of Rakić 1995 ("Algorithm for the
-determination of intrinsic optical constants of metal films"); Pt, W of Werner, Glantschnig and Ambrosch-Draxl 2009
-("Optical constants … for 17 elemental metals"); brass, Cu70Zn30, of Querry 1985 ("Optical constants"). The numbers are
-as refractiveindex.info has them (M. N. Polyanskiy, CC0).
+determination of intrinsic optical constants of metal films"); Pt, W of the model that Rakić, Djurišić, Elazar and
+Majewski 1998 fitted ("Optical properties of metallic films for vertical-cavity optoelectronic devices"); brass,
+Cu70Zn30, of Querry 1985 ("Optical constants"). The numbers are as refractiveindex.info has them (M. N. Polyanskiy,
+CC0).
 """
 
 from __future__ import annotations
@@ -17,8 +18,8 @@ from types import MappingProxyType
 import numpy as np
 from scipy.optimize import least_squares
 
-from relume.image.spectra.reflectance import colour_of
-from relume.image.spectra.spectrum import visible
+from relume.light.spectra.reflectance import colour_of
+from relume.light.spectra.spectrum import visible
 from relume.scene.materials.checks import Colour, triple
 
 FITTED_AT = np.cos(np.radians(np.arange(0.5, 90)))
@@ -171,8 +172,10 @@ PD = (
     "659 1.8 4.42 | 704 1.86 4.65 | 756 1.95 4.89 | 821 2.06 5.19"
 )
 PT = (
-    "354.2 1.537 3.062 | 381.5 1.288 2.908 | 413.3 0.8675 3.213 | 450.9 0.6273 3.76 | 495.9 0.5124 4.397 | "
-    "551 0.4643 5.121 | 619.9 0.4611 5.976 | 708.5 0.5013 7.027 | 826.6 0.5979 8.382"
+    "374.7 1.664 2.696 | 389.7 1.703 2.787 | 405.3 1.742 2.878 | 421.6 1.78 2.973 | 438.5 1.819 3.07 | "
+    "456.1 1.859 3.172 | 474.4 1.901 3.277 | 493.4 1.944 3.388 | 513.2 1.992 3.503 | 533.8 2.043 3.622 | "
+    "555.2 2.098 3.745 | 577.4 2.159 3.872 | 600.6 2.226 4.001 | 624.7 2.297 4.132 | 649.7 2.375 4.264 | "
+    "675.8 2.457 4.397 | 702.9 2.545 4.53 | 731.1 2.637 4.662 | 760.4 2.732 4.793 | 790.9 2.829 4.924"
 )
 TI = (
     "368 1.9 2.9 | 381 1.99 2.93 | 397 2.08 2.95 | 413 2.14 2.98 | 431 2.21 3.01 | 451 2.27 3.04 | 471 2.32 3.1 | "
@@ -180,8 +183,10 @@ TI = (
     "704 2.86 3.96 | 756 3 4.01 | 821 3.21 4.01"
 )
 W = (
-    "354.2 1.327 3.806 | 381.5 1.261 4.516 | 413.3 1.656 5.102 | 450.9 2.246 5.147 | 495.9 2.078 4.782 | "
-    "551 1.33 5.238 | 619.9 0.933 6.371 | 708.5 0.8969 7.809 | 826.6 1.196 9.607"
+    "374.7 3.204 2.523 | 389.7 3.227 2.53 | 405.3 3.249 2.543 | 421.6 3.271 2.562 | 438.5 3.296 2.586 | "
+    "456.1 3.323 2.615 | 474.4 3.354 2.647 | 493.4 3.39 2.68 | 513.2 3.43 2.712 | 533.8 3.473 2.74 | "
+    "555.2 3.517 2.764 | 577.4 3.56 2.781 | 600.6 3.599 2.791 | 624.7 3.63 2.796 | 649.7 3.652 2.796 | "
+    "675.8 3.661 2.793 | 702.9 3.656 2.79 | 731.1 3.636 2.791 | 760.4 3.599 2.798 | 790.9 3.545 2.815"
 )
 METALS: Mapping[str, Metal] = MappingProxyType(
     {

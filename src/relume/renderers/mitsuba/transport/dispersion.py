@@ -1,7 +1,7 @@
 """Light parted into wavelengths by glass, in Dr.Jit: which wavelength a path has, how it is bent, what it counts.
 
 A path has none until a boundary first bends it by its wavelength (`Dispersion.met`); from there on it keeps that one,
-and its light counts as `relume.image.spectra.hero` says. Mirrored light stays whole: only its share is that of all.
+and its light counts as `relume.light.spectra.hero` says. Mirrored light stays whole: only its share is that of all.
 """
 
 from __future__ import annotations
@@ -13,7 +13,7 @@ import drjit
 import mitsuba
 import numpy as np
 
-from relume.image.spectra.hero import STRATA, strata
+from relume.light.spectra.hero import STRATA, strata
 from relume.renderers.mitsuba.materials import parts_light
 from relume.scene.materials.materials import Material
 from relume.scene.shapes.shapes import Shape

@@ -12,7 +12,7 @@ from functools import lru_cache
 import numpy as np
 
 from relume.image.primaries import REC709
-from relume.image.spectra.tables import COLOUR_MATCHING, ILLUMINANT_NAMES, ILLUMINANTS, table
+from relume.light.spectra.tables import COLOUR_MATCHING, ILLUMINANT_NAMES, ILLUMINANTS, table
 
 SHORTEST, LONGEST = 380.0, 780.0
 """nm: what the eye sees."""

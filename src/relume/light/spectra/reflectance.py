@@ -6,8 +6,8 @@ from functools import lru_cache
 
 import numpy as np
 
-from relume.image.spectra.spectrum import illuminant, rgb_matching, visible
-from relume.image.spectra.tables import PRIMARIES, table
+from relume.light.spectra.spectrum import illuminant, rgb_matching, visible
+from relume.light.spectra.tables import PRIMARIES, table
 
 
 @lru_cache

@@ -12,8 +12,8 @@ from functools import lru_cache
 
 import numpy as np
 
-from relume.image.spectra.reflectance import primaries, white_matching
-from relume.image.spectra.spectrum import LONGEST, SHORTEST, visible
+from relume.light.spectra.reflectance import primaries, white_matching
+from relume.light.spectra.spectrum import LONGEST, SHORTEST, visible
 
 STRATA = 2048
 """Of equal chance: a tenth of a nanometre wide where the eye sees best, 75 at the red end, where it sees nothing."""
