@@ -136,7 +136,7 @@ VIEW = Camera.looking_at(np.array([0, 0.8, 3.0]), np.array([0.0, -0.2, 0.0]), wi
 SUN = DistantLight((-1.0, 0.8, 0.1), (2.0, 2.0, 2.0))
 SCENES = {
     "a prism on a floor": (Scene(stripes(), (FLOOR,), (standing(FLINT),)), "objects"),
-    "under a sun": (Scene(constant(4, 0.1), (FLOOR,), (standing(FLINT),), (SUN,)), "difference"),
+    "under a sun": (Scene(constant(4, 0.1), (FLOOR,), (standing(FLINT),), (SUN,)), "objects"),
     "a real prism and an object": (Scene(stripes(), (FLOOR, standing(FLINT)), (OTHER,)), "difference"),
 }
 PASSES = 8
@@ -193,7 +193,7 @@ def test_one_picture_is_the_sum_of_one_picture_for_each_band(name):
         if plane == coloured:
             # And the columns have colours, far beyond the noise.
             colours = other.mean(axis=0) - other.mean(axis=(0, 2))[:, None]
-            assert np.abs(colours / error).max() > 20, colours / error
+            assert np.abs(colours / error).max() > 6, colours / error
 
 
 def landing(n: np.ndarray, way: np.ndarray, wall: float, count: int = 4000) -> tuple[np.ndarray, np.ndarray]:
