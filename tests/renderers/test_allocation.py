@@ -163,12 +163,12 @@ def test_a_render_of_another_plate_is_not_gone_on_with():
 
 
 def test_a_pixel_has_the_same_numbers_whichever_others_are_traced_with_it(mi, monkeypatch):
-    from relume.renderers.mitsuba.transport import estimator
+    from relume.renderers.mitsuba.transport import estimator, passes
 
     chosen = np.random.default_rng(2).random((CAMERA.height, CAMERA.width)) < 0.3
     made = estimator.Estimator(SCENE, CAMERA, 4)
     all_of_them, some = made.traced(4, 9), made.traced(4, 9, chosen)
-    monkeypatch.setattr(estimator, "BAND", 400)
+    monkeypatch.setattr(passes, "BAND", 400)
     in_batches = made.traced(4, 9)
     for name, plane in all_of_them.items():
         where = chosen if plane.ndim == 2 else chosen[..., None]

@@ -232,7 +232,8 @@ GLASS = Material(roughness=0.0, transmission=1.0)
     [
         (replace(GLASS, dispersion=1.0), True, False, "dispersion"),
         (replace(GLASS, dispersion=1.0), True, True, "dispersion (the scalar variant has none)"),
-        (replace(GLASS, dispersion=1.0, roughness=0.3), True, False, "dispersion of rough glass"),
+        (replace(GLASS, dispersion=1.0, roughness=0.3), True, False, "dispersion of what is rough"),
+        (replace(GLASS, dispersion=1.0, scattering_distance=(1, 1, 1)), True, False, "or scatters inside"),
         (replace(GLASS, clearcoat=1.0), True, False, "clearcoat over what light goes through"),
         (replace(GLASS, attenuation_color=(0, 1, 1), attenuation_distance=1.0), False, False, "volume attenuation"),
         (replace(GLASS, scattering_distance=(1, 1, 1)), False, False, "subsurface scattering (drawn diffuse)"),

@@ -110,7 +110,7 @@ class RectangleLight:
     towards : the direction that it faces, of any length above 0
     size : width and height, metres
     radiance : per channel, of its front, in the light's unit; the back is not seen
-    up : of its two sides the height lies as near to this direction as it can; not along `towards`
+    up : of its two sides the height lies as near to this direction as it can; to −Z where it faces along this one
     """
 
     position: tuple[float, float, float]
@@ -126,18 +126,20 @@ class RectangleLight:
         _check_colour("radiance of a rectangle of light", self.radiance)
         if len(self.size) != 2 or not all(0 < side < np.inf for side in self.size):
             raise ValueError(f"size of a rectangle of light is {self.size}; expected two positive lengths in metres")
-        lengths = np.linalg.norm(self.towards), np.linalg.norm(self.up)
-        if np.linalg.norm(np.cross(self.towards, self.up)) <= 1e-6 * lengths[0] * lengths[1]:
+        if not any(self.towards) or not any(self.up):
             raise ValueError(
-                f"a rectangle of light faces {self.towards} and its up is {self.up}; expected two directions that are "
-                "not along each other"
+                f"a rectangle of light faces {self.towards} and its up is {self.up}; expected two directions "
+                "that point somewhere"
             )
 
     @property
     def frame(self) -> np.ndarray:
         """(3, 3) unit columns: along the width, along the height, and the direction that it faces."""
         ahead = np.asarray(self.towards, np.float64) / np.linalg.norm(self.towards)
-        across = np.cross(np.asarray(self.up, np.float64), ahead)
+        up = np.asarray(self.up, np.float64) / np.linalg.norm(self.up)
+        across = np.cross(up, ahead)
+        if np.linalg.norm(across) < 1e-6:
+            across = np.cross([0.0, 0.0, -1.0] if abs(ahead[2]) < 0.9 else [1.0, 0.0, 0.0], ahead)
         across /= np.linalg.norm(across)
         return np.stack([across, np.cross(ahead, across), ahead], axis=1)
 

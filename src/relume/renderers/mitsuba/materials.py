@@ -49,8 +49,10 @@ def bsdf(mi: Any, material: AnyMaterial, *, media: bool = False, dispersion: boo
 
 
 def parts_light(material: Material) -> bool:
-    """Whether its boundary bends light by its wavelength: smooth, and with an index for each."""
-    return material.refraction is not None and float(np.mean(np.asarray(material.roughness))) <= SMOOTH
+    """Whether its boundary bends light by its wavelength: smooth, with an index for each, of a body that is clear."""
+    if material.refraction is None or material.scattering_distance is not None:
+        return False
+    return float(np.mean(np.asarray(material.roughness))) <= SMOOTH
 
 
 def not_rendered(material: Material, *, media: bool, scalar: bool, dispersion: bool = False) -> tuple[str, ...]:
@@ -61,7 +63,7 @@ def not_rendered(material: Material, *, media: bool, scalar: bool, dispersion: b
             if scalar:
                 lost.append("dispersion (the scalar variant has none)")
             elif not parts_light(material):
-                lost.append("dispersion of rough glass")
+                lost.append("dispersion of what is rough or scatters inside")
             elif not dispersion:
                 lost.append("dispersion")
         upper = ("clearcoat", "sheen", "specular")

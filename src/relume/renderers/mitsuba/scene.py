@@ -103,13 +103,13 @@ def sensor(mi: Any, camera: Camera) -> dict[str, Any]:
     """
     if camera.distortion is not None:
         raise UnsupportedScene(
-            "Mitsuba's cameras have no lens distortion; use rl.Differential (relume insert), or rl.scene.undistorted"
+            "Mitsuba's cameras have no lens distortion; install LLVM 16 or newer for ours, or use rl.scene.undistorted"
         )
     across, down = 0.5 - np.array(camera.principal_point) / [camera.width, camera.height]
     if camera.aperture > 0 and max(abs(across), abs(down)) > 1e-9:
         raise UnsupportedScene(
             "Mitsuba's thin lens stands before the picture's middle, and this one's principal point is elsewhere; "
-            "use rl.Differential (relume insert), or an aperture of 0"
+            "install LLVM 16 or newer for ours, or use an aperture of 0"
         )
     pose = np.eye(4)
     pose[:3, :3] = camera.rotation @ np.diag([-1.0, 1.0, -1.0])

@@ -39,7 +39,7 @@ def caustics(world: World, spheres: Spheres, lens: Lens, rng: Any, active: Any) 
     spectral = world.dispersion
     hue, own = mi.Float(-1), mi.Float(-1) if spectral is None else rng.next_float32()
     if world.foggy:
-        flux = flux * _from_lamp(world, ray, met, far, active)
+        flux = flux * world.from_lamp(ray, met, far, active)
     seen_so_far = mi.UInt32(0)
     sent_on = mi.Bool(False)
     points = [mi.Point2f(-1) for _ in range(SEEN)]
@@ -97,11 +97,3 @@ def caustics(world: World, spheres: Spheres, lens: Lens, rng: Any, active: Any) 
             way = world.reach(ray, met.t, inside, active)
             flux = dr.select(active, flux * world.media.passed(inside, way), flux)
     return list(zip(points, colours, added, strict=True))
-
-
-def _from_lamp(world: World, ray: Any, met: Any, far: Any, active: Any) -> Any:
-    """The share of light that passes the medium between bodies from a lamp, or from where it enters, to a surface."""
-    assert world.media is not None
-    outside = mi.UInt32(world.outside)
-    back = mi.Ray3f(ray(met.t), -ray.d)
-    return world.media.passed(outside, world.reach(back, dr.select(far, dr.inf, met.t), outside, active))

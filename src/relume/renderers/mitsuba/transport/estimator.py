@@ -14,7 +14,7 @@ from relume.renderers.mitsuba.transport.dispersion import dispersion_of
 from relume.renderers.mitsuba.transport.extent import corners, sticks_out
 from relume.renderers.mitsuba.transport.light import SceneLight
 from relume.renderers.mitsuba.transport.media import Media
-from relume.renderers.mitsuba.transport.passes import Planes, Tracing, built, senders
+from relume.renderers.mitsuba.transport.passes import Planes, Tracing, built, radii_of, senders
 from relume.renderers.mitsuba.transport.paths import followed
 from relume.renderers.mitsuba.transport.sampling import Guide, Numbers
 from relume.renderers.mitsuba.transport.world import World
@@ -50,10 +50,10 @@ class Estimator(Tracing):
             local, objects, light,
             Media(objects.shapes_dr(), media, straight) if any(m is not None for m in media) else None,
             any(isinstance(m, Material) and m.emits for m in materials), depth, caught,
-            light.map is not None and sticks_out(scene), materials,
+            light.map is not None and sticks_out(scene), materials, pierced=pierced,
         )  # fmt: skip
         world.dispersion = dispersion_of((local, scene.local), (objects, scene.objects))
-        super().__init__(world, camera, spheres, pierced)
+        super().__init__(world, camera, spheres, pierced, radii_of(scene.objects, objects, world.media))
         self.guide = Guide(scene.objects)
         # What is level never meets itself, in however many pieces: no path goes on without the objects.
         heights = [corners(shape)[:, 1] for shape in scene.local]
@@ -76,6 +76,7 @@ class Estimator(Tracing):
         if not pixels.size:
             planes = {name: np.zeros((0, 3), np.float32) for name in ("objects", "difference", "taken")}
             return planes | {"matte": np.zeros(0, np.float32)}
+        self.flooded(samples, seed)
         planes = self._over(samples, seed, self._traced, pixels)
         # What is the same in all pixels, as 0 where there is no surface, may come as one value.
         return {

@@ -20,6 +20,9 @@ from relume.scene.scene import Scene
 BRIGHT = 4.0
 """Of the map's mean radiance: what is brighter is followed from the light where objects are smooth."""
 
+THIN = 1e-3
+"""Share of light that a medium takes below which places in it are looked at evenly."""
+
 
 class SceneLight:
     """All the light of a scene that objects do not send themselves."""
@@ -91,19 +94,19 @@ class SceneLight:
             valid = dr.select(mine, found.valid, valid)
         return Sample(direction, distance, weight, density, valid & active)
 
-    def place_on(self, ray: Any, reach: Any, rate: Any, choice: Any, point: Any) -> tuple[Any, Any]:
-        """Where on a ray through a medium to look for the light that `choice` is for, and the density, per metre.
+    def place_on(self, ray: Any, reach: Any, rate: Any, choice: Any, point: Any) -> tuple[Any, Any, Any]:
+        """Where on a ray through a medium to look for the light that `choice` is for, the density, per metre, and
+        whether that is a near lamp.
 
         reach : where the ray ends, metres
         rate : of the medium's extinction, per metre
         For lamps that stand near evenly in the angle at which they see the ray (Kulla & Fajardo 2012), for all others
         as the ray's own light is lost.
         """
-        # By extinction.
         ends = 1 - dr.exp(-rate * reach)
-        thin = rate * reach < 1e-3
+        thin = rate * reach < THIN
         along = dr.select(thin, point * reach, -dr.log(1 - point * ends) / dr.maximum(rate, 1e-20))
-        density = dr.select(thin, 1 / dr.maximum(reach, 1e-20), rate * dr.exp(-rate * along) / dr.maximum(ends, 1e-20))
+        density, lamp = self.afar(reach, rate, along), mi.Bool(False)
         low = 0.0
         for index, source in enumerate(self.sources):
             share = self._sampled[index]
@@ -120,17 +123,26 @@ class SceneLight:
             chance = height / (dr.maximum(last - first, 1e-9) * (dr.square(height) + dr.square(offset)))
             along = dr.select(mine, dr.clip(nearest + offset, 0, reach), along)
             density = dr.select(mine, chance, density)
-        return along, density
+            lamp |= mine
+        return along, density, lamp
+
+    def afar(self, reach: Any, rate: Any, along: Any) -> Any:
+        """The density of that place, per metre, for light from afar."""
+        ends = dr.maximum(1 - dr.exp(-rate * reach), 1e-20)
+        even = 1 / dr.maximum(reach, 1e-20)
+        return dr.select(rate * reach < THIN, even, rate * dr.exp(-rate * along) / ends)
 
     def arriving(
         self, place: Any, direction: Any, surface: Any, active: Any, density: Any,
         looks: int = 1, beyond: Any = 0, dim: Any = False, passed: Callable[[Any], Any] | None = None,
+        lamps: Any = True,
     ) -> Any:  # fmt: skip
         """The radiance that a ray sees before a surface (at infinity for none), weighed against looking for it.
 
         density : of the ray's direction; 0 where it was the only way, which has all the weight
         looks : directions towards light that were looked in beside it
         beyond : lamps nearer than this are left out
+        lamps : where lamps are wanted beside the map
         dim : where only what is not `emitted` is wanted
         passed : the share of light that passes a medium over a distance beyond `beyond`; all unless given
 
@@ -150,7 +162,7 @@ class SceneLight:
             distance = lamp.distance(place, direction)
             share = self._sampled[index + (self.map is not None)]
             weight = _weight(density, looks * share * lamp.density(place, direction, distance))
-            met = active & (distance < surface) & (distance > beyond) & ~mi.Bool(dim)
+            met = active & (distance < surface) & (distance > beyond) & ~mi.Bool(dim) & lamps
             if passed is not None:
                 weight = weight * passed(distance - beyond)
             total += dr.select(met, lamp.radiance * weight, 0)

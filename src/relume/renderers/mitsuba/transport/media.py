@@ -41,6 +41,7 @@ class Media:
         self.scattering = [mi.Float([0.0, *(m.scattering[c] for m in every)]) for c in range(3)]
         self.anisotropy = mi.Float([0.0, *(m.anisotropy for m in every)])
         self.clear = mi.UInt32([1, *(int(open_) for _, open_ in kinds)])
+        self.kept = mi.UInt32([0, *(int(any(m.scattering) and not open_) for m, open_ in kinds)])
         self.scatters = any(any(m.scattering) for m in every)
         self.open = any(open_ for _, open_ in kinds)
         # Whether lamps are looked for where light is scattered, and whether they cannot be.
@@ -57,6 +58,10 @@ class Media:
         """Whether lamps are seen from within a medium, straight through what bounds it; as from empty space."""
         return dr.gather(mi.UInt32, self.clear, inside) == 1
 
+    def scatterings(self, inside: Any) -> Any:
+        """Per metre and channel."""
+        return self._of(self.scattering, inside)
+
     def extinction(self, inside: Any) -> Any:
         """Per metre and channel."""
         return self._of(self.absorption, inside) + self._of(self.scattering, inside)
@@ -67,9 +72,22 @@ class Media:
         along : the way that light goes backwards in, as rays from the camera go
         towards : where it comes from
         """
+        return self._of(self.scattering, inside) * self.phase(inside, along, towards)
+
+    def phase(self, inside: Any, along: Any, towards: Any) -> Any:
+        """Henyey and Greenstein's phase function, per steradian."""
         g = dr.gather(mi.Float, self.anisotropy, inside)
         square = dr.maximum(1 + g * g - 2 * g * dr.dot(along, towards), 1e-9)
-        return self._of(self.scattering, inside) * ((1 - g * g) / (4 * np.pi * square * dr.sqrt(square)))
+        return (1 - g * g) / (4 * np.pi * square * dr.sqrt(square))
+
+    def drawn(self, inside: Any, distance: Any) -> Any:
+        """Density per metre with which `crossed` scatters at a distance."""
+        scattering = self._of(self.scattering, inside)
+        return dr.mean(scattering * dr.exp(-scattering * distance))
+
+    def keeps(self, inside: Any) -> Any:
+        """Whether a medium scatters light within a surface that bends it."""
+        return dr.gather(mi.UInt32, self.kept, inside) == 1
 
     def passed(self, inside: Any, distance: Any) -> Any:
         """The share of light that meets nothing on its way (Beer–Lambert)."""

@@ -17,6 +17,8 @@ from relume.renderers.mitsuba.transport.caustics import caustics
 from relume.renderers.mitsuba.transport.extent import sphere_round
 from relume.renderers.mitsuba.transport.guides import first_scattered
 from relume.renderers.mitsuba.transport.lens import Lens
+from relume.renderers.mitsuba.transport.media import Media
+from relume.renderers.mitsuba.transport.photons import FEWEST_PHOTONS, MOST_PHOTONS, Photons, sizes_of
 from relume.renderers.mitsuba.transport.sampling import Numbers, Spheres, two
 from relume.renderers.mitsuba.transport.world import World
 from relume.scene.cameras.camera import Camera
@@ -41,11 +43,26 @@ class Tracing:
 
     spheres : round the shapes that send light on in one direction
     pierced : whether shapes have holes
+    radii : of bodies, the number of what fills each and its bounding sphere's radius, metres
     """
 
-    def __init__(self, world: World, camera: Camera, spheres: Spheres, pierced: bool) -> None:
+    def __init__(
+        self, world: World, camera: Camera, spheres: Spheres, pierced: bool, radii: Sequence[tuple[int, float]] = ()
+    ) -> None:  # fmt: skip
         self.world, self.spheres, self.pierced = world, spheres, pierced
         self.camera, self.lens = camera, Lens(camera)
+        # Bodies that scatter light within a surface that bends it, and whether any light is followed into them.
+        media = world.media
+        self.floods = media is not None and media.closed and bool(spheres) and not world.light.even
+        self.sizes = sizes_of(world, radii) if self.floods else np.zeros((0, 2))
+
+    def flooded(self, samples: int, seed: int) -> None:
+        """Follow a pass's light into bodies that scatter it, for the paths of this seed."""
+        if not self.floods:
+            return
+        wanted = self.camera.width * self.camera.height * samples // RAYS_OF_LIGHT
+        count = min(max(wanted, FEWEST_PHOTONS), MOST_PHOTONS)
+        self.world.photons = Photons(self.world, self.spheres, self.sizes, count, seed)
 
     def seeing(self, camera: Camera) -> Self:
         """The same scene, seen by another camera."""
@@ -85,13 +102,16 @@ class Tracing:
         seen = met.is_valid()
         si = met.compute_surface_interaction(ray, mi.RayFlags.All, seen)
         albedo = si.bsdf(ray).eval_diffuse_reflectance(si, seen)
-        along = -(self.lens.back @ (si.p - self.lens.place)).z
         behind_albedo, behind_normal = first_scattered(self.world, ray, met, seen)
         return {
-            "depth": dr.select(seen, along, 0), "seen": mi.Float(seen),
+            "depth": dr.select(seen, self._depth(si), 0), "seen": mi.Float(seen),
             "normal": dr.select(seen, si.sh_frame.n, 0), "albedo": dr.select(seen, albedo, 0),
             "guide_albedo": behind_albedo + self._beyond(ray, ~seen), "guide_normal": behind_normal,
         }  # fmt: skip
+
+    def _depth(self, si: Any) -> Any:
+        """Metres along the camera's axis."""
+        return -(self.lens.back @ (si.p - self.lens.place)).z
 
     def _beyond(self, ray: Any, active: Any) -> Any:
         """What guides a denoiser where a ray from the camera meets nothing."""
@@ -180,6 +200,14 @@ def built(shapes: Sequence[Shape]) -> Any:
         for index, shape in enumerate(shapes)
     }
     return mi.load_dict({"type": "scene", **parts}, optimize=False)
+
+
+def radii_of(shapes: Sequence[Shape], scene: Any, media: Media | None) -> list[tuple[int, float]]:
+    """Of each body, the number of what fills it and its bounding sphere's radius."""
+    if media is None:
+        return []
+    numbers = np.array(media.number(scene.shapes_dr()))
+    return [(int(number), sphere_round(shape)[1]) for number, shape in zip(numbers, shapes, strict=True)]
 
 
 def senders(shapes: Sequence[Shape], scene: Any) -> Spheres:

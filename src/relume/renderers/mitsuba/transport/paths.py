@@ -9,6 +9,7 @@ import mitsuba
 
 from relume.renderers.mitsuba.limits import FAIR, WALK
 from relume.renderers.mitsuba.transport.dispersion import joined
+from relume.renderers.mitsuba.transport.photons import counted
 from relume.renderers.mitsuba.transport.sampling import Guide, Numbers, two
 from relume.renderers.mitsuba.transport.world import SHORTEN, World
 
@@ -44,8 +45,11 @@ def followed(
     before, spread, dispersed = mi.Color3f(0), mi.Color3f(1), mi.Bool(False)
     # Whether the light that `caustics` follows from the lamps would be counted twice.
     scattered_first, on_surface, sent_on = mi.Bool(parted), mi.Bool(True), mi.Bool(False)
-    # Whether lamps were looked for already where light was scattered, in all directions.
-    looked = mi.Bool(False)
+    # Whether lamps were looked for where a medium scattered the light, and then the direction's density for the map's.
+    looked, turned = mi.Bool(False), mi.Float(0)
+    # Whether the light of lamps was counted in a body, where the path came into it, and what it met last.
+    known, last_added = mi.Bool(False), mi.Bool(False)
+    entry, facing = mi.Point3f(0), mi.Normal3f(0, 1, 0)
     context = mi.BSDFContext()
     result = mi.Color3f(0)
     inside = mi.UInt32(world.outside)
@@ -63,13 +67,22 @@ def followed(
                 result += throughput * _from_between(world, ray, way, inside, rng, active)
             scattered, passed, onward = world.media.crossed(ray, way, inside, rng, active)
             throughput = dr.select(active, throughput * passed, throughput)
-            ray = dr.select(scattered, onward, ray)
-            walked += dr.select(scattered, 1, 0)
+            if world.photons is not None and objects:
+                deep = scattered & world.media.keeps(inside) & ~known
+                depth = dr.abs(dr.dot(onward.o - entry, facing))
+                sent = counted(world.photons, world.media, onward.o, ray.d, depth, facing, inside, deep)
+                result += dr.select(deep, throughput * sent, 0)
+                known |= deep
             if world.media.open:
                 free = scattered & world.media.opens(inside)
                 looked |= free
+                known &= ~free
                 density = dr.select(free, 0, density)
-                begun, gone = dr.select(free, ray.o, begun), dr.select(free, 0, gone)
+                drawn = _of_walk(world, ray, way, dr.norm(onward.o - ray.o), onward.d, inside)
+                turned = dr.select(free, drawn, turned)
+                begun, gone = dr.select(free, onward.o, begun), dr.select(free, 0, gone)
+            ray = dr.select(scattered, onward, ray)
+            walked += dr.select(scattered, 1, 0)
         si = met.compute_surface_interaction(ray, mi.RayFlags.All, active & ~scattered)
         if spectral is not None:
             si.time = spectral.index(si.shape, dr.select(hue < 0, own, hue))
@@ -114,8 +127,14 @@ def followed(
             on_surface = dr.select(bent & ~delta, True, on_surface) & ~scattered
             aimed = dr.select(bent, delta & world.is_object(si.shape) & scattered_first & on_surface, False)
             sent_on = aimed | (straight & sent_on)
-        # The camera's own rays have been let through holes already.
-        going &= ~(mi.has_flag(sample.sampled_type, mi.BSDFFlags.Null) & (bounces == 0))
+        if world.photons is not None:
+            known &= ~(bent & ~delta)
+            entry, facing = dr.select(bent, si.p, entry), dr.select(bent, si.n, facing)
+            last_added = dr.select(bent, world.is_object(si.shape), last_added)
+        if world.pierced:
+            # The camera's own rays have been let through holes already; through thin glass they have not.
+            holes = mi.has_flag(sample.sampled_type, mi.BSDFFlags.Null) & (bounces == 0)
+            going &= ~(holes & (dr.max(bsdf.eval_null_transmission(si, on & holes)) > 0))
         if world.straight:
             onward = dr.select(straight, ray.d, onward)
             throughput = dr.select(straight, throughput * tint, throughput)
@@ -125,7 +144,14 @@ def followed(
         if world.media is not None:
             inside = dr.select(going, world.beyond(si, onward, -ray.d, inside), inside)
         ray = dr.select(on, si.spawn_ray(onward), ray)
-        bounces = dr.select(bent, bounces + 1, bounces)
+        if world.media is not None and world.media.closed:
+            # Turned back at the surface of what scatters light is one step more of a walk.
+            inner = bent & delta & world.media.keeps(inside)
+            walked += dr.select(inner, 1, 0)
+            going &= walked < WALK
+            bounces = dr.select(bent & ~inner, bounces + 1, bounces)
+        else:
+            bounces = dr.select(bent, bounces + 1, bounces)
         active = going | (active & scattered & (walked < WALK))
         most = dr.min(mi.Point2f(dr.max(throughput), 0.95))
         risky = active & ((bounces > ROULETTE_FROM) | (walked > FAIR))
@@ -134,17 +160,12 @@ def followed(
         active &= ~risky | survives
         met = dr.select(active, world.nearest(ray, active, objects), met)
         reached = dr.select(met.is_valid(), met.t, dr.inf) + gone
-        free = active & world.sees(inside) & ~looked
+        free = active & world.sees(inside)
+        chance = dr.select(looked, turned, density)
         seen = light.arriving(
-            begun if world.straight else ray.o,
-            ray.d,
-            reached,
-            free,
-            density,
-            beyond=gone,
-            dim=sent_on,
-            passed=world.passing(ray, inside, free),
-        )
+            begun if world.straight else ray.o, ray.d, reached, free, chance,
+            beyond=gone, dim=sent_on | (known & last_added), passed=world.passing(ray, inside, free), lamps=~looked,
+        )  # fmt: skip
         result += dr.select(free, throughput * seen, 0)
         if world.foggy:
             active &= met.is_valid() | (inside == world.outside)
@@ -160,7 +181,8 @@ def _from_between(world: World, ray: Any, way: Any, inside: Any, rng: Any, activ
     within = active & media.opens(inside) & (inside > 0)
     extinction = media.extinction(inside)
     choice, where, point = rng.next_float32(), rng.next_float32(), two(rng)
-    along, chance = light.place_on(ray, dr.minimum(way, 1e6), dr.mean(extinction), choice, where)
+    way = dr.minimum(way, 1e6)
+    along, chance, lamp = light.place_on(ray, way, dr.mean(extinction), choice, where)
     place = ray(along)
     found = light.sample(place, choice, point, within)
     lit = within & found.valid & (chance > 0)
@@ -168,7 +190,22 @@ def _from_between(world: World, ray: Any, way: Any, inside: Any, rng: Any, activ
     shadow.maxt = found.distance * SHORTEN
     share = world.arrives(shadow, inside, lit)
     value = media.scattered_share(inside, ray.d, found.direction) * dr.exp(-extinction * along) / chance
-    return dr.select(lit, value * found.weight * share, 0)
+    # The map's light is found by the walk's own directions too.
+    other = _of_walk(world, ray, way, along, found.direction, inside)
+    weight = dr.select(lamp | (found.density == 0), 1, mitigated(found.density, other))
+    return dr.select(lit, value * found.weight * share * weight, 0)
+
+
+def _of_walk(world: World, ray: Any, way: Any, along: Any, direction: Any, inside: Any) -> Any:
+    """Density with which a walk scatters at a place into a direction, over that with which lamps are looked for there.
+
+    Per steradian; of light from afar, which is looked for as extinction has it.
+    """
+    media = world.media
+    assert media is not None
+    rate = dr.mean(media.extinction(inside))
+    drawn = media.drawn(inside, along) * media.phase(inside, ray.d, direction)
+    return drawn / dr.maximum(world.light.afar(dr.minimum(way, 1e6), rate, along), 1e-20)
 
 
 def way_to(si: Any, direction: Any, distance: Any) -> Any:

@@ -13,7 +13,7 @@ from relume.renderers.mitsuba.transport.dispersion import dispersion_of
 from relume.renderers.mitsuba.transport.extent import sphere_round_all, sticks_out
 from relume.renderers.mitsuba.transport.light import BRIGHT, SceneLight
 from relume.renderers.mitsuba.transport.media import Media
-from relume.renderers.mitsuba.transport.passes import Planes, Tracing, built, senders
+from relume.renderers.mitsuba.transport.passes import Planes, Tracing, built, radii_of, senders
 from relume.renderers.mitsuba.transport.paths import followed
 from relume.renderers.mitsuba.transport.sampling import Numbers
 from relume.renderers.mitsuba.transport.world import World
@@ -44,10 +44,10 @@ class Plain(Tracing):
             Media(together.shapes_dr(), media, straight, scene.medium) if filled else None,
             any(isinstance(material, Material) and material.emits for material in materials), depth, caught,
             light.map is not None and sticks_out(scene), materials,
-            None if scene.medium is None or walls else sphere_round_all(scene),
+            None if scene.medium is None or walls else sphere_round_all(scene), pierced,
         )  # fmt: skip
         world.dispersion = dispersion_of((together, shapes))
-        super().__init__(world, camera, spheres, pierced)
+        super().__init__(world, camera, spheres, pierced, radii_of(shapes, together, world.media))
         numbers = np.array(dr.reinterpret_array(mi.UInt32, together.shapes_dr()))
         table = np.zeros(int(numbers.max(initial=0)) + 1, np.uint32)
         table[numbers[len(scene.local) :]] = 1
@@ -56,6 +56,7 @@ class Plain(Tracing):
     def traced(self, samples: int, seed: int) -> Planes:
         """The planes radiance and matte of so many samples a pixel."""
         pixels = np.arange(self.camera.height * self.camera.width)
+        self.flooded(samples, seed)
         planes = self._over(samples, seed, self._traced, pixels)
         whole = self.on_picture(pixels, {
             name: values if len(values) == len(pixels) else np.repeat(values, len(pixels), axis=0)
@@ -89,6 +90,10 @@ class Plain(Tracing):
     def _first(self, numbers: Numbers) -> tuple[Any, Any]:
         ray = self._rays(numbers)
         return ray, self.world.within_walls(ray, self._seen_object(ray, numbers), mi.Bool(True))
+
+    def _depth(self, si: Any) -> Any:
+        # Of whole pictures depth is along the ray.
+        return dr.norm(si.p - self.lens.place)
 
     def _beyond(self, ray: Any, active: Any) -> Any:
         # The distant scene has edges, as it has in a mirror.

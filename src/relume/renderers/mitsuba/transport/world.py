@@ -37,6 +37,7 @@ class World:
     sticks_out : whether real surfaces reach out of the distant scene
     materials : of the objects, in order
     dispersion : what bends light by its wavelength; None where nothing does
+    pierced : whether any of them has holes, which the camera's rays are let through by chance
     fog : the centre and the radius of the sphere that the medium between bodies ends at; None for the distant scene
     """
 
@@ -46,6 +47,7 @@ class World:
     def __init__(
         self, local: Any, objects: Any, light: SceneLight, media: Media | None, emitting: bool, depth: int,
         smooth: bool, sticks_out: bool, materials: Sequence[AnyMaterial] = (), fog: tuple[Any, float] | None = None,
+        pierced: bool = False,
     ) -> None:  # fmt: skip
         self.local, self.objects, self.light = local, objects, light
         self.media, self.emitting, self.depth, self.smooth = media, emitting, depth, smooth
@@ -53,12 +55,14 @@ class World:
         self.foggy = self.outside > 0
         # Through a medium the way to a lamp is not straight or not clear; there such lamps are found by chance alone.
         self.looks_for_objects = emitting and (media is None or media.open)
-        self.sticks_out = sticks_out
+        self.sticks_out, self.pierced = sticks_out, pierced
         self.fog = None if fog is None else opaque.sphere(*fog)
         numbers = np.array(dr.reinterpret_array(mi.UInt32, objects.shapes_dr()))
         added = np.zeros(int(numbers.max(initial=0)) + 1, np.uint32)
         added[numbers] = 1
         self.added = mi.UInt32(added)
+        # What the light of a pass leaves in bodies; see `photons`.
+        self.photons: Any = None
         # What light goes straight through, and its colour.
         tints = [crossed_straight(material) for material in materials]
         self.straight = any(tint is not None for tint in tints)
@@ -146,6 +150,16 @@ class World:
         begun.o = ray.o + skipped * ray.d
         met.t = met.t - skipped
         return begun, met
+
+    def from_lamp(self, ray: Any, met: Any, far: Any, active: Any) -> Any:
+        """The share of light that passes the medium between bodies from a lamp, or from where it enters, to a surface.
+
+        far : whether it comes from infinity
+        """
+        assert self.media is not None
+        outside = mi.UInt32(self.outside)
+        back = mi.Ray3f(ray(met.t), -ray.d)
+        return self.media.passed(outside, self.reach(back, dr.select(far, dr.inf, met.t), outside, active))
 
     def passing(self, ray: Any, inside: Any, active: Any) -> Any:
         """A function of a distance along a ray: the share of its light that meets nothing of the medium there.

@@ -1,0 +1,207 @@
+"""Light that lamps send into bodies of scattering glass, milk or skin, kept where it is scattered, in Dr.Jit.
+
+A path from the camera that leaves such a body is bent at its smooth surface, so that it meets a lamp by chance only,
+and a point of light never. Here light is followed from the bright part of the scene into the bodies, and each of its
+scatterings there is kept (volume photon mapping, Jensen & Christensen 1998). A path from the camera counts those about
+its own first scattering in the body, all orders at once. From there on `dim` takes the same light from it.
+
+What is counted lies in a flat cylinder: wide along the surface, where light changes little, and low across it, where it
+changes within a mean free path. The part of it that is outside of the body is left out of its volume.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Any
+
+import drjit
+import mitsuba
+import numpy as np
+
+from relume.renderers.mitsuba.arrays import aligned
+from relume.renderers.mitsuba.limits import FAIR, WALK
+from relume.renderers.mitsuba.transport.media import Media
+from relume.renderers.mitsuba.transport.sampling import Spheres, two
+from relume.renderers.mitsuba.transport.world import World
+
+# Untyped: a type checker would follow every variable round and round the loops.
+dr: Any = drjit
+mi: Any = mitsuba
+
+SLOTS = 8
+"""Scatterings of one ray of light that are kept: of more, some by chance, which then count for all."""
+MOST_PHOTONS = 200_000
+"""Rays of light a pass, at most."""
+FEWEST_PHOTONS = 20_000
+"""And at least, where a picture is small."""
+HALF, WIDE = 0.15, 1.0
+"""Of a mean free path: half the height and the radius of the cylinder, at most."""
+HALF_BODY, WIDE_BODY = 0.02, 0.03
+"""The same of the radius of the body."""
+BENT = 0.2
+"""Of half the height: how far the surface may bend away from the cylinder's flat side, at most."""
+BUCKETS = 1 << 18
+PRIMES = (73856093, 19349663, 83492791)
+TAGS = (2654435761, 2246822519, 3266489917)
+
+
+class Photons:
+    """Scatterings of light in bodies, found by where they are.
+
+    sizes : of each medium by its number, half the height and the radius of what is counted, metres
+    """
+
+    def __init__(self, world: World, spheres: Spheres, sizes: np.ndarray, count: int, seed: int) -> None:
+        kept = [dr.zeros(mi.Float, count * SLOTS) for _ in range(9)]
+        number = dr.zeros(mi.UInt32, count * SLOTS)
+        rng = mi.PCG32(size=count, initstate=dr.opaque(mi.UInt64, seed + (1 << 41)))
+        scattered = _walked(world, spheres, rng, dr.full(mi.Bool, True, count), [*kept, number])
+        dr.eval(scattered, kept, number)
+        times = np.broadcast_to(np.array(scattered, np.float64), count)
+        # Those that stand for more than themselves.
+        weight = np.repeat(np.maximum(times / SLOTS, 1) / count, SLOTS)
+        medium = np.array(number)
+        there = np.flatnonzero(medium)
+        medium, weight = medium[there], weight[there]
+        columns = [np.array(values)[there] for values in kept]
+        place, direction, flux = (np.stack(columns[i : i + 3], axis=1) for i in (0, 3, 6))
+        # Sorted by the cell that each lies in.
+        self.half, self.wide = (mi.Float(aligned(sizes[:, axis], np.float32)) for axis in range(2))
+        cells = np.floor(place / (2 * sizes[medium, 1:2])).astype(np.int64).astype(np.uint32)
+        bucket = _hashed(cells, medium, PRIMES) % np.uint32(BUCKETS)
+        order = np.argsort(bucket, kind="stable")
+        starts = np.concatenate([[0], np.cumsum(np.bincount(bucket, minlength=BUCKETS))])
+        self.starts = mi.UInt32(aligned(starts, np.uint32))
+        # One that nothing counts, so that there always is one.
+        tags = np.concatenate([_hashed(cells, medium, TAGS)[order], [0]])
+        self.tags = mi.UInt32(aligned(tags, np.uint32))
+        self.place, self.direction, self.flux = (
+            [mi.Float(aligned(np.append(values[order, axis], 0), np.float32)) for axis in range(3)]
+            for values in (place, direction, flux * weight[:, None])
+        )
+
+
+def sizes_of(world: World, radii: Sequence[tuple[int, float]]) -> np.ndarray:
+    """Half the height and the radius (N, 2) of what is counted in each medium.
+
+    radii : of each body, the number of what fills it and its bounding sphere's radius, metres
+    """
+    media = world.media
+    assert media is not None
+    numbers = np.arange(len(np.array(media.anisotropy)))
+    densest = np.array(media.extinction(mi.UInt32(numbers))).max(axis=0)
+    sizes = np.ones((len(numbers), 2))
+    for number, free in zip(numbers, 1 / np.maximum(densest, 1e-12), strict=True):
+        radius = min((radius for each, radius in radii if each == number), default=1.0)
+        half = min(HALF * free, HALF_BODY * radius)
+        sizes[number] = half, min(WIDE * free, WIDE_BODY * radius, np.sqrt(2 * BENT * half * radius))
+    return sizes
+
+
+def _hashed(cells: np.ndarray, medium: np.ndarray, primes: tuple[int, int, int]) -> np.ndarray:
+    with np.errstate(over="ignore"):
+        parts = [cells[:, axis] * np.uint32(prime) for axis, prime in enumerate(primes)]
+        return parts[0] ^ parts[1] ^ parts[2] ^ (medium.astype(np.uint32) * np.uint32(2654435769))
+
+
+@dr.syntax
+def counted(
+    photons: Photons, media: Media, place: Any, along: Any, depth: Any, normal: Any, inside: Any, active: Any
+) -> Any:  # fmt: skip
+    """The light that is scattered at a place back along a ray, over what scatters it there.
+
+    along : the ray's direction; depth : below the surface, metres, along its normal
+    """
+    half, wide = dr.gather(mi.Float, photons.half, inside, active), dr.gather(mi.Float, photons.wide, inside, active)
+    # The eight cells about the place that may hold any of it.
+    x, y, z = (mi.Int32(dr.floor(each / (2 * wide) - 0.5)) for each in (place.x, place.y, place.z))
+    total, corner = mi.Color3f(0), mi.UInt32(0)
+    looking = mi.Bool(active)
+    while looking:
+        cell = [
+            dr.reinterpret_array(mi.UInt32, x + mi.Int32(corner & 1)),
+            dr.reinterpret_array(mi.UInt32, y + mi.Int32((corner >> 1) & 1)),
+            dr.reinterpret_array(mi.UInt32, z + mi.Int32((corner >> 2) & 1)),
+        ]
+        bucket = _of_cell(cell, inside, PRIMES) & (BUCKETS - 1)
+        tag = _of_cell(cell, inside, TAGS)
+        index = dr.gather(mi.UInt32, photons.starts, bucket, looking)
+        last = dr.gather(mi.UInt32, photons.starts, bucket + 1, looking)
+        more = looking & (index < last)
+        while more:
+            mine = more & (dr.gather(mi.UInt32, photons.tags, index, more) == tag)
+            offset = mi.Vector3f(*(dr.gather(mi.Float, each, index, mine) for each in photons.place)) - place
+            across = dr.dot(offset, normal)
+            mine &= (dr.abs(across) <= half) & (dr.squared_norm(offset) - across * across <= wide * wide)
+            towards = mi.Vector3f(*(dr.gather(mi.Float, each, index, mine) for each in photons.direction))
+            flux = mi.Color3f(*(dr.gather(mi.Float, each, index, mine) for each in photons.flux))
+            total += dr.select(mine, flux * media.phase(inside, along, -towards), 0)
+            index += 1
+            more &= index < last
+        corner += 1
+        looking &= corner < 8
+    volume = np.pi * wide * wide * (half + dr.minimum(half, depth))
+    scattering = media.scatterings(inside)
+    return dr.select(scattering > 0, total / (volume * dr.maximum(scattering, 1e-20)), 0)
+
+
+def _of_cell(cell: list[Any], inside: Any, primes: tuple[int, int, int]) -> Any:
+    parts = [each * mi.UInt32(prime) for each, prime in zip(cell, primes, strict=True)]
+    return parts[0] ^ parts[1] ^ parts[2] ^ (inside * mi.UInt32(2654435769))
+
+
+@dr.syntax
+def _walked(world: World, spheres: Spheres, rng: Any, active: Any, kept: list[Any]) -> Any:
+    """Keep where each ray of light is scattered in bodies; how often each was."""
+    media = world.media
+    context = mi.BSDFContext(mi.TransportMode.Importance)
+    slots = dr.arange(mi.UInt32, dr.width(active)) * SLOTS
+    # Rays from the light that meet an object first.
+    ray, flux, active, far = world.light.emitted(spheres, rng, active)
+    first = world.objects.ray_intersect_preliminary(ray, active=active)
+    met = world.nearest(ray, active)
+    active &= first.is_valid() & (met.t == first.t)
+    if world.foggy:
+        flux = flux * world.from_lamp(ray, met, far, active)
+    inside, times = mi.UInt32(0), mi.UInt32(0)
+    bounces, walked = mi.UInt32(0), mi.UInt32(0)
+    while active:
+        # Through what fills a body.
+        way = world.reach(ray, met.t, inside, active)
+        scattered, passed, onward = media.crossed(ray, way, inside, rng, active)
+        scattered &= active
+        flux = dr.select(active, flux * passed, flux)
+        turned = scattered & media.keeps(inside)
+        times += dr.select(turned, 1, 0)
+        drawn = mi.UInt32(rng.next_float32() * mi.Float(times))
+        slot = dr.select(times <= SLOTS, times - 1, drawn)
+        values = [*onward.o, *ray.d, *flux, inside]
+        for buffer, value in zip(kept, values, strict=True):
+            dr.scatter(buffer, value, slots + slot, turned & (slot < SLOTS))
+        # At a surface, which sends it on in one direction or ends the ray.
+        si = met.compute_surface_interaction(ray, mi.RayFlags.All, active & ~scattered)
+        on = active & ~scattered & si.is_valid()
+        bsdf = si.bsdf(ray)
+        sample, weight = bsdf.sample(context, si, rng.next_float32(), two(rng), on)
+        straight, tint = world.tint(si.shape, on)
+        ahead = dr.select(straight, ray.d, si.to_world(sample.wo))
+        weight = dr.select(straight, tint, weight)
+        going = on & (straight | mi.has_flag(sample.sampled_type, mi.BSDFFlags.Delta))
+        inner = going & media.keeps(inside)
+        bounces += dr.select(going & ~inner & ~straight, 1, 0)
+        going &= bounces < world.depth
+        flux = dr.select(going, flux * weight, flux)
+        inside = dr.select(going, world.beyond(si, ahead, -ray.d, inside), inside)
+        if world.foggy:
+            inside = dr.select(going & (inside == 0), world.outside, inside)
+        walked += dr.select(turned | inner, 1, 0)
+        ray = dr.select(turned, onward, dr.select(going, si.spawn_ray(ahead), ray))
+        # Russian roulette by what is lost at each step.
+        left = dr.select(on, dr.max(weight), dr.max(passed))
+        most = dr.minimum(left, dr.select((walked > FAIR) | (bounces > 6), 0.95, 1))
+        survives = rng.next_float32() < most
+        active = (going | turned) & (walked < WALK) & survives & (dr.max(flux) > 0)
+        flux = dr.select(active, flux / dr.maximum(most, 1e-6), flux)
+        met = dr.select(active, world.nearest(ray, active), met)
+        active &= met.is_valid()
+    return times
