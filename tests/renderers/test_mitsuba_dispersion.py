@@ -136,7 +136,7 @@ VIEW = Camera.looking_at(np.array([0, 0.8, 3.0]), np.array([0.0, -0.2, 0.0]), wi
 SUN = DistantLight((-1.0, 0.8, 0.1), (2.0, 2.0, 2.0))
 SCENES = {
     "a prism on a floor": (Scene(stripes(), (FLOOR,), (standing(FLINT),)), "objects"),
-    "under a sun": (Scene(constant(4, 0.1), (FLOOR,), (standing(FLINT),), (SUN,)), "objects"),
+    "under a sun": (Scene(constant(4, 0.1), (FLOOR,), (standing(FLINT),), (SUN,)), ""),
     "a real prism and an object": (Scene(stripes(), (FLOOR, standing(FLINT)), (OTHER,)), "difference"),
 }
 PASSES = 8
