@@ -11,13 +11,13 @@ import relume as rl
 from relume.renderers.mitsuba.denoise import denoised_render
 
 HERE = Path(__file__).parent
-SHEET = {"prism": (1024, 0.11), "diamond": (512, 0.75), "metals": (256, 1.1)}
+SHEET = {"prism": (256, 0.11), "diamond": (128, 0.75), "metals": (64, 1.1)}
 """Samples a pixel, and the exposure of each."""
-SIZE = (480, 360)
+SIZE = (400, 300)
 
 
 def shown(name: str) -> np.ndarray:
-    """A scene rendered, denoised and developed, (360, 480, 3) uint8."""
+    """A scene rendered, denoised and developed, (300, 400, 3) uint8."""
     read = rl.read_scene(HERE / f"{name}.toml")
     samples, exposure = SHEET[name]
     camera = read.camera.resized(*SIZE) if name != "diamond" else read.camera.resized(SIZE[1], SIZE[1])
