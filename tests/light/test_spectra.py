@@ -9,15 +9,16 @@ import pytest
 
 from relume.errors import UnreadableFile
 from relume.image.colour import LUMINANCE_WEIGHTS
+from relume.image.primaries import REC709
 from relume.light.spectra.hero import STRATA, strata
 from relume.light.spectra.lamps import lamp_colour, read_spectrum
 from relume.light.spectra.reflectance import colour_of, primaries, white_matching
-from relume.light.spectra.spectrum import Spectrum, blackbody, illuminant, visible, xyz
+from relume.light.spectra.spectrum import Spectrum, blackbody, illuminant, rgb_matching, visible
 from relume.light.spectra.tables import COLOUR_MATCHING, ILLUMINANTS, PRIMARIES, table
 
 
 def chromaticity(spectrum: Spectrum) -> np.ndarray:
-    found = xyz(spectrum.at(visible()))
+    found = REC709.to_xyz() @ (spectrum.at(visible()) @ rgb_matching())
     return found[:2] / found.sum()
 
 

@@ -69,11 +69,6 @@ def rgb_matching() -> np.ndarray:
     return found
 
 
-def xyz(values: np.ndarray) -> np.ndarray:
-    """(..., 3) CIE 1931 X, Y, Z of spectra (..., 401) at the visible wavelengths, in their unit times nm."""
-    return np.asarray(values) @ rgb_matching() @ REC709.to_xyz().T
-
-
 @lru_cache
 def illuminant(name: str) -> Spectrum:
     """A standard illuminant of the CIE: A (a filament), E (even), and those of `ILLUMINANT_NAMES`.

@@ -28,9 +28,7 @@ def changed(
     brings; and what it meets with the objects, and without.
     """
     light = world.light
-    spectral = world.dispersion
-    hue, own = mi.Float(-1), mi.Float(-1) if spectral is None else numbers.wavelength()
-    hue_parted = mi.Float(-1)
+    spectral, hue, hue_parted, own = world.dispersion, mi.Float(-1), mi.Float(-1), numbers.wavelength()
     context = mi.BSDFContext()
     rng = numbers.stream
     even = [numbers.towards_light(look, looks) for look in range(looks)]
@@ -93,8 +91,7 @@ def changed(
         throughput = dr.select(active, throughput * weight, throughput)
         if spectral is not None:
             bent, whole = spectral.met(si, sample, own, active & ~towards & (hue < 0))
-            throughput = spectral.weighed(throughput * whole, own, bent)
-            hue = dr.select(bent, own, hue)
+            throughput, hue = spectral.weighed(throughput * whole, own, bent), dr.select(bent, own, hue)
         going = active & (dr.max(throughput) > 0) & (bounces < world.depth)
         ray = dr.select(active, si.spawn_ray(onward), ray)
         added = world.objects.ray_intersect_preliminary(ray, active=going)

@@ -65,7 +65,13 @@ class SceneLight:
         if self.emitting.any():
             self.emitting /= self.emitting.sum()
         self.bright = opaque.number(bright)
-        self._sampled, self._sent = ([*map(opaque.number, shares)] for shares in (self.shares, self.emitting))
+        # Of those that no path from the camera ever meets.
+        self.sizeless = np.where([not getattr(source, "density", None) for source in self.sources], self.emitting, 0.0)
+        if self.sizeless.any():
+            self.sizeless = self.sizeless / self.sizeless.sum()
+        self._sampled, self._sent, self._sent_sizeless = (
+            [*map(opaque.number, shares)] for shares in (self.shares, self.emitting, self.sizeless)
+        )
 
     @property
     def even(self) -> bool:
@@ -173,19 +179,20 @@ class SceneLight:
         brightness = dr.mean(radiance)
         return dr.select(brightness > self.bright, self.bright / dr.maximum(brightness, 1e-30), 1)
 
-    def emitted(self, spheres: Spheres, rng: Any, active: Any) -> tuple[Any, Any, Any, Any]:
+    def emitted(self, spheres: Spheres, rng: Any, active: Any, sizeless: bool = False) -> tuple[Any, Any, Any, Any]:
         """Rays from the bright part of the light towards spheres, each with its share of the flux (Σ flux / N), whether
-        there is one, and whether it comes from infinity."""
+        there is one, and whether it comes from infinity; of lamps that have no size alone where `sizeless`."""
         choice = rng.next_float32()
         which, first, second, third, fourth = (rng.next_float32() for _ in range(5))
         ray, flux, valid = dr.zeros(mi.Ray3f), mi.Color3f(0), mi.Bool(False)
         far = mi.Bool(False)
-        low = 0.0
+        shares = self.sizeless if sizeless else self.emitting
+        low, last = 0.0, int(np.flatnonzero(shares)[-1])
         for index, source in enumerate(self.sources):
-            if not self.emitting[index]:
+            if not shares[index]:
                 continue
-            share = self._sent[index]
-            mine = active & (choice >= low) & ((choice < low + share) | (index == len(self.emitting) - 1))
+            share = (self._sent_sizeless if sizeless else self._sent)[index]
+            mine = active & (choice >= low) & ((choice < low + share) | (index == last))
             low += share
             point, aim = mi.Point2f(first, second), mi.Point2f(third, fourth)
             begin, sent, fine = source.emit(spheres, which, point, aim, mine)

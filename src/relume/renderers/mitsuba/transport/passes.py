@@ -18,7 +18,7 @@ from relume.renderers.mitsuba.transport.extent import sphere_round
 from relume.renderers.mitsuba.transport.guides import first_scattered
 from relume.renderers.mitsuba.transport.lens import Lens
 from relume.renderers.mitsuba.transport.media import Media
-from relume.renderers.mitsuba.transport.photons import FEWEST_PHOTONS, MOST_PHOTONS, Photons, sizes_of
+from relume.renderers.mitsuba.transport.photons import FEWEST_PHOTONS, MOST_PHOTONS, in_media, on_surfaces, sizes_of
 from relume.renderers.mitsuba.transport.sampling import Numbers, Spheres, two
 from relume.renderers.mitsuba.transport.world import World
 from relume.scene.cameras.camera import Camera
@@ -26,6 +26,10 @@ from relume.scene.shapes.shapes import Shape
 
 RAYS_OF_LIGHT = 8
 """Samples of the picture for each ray that is followed from the light: those few carry its noise easily."""
+SAMPLES_A_PHOTON = 2
+"""The same into bodies that scatter light, where paths from the camera walk far longer."""
+LANDED = 0.02
+"""Of the smallest smooth object's radius: about a place, where light is counted that it sent there."""
 MOST_RAYS = 1_000_000
 """Rays of light a pass, at most: in a large picture they lie close enough."""
 BAND = 2_000_000
@@ -51,18 +55,23 @@ class Tracing:
     ) -> None:  # fmt: skip
         self.world, self.spheres, self.pierced = world, spheres, pierced
         self.camera, self.lens = camera, Lens(camera)
-        # Bodies that scatter light within a surface that bends it, and whether any light is followed into them.
+        # Whether light is followed to where it is scattered: in bodies, and where it was bent before in smoke or fog.
         media = world.media
-        self.floods = media is not None and media.closed and bool(spheres) and not world.light.even
+        self.floods = media is not None and media.scatters and bool(spheres) and not world.light.even
         self.sizes = sizes_of(world, radii) if self.floods else np.zeros((0, 2))
 
+        # Whether a lamp that no path meets sends light on to surfaces.
+        self.lands = world.smooth and bool(world.light.sizeless.any())
+
     def flooded(self, samples: int, seed: int) -> None:
-        """Follow a pass's light into bodies that scatter it, for the paths of this seed."""
-        if not self.floods:
-            return
-        wanted = self.camera.width * self.camera.height * samples // RAYS_OF_LIGHT
+        """Follow a pass's light to where it is scattered, for the paths of this seed."""
+        wanted = self.camera.width * self.camera.height * samples // SAMPLES_A_PHOTON
         count = min(max(wanted, FEWEST_PHOTONS), MOST_PHOTONS)
-        self.world.photons = Photons(self.world, self.spheres, self.sizes, count, seed)
+        self.world.photons = in_media(self.world, self.spheres, self.sizes, count, seed) if self.floods else None
+        self.world.landed = None
+        if self.lands:
+            sizes = np.full((2, 2), LANDED * min(float(radius.numpy()[0]) for _, radius in self.spheres))
+            self.world.landed = on_surfaces(self.world, self.spheres, sizes * [0.5, 1.0], count, seed)
 
     def seeing(self, camera: Camera) -> Self:
         """The same scene, seen by another camera."""

@@ -9,7 +9,7 @@ import mitsuba
 
 from relume.renderers.mitsuba.limits import FAIR, WALK
 from relume.renderers.mitsuba.transport.dispersion import joined
-from relume.renderers.mitsuba.transport.photons import counted
+from relume.renderers.mitsuba.transport.photons import counted, reflected
 from relume.renderers.mitsuba.transport.sampling import Guide, Numbers, two
 from relume.renderers.mitsuba.transport.world import SHORTEN, World
 
@@ -47,8 +47,9 @@ def followed(
     scattered_first, on_surface, sent_on = mi.Bool(parted), mi.Bool(True), mi.Bool(False)
     # Whether lamps were looked for where a medium scattered the light, and then the direction's density for the map's.
     looked, turned = mi.Bool(False), mi.Float(0)
-    # Whether the light of lamps was counted in a body, where the path came into it, and what it met last.
-    known, last_added = mi.Bool(False), mi.Bool(False)
+    # Whether light that was kept was counted, for all that follows in a body or for what is bent alone; where the path
+    # met a surface last, and whether that was an object's.
+    known, gathered, last_added = mi.Bool(False), mi.Bool(False), mi.Bool(False)
     entry, facing = mi.Point3f(0), mi.Normal3f(0, 1, 0)
     context = mi.BSDFContext()
     result = mi.Color3f(0)
@@ -67,20 +68,21 @@ def followed(
                 result += throughput * _from_between(world, ray, way, inside, rng, active)
             scattered, passed, onward = world.media.crossed(ray, way, inside, rng, active)
             throughput = dr.select(active, throughput * passed, throughput)
-            if world.photons is not None and objects:
-                deep = scattered & world.media.keeps(inside) & ~known
-                depth = dr.abs(dr.dot(onward.o - entry, facing))
-                sent = counted(world.photons, world.media, onward.o, ray.d, depth, facing, inside, deep)
-                result += dr.select(deep, throughput * sent, 0)
-                known |= deep
             if world.media.open:
                 free = scattered & world.media.opens(inside)
                 looked |= free
-                known &= ~free
                 density = dr.select(free, 0, density)
                 drawn = _of_walk(world, ray, way, dr.norm(onward.o - ray.o), onward.d, inside)
                 turned = dr.select(free, drawn, turned)
                 begun, gone = dr.select(free, onward.o, begun), dr.select(free, 0, gone)
+            if world.photons is not None and objects:
+                # In bodies once for all that follows; in the open at each scattering, for light that was bent.
+                kept = world.media.keeps(inside)
+                deep = scattered & (~known | ~kept)
+                depth = dr.select(kept, dr.abs(dr.dot(onward.o - entry, facing)), dr.inf)
+                sent = counted(world.photons, world.media, onward.o, ray.d, depth, facing, inside, deep)
+                result += dr.select(deep, throughput * sent, 0)
+                known, gathered, last_added = dr.select(deep, kept, known), gathered | deep, last_added & ~deep
             ray = dr.select(scattered, onward, ray)
             walked += dr.select(scattered, 1, 0)
         si = met.compute_surface_interaction(ray, mi.RayFlags.All, active & ~scattered)
@@ -109,6 +111,10 @@ def followed(
             result += dr.select(lit, throughput * value * found.weight * weight * share, 0)
         if world.looks_for_objects and objects:
             result += throughput * from_objects(world, si, bsdf, context, rng, smooth, ray, inside)
+        if world.landed is not None and objects:
+            # What no ray that is followed from a lamp is seen on: behind glass, in mirrors, through what scatters.
+            unseen = smooth & (((bounces > 0) & ~scattered_first) | ~on_surface)
+            result += dr.select(unseen, throughput * reflected(world.landed, context, bsdf, si, unseen), 0)
         # The next direction.
         sample, value = bsdf.sample(context, si, rng.next_float32(), two(rng), bent & (bounces < world.depth))
         onward = si.to_world(sample.wo)
@@ -122,13 +128,13 @@ def followed(
         density = dr.select(bent, dr.select(delta, 0, sample.pdf), density)
         looked &= ~bent
         if world.smooth:
-            # Camera, a surface that scatters, any others, and at last none but smooth objects.
+            # Camera, a surface that scatters, any others, no medium that does, and at last none but smooth objects.
             scattered_first = dr.select(bent & (bounces == 0), ~delta, scattered_first)
-            on_surface = dr.select(bent & ~delta, True, on_surface) & ~scattered
+            on_surface &= ~scattered
             aimed = dr.select(bent, delta & world.is_object(si.shape) & scattered_first & on_surface, False)
             sent_on = aimed | (straight & sent_on)
         if world.photons is not None:
-            known &= ~(bent & ~delta)
+            known, gathered = known & ~(bent & ~delta), gathered & ~(bent & ~delta)
             entry, facing = dr.select(bent, si.p, entry), dr.select(bent, si.n, facing)
             last_added = dr.select(bent, world.is_object(si.shape), last_added)
         if world.pierced:
@@ -164,7 +170,7 @@ def followed(
         chance = dr.select(looked, turned, density)
         seen = light.arriving(
             begun if world.straight else ray.o, ray.d, reached, free, chance,
-            beyond=gone, dim=sent_on | (known & last_added), passed=world.passing(ray, inside, free), lamps=~looked,
+            beyond=gone, dim=sent_on | (gathered & last_added), passed=world.passing(ray, inside, free), lamps=~looked,
         )  # fmt: skip
         result += dr.select(free, throughput * seen, 0)
         if world.foggy:

@@ -7,6 +7,12 @@ its own first scattering in the body, all orders at once. From there on `dim` ta
 
 What is counted lies in a flat cylinder: wide along the surface, where light changes little, and low across it, where it
 changes within a mean free path. The part of it that is outside of the body is left out of its volume.
+
+In smoke and fog, from where lamps are seen straight, only light is kept that glass or mirrors bent on its way from the
+lamp to its first scattering: what a glass ball gathers in fog.
+
+On surfaces light of lamps without size is kept too, where `caustics` cannot show it: a caustic that the camera sees in
+a mirror, through glass, or that lights a fog. Lamps with a size are found there by chance.
 """
 
 from __future__ import annotations
@@ -32,11 +38,11 @@ SLOTS = 8
 """Scatterings of one ray of light that are kept: of more, some by chance, which then count for all."""
 MOST_PHOTONS = 200_000
 """Rays of light a pass, at most."""
-FEWEST_PHOTONS = 20_000
+FEWEST_PHOTONS = 50_000
 """And at least, where a picture is small."""
 HALF, WIDE = 0.15, 1.0
 """Of a mean free path: half the height and the radius of the cylinder, at most."""
-HALF_BODY, WIDE_BODY = 0.02, 0.03
+HALF_BODY, WIDE_BODY = 0.01, 0.02
 """The same of the radius of the body."""
 BENT = 0.2
 """Of half the height: how far the surface may bend away from the cylinder's flat side, at most."""
@@ -46,39 +52,53 @@ TAGS = (2654435761, 2246822519, 3266489917)
 
 
 class Photons:
-    """Scatterings of light in bodies, found by where they are.
+    """Light that arrives at places, found by where they are.
 
-    sizes : of each medium by its number, half the height and the radius of what is counted, metres
+    sizes : by the number of what is there, half the height and the radius of what is counted, metres
+    number : (N,) of what each lies in; 0 for none. place, direction, flux : (N, 3)
     """
 
-    def __init__(self, world: World, spheres: Spheres, sizes: np.ndarray, count: int, seed: int) -> None:
-        kept = [dr.zeros(mi.Float, count * SLOTS) for _ in range(9)]
-        number = dr.zeros(mi.UInt32, count * SLOTS)
-        rng = mi.PCG32(size=count, initstate=dr.opaque(mi.UInt64, seed + (1 << 41)))
-        scattered = _walked(world, spheres, rng, dr.full(mi.Bool, True, count), [*kept, number])
-        dr.eval(scattered, kept, number)
-        times = np.broadcast_to(np.array(scattered, np.float64), count)
-        # Those that stand for more than themselves.
-        weight = np.repeat(np.maximum(times / SLOTS, 1) / count, SLOTS)
-        medium = np.array(number)
-        there = np.flatnonzero(medium)
-        medium, weight = medium[there], weight[there]
-        columns = [np.array(values)[there] for values in kept]
-        place, direction, flux = (np.stack(columns[i : i + 3], axis=1) for i in (0, 3, 6))
-        # Sorted by the cell that each lies in.
+    def __init__(
+        self, sizes: np.ndarray, number: np.ndarray, place: np.ndarray, direction: np.ndarray, flux: np.ndarray
+    ) -> None:  # fmt: skip
+        there = np.flatnonzero(number)
+        number, place, direction, flux = (values[there] for values in (number, place, direction, flux))
         self.half, self.wide = (mi.Float(aligned(sizes[:, axis], np.float32)) for axis in range(2))
-        cells = np.floor(place / (2 * sizes[medium, 1:2])).astype(np.int64).astype(np.uint32)
-        bucket = _hashed(cells, medium, PRIMES) % np.uint32(BUCKETS)
+        # Sorted by the cell that each lies in, those of a cell in the order of their rays.
+        cells = np.floor(place / (2 * sizes[number, 1:2])).astype(np.int64).astype(np.uint32)
+        bucket = _hashed(cells, number, PRIMES) % np.uint32(BUCKETS)
         order = np.argsort(bucket, kind="stable")
         starts = np.concatenate([[0], np.cumsum(np.bincount(bucket, minlength=BUCKETS))])
         self.starts = mi.UInt32(aligned(starts, np.uint32))
         # One that nothing counts, so that there always is one.
-        tags = np.concatenate([_hashed(cells, medium, TAGS)[order], [0]])
-        self.tags = mi.UInt32(aligned(tags, np.uint32))
+        self.tags = mi.UInt32(aligned(np.append(_hashed(cells, number, TAGS)[order], 0), np.uint32))
         self.place, self.direction, self.flux = (
             [mi.Float(aligned(np.append(values[order, axis], 0), np.float32)) for axis in range(3)]
-            for values in (place, direction, flux * weight[:, None])
+            for values in (place, direction, flux)
         )
+
+
+def in_media(world: World, spheres: Spheres, sizes: np.ndarray, count: int, seed: int) -> Photons:
+    """What the bright part of the light leaves in media."""
+    return _kept(_walked, world, spheres, sizes, count, seed + (1 << 41))
+
+
+def on_surfaces(world: World, spheres: Spheres, sizes: np.ndarray, count: int, seed: int) -> Photons:
+    """What lamps without size send on to surfaces that scatter it."""
+    return _kept(_landed, world, spheres, sizes, count, seed + (1 << 42))
+
+
+def _kept(follow: Any, world: World, spheres: Spheres, sizes: np.ndarray, count: int, seed: int) -> Photons:
+    kept = [dr.zeros(mi.Float, count * SLOTS) for _ in range(9)]
+    number = dr.zeros(mi.UInt32, count * SLOTS)
+    rng = mi.PCG32(size=count, initstate=dr.opaque(mi.UInt64, seed))
+    times = follow(world, spheres, rng, dr.full(mi.Bool, True, count), [*kept, number])
+    dr.eval(times, kept, number)
+    # Those that stand for more than themselves.
+    weight = np.maximum(np.broadcast_to(np.array(times, np.float64), count) / SLOTS, 1) / count
+    columns = [np.array(values) for values in kept]
+    place, direction, flux = (np.stack(columns[i : i + 3], axis=1) for i in (0, 3, 6))
+    return Photons(sizes, np.array(number), place, direction, flux * np.repeat(weight, SLOTS)[:, None])
 
 
 def sizes_of(world: World, radii: Sequence[tuple[int, float]]) -> np.ndarray:
@@ -91,8 +111,9 @@ def sizes_of(world: World, radii: Sequence[tuple[int, float]]) -> np.ndarray:
     numbers = np.arange(len(np.array(media.anisotropy)))
     densest = np.array(media.extinction(mi.UInt32(numbers))).max(axis=0)
     sizes = np.ones((len(numbers), 2))
+    smallest = min((radius for _, radius in radii), default=1.0)
     for number, free in zip(numbers, 1 / np.maximum(densest, 1e-12), strict=True):
-        radius = min((radius for each, radius in radii if each == number), default=1.0)
+        radius = min((radius for each, radius in radii if each == number), default=smallest)
         half = min(HALF * free, HALF_BODY * radius)
         sizes[number] = half, min(WIDE * free, WIDE_BODY * radius, np.sqrt(2 * BENT * half * radius))
     return sizes
@@ -104,7 +125,6 @@ def _hashed(cells: np.ndarray, medium: np.ndarray, primes: tuple[int, int, int])
         return parts[0] ^ parts[1] ^ parts[2] ^ (medium.astype(np.uint32) * np.uint32(2654435769))
 
 
-@dr.syntax
 def counted(
     photons: Photons, media: Media, place: Any, along: Any, depth: Any, normal: Any, inside: Any, active: Any
 ) -> Any:  # fmt: skip
@@ -112,7 +132,33 @@ def counted(
 
     along : the ray's direction; depth : below the surface, metres, along its normal
     """
+    total = _summed(
+        photons, place, normal, inside, active,
+        lambda towards, flux, mine: flux * media.phase(inside, along, -towards),
+    )  # fmt: skip
     half, wide = dr.gather(mi.Float, photons.half, inside, active), dr.gather(mi.Float, photons.wide, inside, active)
+    volume = np.pi * wide * wide * (half + dr.minimum(half, depth))
+    scattering = media.scatterings(inside)
+    return dr.select(scattering > 0, total / (volume * dr.maximum(scattering, 1e-20)), 0)
+
+
+def reflected(photons: Photons, context: Any, bsdf: Any, si: Any, active: Any) -> Any:
+    """The light of photons about a place on a surface that is scattered there back along the ray that met it."""
+
+    def of(towards: Any, flux: Any, mine: Any) -> Any:
+        wo = si.to_local(-towards)
+        # The flux over an area has the cosine of its direction already.
+        return flux * bsdf.eval(context, si, wo, mine) / dr.maximum(dr.abs(wo.z), 0.02)
+
+    number = mi.UInt32(1)
+    total = _summed(photons, si.p, si.n, number, active, of)
+    return total / (np.pi * dr.square(dr.gather(mi.Float, photons.wide, number)))
+
+
+@dr.syntax
+def _summed(photons: Photons, place: Any, normal: Any, number: Any, active: Any, value: Any) -> Any:
+    """The sum over what lies in the cylinder about a place of what `value` makes of direction and flux."""
+    half, wide = dr.gather(mi.Float, photons.half, number, active), dr.gather(mi.Float, photons.wide, number, active)
     # The eight cells about the place that may hold any of it.
     x, y, z = (mi.Int32(dr.floor(each / (2 * wide) - 0.5)) for each in (place.x, place.y, place.z))
     total, corner = mi.Color3f(0), mi.UInt32(0)
@@ -123,8 +169,8 @@ def counted(
             dr.reinterpret_array(mi.UInt32, y + mi.Int32((corner >> 1) & 1)),
             dr.reinterpret_array(mi.UInt32, z + mi.Int32((corner >> 2) & 1)),
         ]
-        bucket = _of_cell(cell, inside, PRIMES) & (BUCKETS - 1)
-        tag = _of_cell(cell, inside, TAGS)
+        bucket = _of_cell(cell, number, PRIMES) & (BUCKETS - 1)
+        tag = _of_cell(cell, number, TAGS)
         index = dr.gather(mi.UInt32, photons.starts, bucket, looking)
         last = dr.gather(mi.UInt32, photons.starts, bucket + 1, looking)
         more = looking & (index < last)
@@ -135,14 +181,12 @@ def counted(
             mine &= (dr.abs(across) <= half) & (dr.squared_norm(offset) - across * across <= wide * wide)
             towards = mi.Vector3f(*(dr.gather(mi.Float, each, index, mine) for each in photons.direction))
             flux = mi.Color3f(*(dr.gather(mi.Float, each, index, mine) for each in photons.flux))
-            total += dr.select(mine, flux * media.phase(inside, along, -towards), 0)
+            total += dr.select(mine, value(towards, flux, mine), 0)
             index += 1
             more &= index < last
         corner += 1
         looking &= corner < 8
-    volume = np.pi * wide * wide * (half + dr.minimum(half, depth))
-    scattering = media.scatterings(inside)
-    return dr.select(scattering > 0, total / (volume * dr.maximum(scattering, 1e-20)), 0)
+    return total
 
 
 def _of_cell(cell: list[Any], inside: Any, primes: tuple[int, int, int]) -> Any:
@@ -165,6 +209,8 @@ def _walked(world: World, spheres: Spheres, rng: Any, active: Any, kept: list[An
         flux = flux * world.from_lamp(ray, met, far, active)
     inside, times = mi.UInt32(0), mi.UInt32(0)
     bounces, walked = mi.UInt32(0), mi.UInt32(0)
+    spectral = world.dispersion
+    hue, own = mi.Float(-1), mi.Float(-1) if spectral is None else rng.next_float32()
     while active:
         # Through what fills a body.
         way = world.reach(ray, met.t, inside, active)
@@ -172,14 +218,19 @@ def _walked(world: World, spheres: Spheres, rng: Any, active: Any, kept: list[An
         scattered &= active
         flux = dr.select(active, flux * passed, flux)
         turned = scattered & media.keeps(inside)
-        times += dr.select(turned, 1, 0)
+        # Where lamps are looked for, only what was bent since it left them, and once; paths do all the rest.
+        bent = scattered & ~turned & (bounces > 0) & (times == 0)
+        stored = turned | bent
+        times += dr.select(stored, 1, 0)
         drawn = mi.UInt32(rng.next_float32() * mi.Float(times))
         slot = dr.select(times <= SLOTS, times - 1, drawn)
         values = [*onward.o, *ray.d, *flux, inside]
         for buffer, value in zip(kept, values, strict=True):
-            dr.scatter(buffer, value, slots + slot, turned & (slot < SLOTS))
+            dr.scatter(buffer, value, slots + slot, stored & (slot < SLOTS))
         # At a surface, which sends it on in one direction or ends the ray.
         si = met.compute_surface_interaction(ray, mi.RayFlags.All, active & ~scattered)
+        if spectral is not None:
+            si.time = spectral.index(si.shape, dr.select(hue < 0, own, hue))
         on = active & ~scattered & si.is_valid()
         bsdf = si.bsdf(ray)
         sample, weight = bsdf.sample(context, si, rng.next_float32(), two(rng), on)
@@ -191,6 +242,9 @@ def _walked(world: World, spheres: Spheres, rng: Any, active: Any, kept: list[An
         bounces += dr.select(going & ~inner & ~straight, 1, 0)
         going &= bounces < world.depth
         flux = dr.select(going, flux * weight, flux)
+        if spectral is not None:
+            parted, whole = spectral.met(si, sample, own, going & (hue < 0))
+            flux, hue = spectral.sent(flux * whole, own, parted), dr.select(parted, own, hue)
         inside = dr.select(going, world.beyond(si, ahead, -ray.d, inside), inside)
         if world.foggy:
             inside = dr.select(going & (inside == 0), world.outside, inside)
@@ -204,4 +258,49 @@ def _walked(world: World, spheres: Spheres, rng: Any, active: Any, kept: list[An
         flux = dr.select(active, flux / dr.maximum(most, 1e-6), flux)
         met = dr.select(active, world.nearest(ray, active), met)
         active &= met.is_valid()
+    return times
+
+
+@dr.syntax
+def _landed(world: World, spheres: Spheres, rng: Any, active: Any, kept: list[Any]) -> Any:
+    """Keep where each ray of light that smooth objects sent on meets what scatters it; how often each did."""
+    context = mi.BSDFContext(mi.TransportMode.Importance)
+    slots = dr.arange(mi.UInt32, dr.width(active)) * SLOTS
+    ray, flux, active, far = world.light.emitted(spheres, rng, active, True)
+    first = world.objects.ray_intersect_preliminary(ray, active=active)
+    met = world.nearest(ray, active)
+    active &= first.is_valid() & (met.t == first.t)
+    if world.foggy:
+        flux = flux * world.from_lamp(ray, met, far, active)
+    inside, times, bounces = mi.UInt32(world.outside), mi.UInt32(0), mi.UInt32(0)
+    spectral = world.dispersion
+    hue, own = mi.Float(-1), mi.Float(-1) if spectral is None else rng.next_float32()
+    while active:
+        si = met.compute_surface_interaction(ray, mi.RayFlags.All, active)
+        if spectral is not None:
+            si.time = spectral.index(si.shape, dr.select(hue < 0, own, hue))
+        bsdf = si.bsdf(ray)
+        landed = active & (bounces > 0) & mi.has_flag(bsdf.flags(), mi.BSDFFlags.Smooth) & (times < SLOTS)
+        values = [*si.p, *ray.d, *flux, mi.UInt32(1)]
+        for buffer, value in zip(kept, values, strict=True):
+            dr.scatter(buffer, value, slots + times, landed)
+        times += dr.select(landed, 1, 0)
+        # On through what sends it in one direction.
+        sample, weight = bsdf.sample(context, si, rng.next_float32(), two(rng), active)
+        straight, tint = world.tint(si.shape, active)
+        ahead = dr.select(straight, ray.d, si.to_world(sample.wo))
+        weight = dr.select(straight, tint, weight)
+        active &= straight | mi.has_flag(sample.sampled_type, mi.BSDFFlags.Delta)
+        bounces += dr.select(active & ~straight, 1, 0)
+        flux = dr.select(active, flux * weight, flux)
+        if spectral is not None:
+            parted, whole = spectral.met(si, sample, own, active & (hue < 0))
+            flux, hue = spectral.sent(flux * whole, own, parted), dr.select(parted, own, hue)
+        active &= (bounces < world.depth) & (dr.max(flux) > 0)
+        inside = dr.select(active, world.beyond(si, ahead, -ray.d, inside), inside)
+        ray = dr.select(active, si.spawn_ray(ahead), ray)
+        met = dr.select(active, world.nearest(ray, active), met)
+        active &= met.is_valid()
+        if world.media is not None:
+            flux = dr.select(active, flux * world.media.passed(inside, world.reach(ray, met.t, inside, active)), flux)
     return times

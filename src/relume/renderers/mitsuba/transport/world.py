@@ -61,8 +61,9 @@ class World:
         added = np.zeros(int(numbers.max(initial=0)) + 1, np.uint32)
         added[numbers] = 1
         self.added = mi.UInt32(added)
-        # What the light of a pass leaves in bodies; see `photons`.
+        # What the light of a pass leaves in media and on surfaces; see `photons`.
         self.photons: Any = None
+        self.landed: Any = None
         # What light goes straight through, and its colour.
         tints = [crossed_straight(material) for material in materials]
         self.straight = any(tint is not None for tint in tints)
