@@ -28,7 +28,7 @@ def changed(
     brings; and what it meets with the objects, and without.
     """
     light = world.light
-    spectral, hue, hue_parted, own = world.dispersion, mi.Float(-1), mi.Float(-1), numbers.wavelength()
+    hue, hue_parted, own = mi.Float(-1), mi.Float(-1), numbers.wavelength()
     context = mi.BSDFContext()
     rng = numbers.stream
     even = [numbers.towards_light(look, looks) for look in range(looks)]
@@ -45,8 +45,8 @@ def changed(
     real_parted.t = dr.inf
     while active:
         si = met.compute_surface_interaction(ray, mi.RayFlags.All, active)
-        if spectral is not None:
-            si.time = spectral.index(si.shape, dr.select(hue < 0, own, hue))
+        if world.dispersion is not None:
+            si.time = world.dispersion.index(si.shape, dr.select(hue < 0, own, hue))
         bsdf = si.bsdf(ray)
         smooth = active & mi.has_flag(bsdf.flags(), mi.BSDFFlags.Smooth) & (bounces < world.depth)
         cones = guide.cones(si.p, dr.select(dr.dot(si.n, ray.d) < 0, si.n, -si.n))
@@ -89,9 +89,9 @@ def changed(
         density = dr.select(delta, 0, density)
         first_scatters = dr.select(active & (bounces == 0), ~delta, first_scatters)
         throughput = dr.select(active, throughput * weight, throughput)
-        if spectral is not None:
-            bent, whole = spectral.met(si, sample, own, active & ~towards & (hue < 0))
-            throughput, hue = spectral.weighed(throughput * whole, own, bent), dr.select(bent, own, hue)
+        if world.dispersion is not None:
+            bent, whole = world.dispersion.met(si, sample, own, active & ~towards & (hue < 0))
+            throughput, hue = world.dispersion.weighed(throughput * whole, own, bent), dr.select(bent, own, hue)
         going = active & (dr.max(throughput) > 0) & (bounces < world.depth)
         ray = dr.select(active, si.spawn_ray(onward), ray)
         added = world.objects.ray_intersect_preliminary(ray, active=going)
