@@ -5,7 +5,9 @@ import pytest
 from pydantic import ValidationError
 
 from relume.project.mesh_tables import MaterialTable
+from relume.scene.materials.glasses import GLASSES, Cauchy
 from relume.scene.materials.materials import Diffuse, Material, Ward
+from relume.scene.materials.metals import METALS
 
 TIN = Material((0.5, 0.5, 0.5), metallic=1.0, roughness=0.4, name="tin")
 
@@ -22,7 +24,7 @@ def test_changes_go_onto_the_meshs_own_material():
 
 def test_a_preset_takes_the_place_of_the_meshs_own():
     gold = MaterialTable(preset="gold", roughness=0.3).apply(TIN)
-    np.testing.assert_allclose(gold.base_color, (1, 0.7156935, 0.3371636), atol=1e-6)
+    np.testing.assert_allclose(gold.base_color, (1, 0.7282, 0.3647), atol=1e-4)
     assert (gold.roughness, gold.name) == (0.3, "gold")
     assert isinstance(MaterialTable(preset="rolled_brass").apply(Diffuse((0, 0, 0))), Ward)
 
@@ -45,5 +47,50 @@ def test_a_field_that_the_preset_has_not_is_reported():
     ],
 )
 def test_what_cannot_be_is_refused(table, words):
+    with pytest.raises(ValidationError, match=words):
+        MaterialTable.model_validate(table)
+
+
+@pytest.mark.parametrize("table", [{"glass": "SF11"}, {"preset": "flint_glass"}])
+def test_glass_by_name_says_the_index_and_the_dispersion(table):
+    found = MaterialTable.model_validate({"transmission": 1, "roughness": 0} | table).apply(TIN)
+    assert found.ior == pytest.approx(1.78472, abs=1e-5) and found.dispersion == pytest.approx(20 / 25.76, abs=1e-3)
+    assert found.glass is GLASSES["SF11"]
+
+
+def test_glass_by_coefficients_is_that_of_the_name():
+    water = GLASSES["water"]
+    table = {"transmission": 1, "sellmeier": {"B": list(water.B), "C": list(water.C)}}
+    assert MaterialTable.model_validate(table).apply(Material(ior=1.7)).glass == water
+    ice = MaterialTable.model_validate({"cauchy": {"A": 1.3, "B": 0.004}}).apply(Material())
+    assert ice.glass == Cauchy(1.3, 0.004) and ice.ior == pytest.approx(1.3 + 0.004 / 0.5875618**2)
+
+
+def test_a_changed_index_takes_the_place_of_a_presets_glass():
+    found = MaterialTable(preset="diamond", ior=1.5).apply(TIN)
+    assert found.glass is None and found.ior == 1.5 and found.dispersion == pytest.approx(20 / 55.3, abs=1e-3)
+
+
+def test_metals_by_symbol_and_by_name():
+    by_symbol, by_name = (MaterialTable(metal=name, roughness=0.3).apply(TIN) for name in ("Au", "gold"))
+    assert by_symbol.metal is by_name.metal is METALS["Au"]
+    assert (by_symbol.metallic, by_symbol.roughness, by_symbol.base_color) == (1, 0.3, METALS["Au"].base_color)
+    painted = MaterialTable(preset="gold", base_color=(0.1, 0.2, 0.3)).apply(TIN)
+    assert painted.metal is None and painted.base_color == (0.1, 0.2, 0.3)
+
+
+@pytest.mark.parametrize(
+    ("table", "words"),
+    [
+        ({"glass": "SF99"}, "no glass 'SF99'; there are N-BK7"),
+        ({"metal": "Xx"}, "no metal 'Xx'; there are Ag"),
+        ({"glass": "SF11", "ior": 1.5}, "has glass and ior, which say the same; give one of them"),
+        ({"glass": "SF11", "cauchy": {"A": 1.5, "B": 0.004}}, "has glass and cauchy"),
+        ({"metal": "Au", "base_color": [1, 1, 1]}, "has metal and base_color"),
+        ({"sellmeier": {"B": [1.0], "C": [0.1, 0.2]}}, "1 B and 2 C"),
+        ({"cauchy": {"A": 0.5, "B": 0.0}}, "no index of refraction from 1 to 10"),
+    ],
+)
+def test_two_that_say_the_same_and_unknown_names_are_refused(table, words):
     with pytest.raises(ValidationError, match=words):
         MaterialTable.model_validate(table)

@@ -231,6 +231,9 @@ GLASS = Material(roughness=0.0, transmission=1.0)
     ("material", "media", "scalar", "said"),
     [
         (replace(GLASS, dispersion=1.0), True, False, "dispersion"),
+        (replace(GLASS, dispersion=1.0), True, True, "dispersion (the scalar variant has none)"),
+        (replace(GLASS, dispersion=1.0, roughness=0.3), True, False, "dispersion of what is rough"),
+        (replace(GLASS, dispersion=1.0, scattering_distance=(1, 1, 1)), True, False, "or scatters inside"),
         (replace(GLASS, clearcoat=1.0), True, False, "clearcoat over what light goes through"),
         (replace(GLASS, attenuation_color=(0, 1, 1), attenuation_distance=1.0), False, False, "volume attenuation"),
         (replace(GLASS, scattering_distance=(1, 1, 1)), False, False, "subsurface scattering (drawn diffuse)"),
@@ -246,6 +249,8 @@ def test_what_is_rendered_whole_is_not_spoken_of():
     assert not_rendered(full, media=True, scalar=False) == ()
     assert not_rendered(LOSSY["all at once"], media=False, scalar=False) == ()
     assert not_rendered(Material(), media=False, scalar=True) == ()
+    assert not_rendered(replace(GLASS, dispersion=1.0), media=True, scalar=False, dispersion=True) == ()
+    assert not_rendered(replace(GLASS, dispersion=1.0, thin=True), media=True, scalar=False) == ()
 
 
 def test_the_scalar_variant_refuses_ward_and_warns_of_layers():

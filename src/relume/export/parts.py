@@ -117,6 +117,8 @@ def physical(material: Any, name: str) -> tuple[Material | Diffuse, list[str]]:
     if isinstance(material, Material):
         if material.medium is not None and any(material.medium.scattering):
             lost.append(f"{name}: light that scatters inside it is left out; set the program's subsurface scattering")
+        if material.metal is not None:
+            lost.append(f"{name}: its metal by wavelength is written as its colour at normal incidence")
         if material.dispersion:
             lost.append(f"{name}: its dispersion is left out")
     return material, lost

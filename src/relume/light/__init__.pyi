@@ -71,6 +71,11 @@ from .reflection.reflection_map import reflection_map as reflection_map
 from .reflection.reflection_map import reflection_maps as reflection_maps
 from .reflection.storage import glossy_from_layers as glossy_from_layers
 from .sampling import EnvironmentSampler as EnvironmentSampler
+from .spectra.lamps import lamp_colour as lamp_colour
+from .spectra.lamps import read_spectrum as read_spectrum
+from .spectra.spectrum import Spectrum as Spectrum
+from .spectra.spectrum import blackbody as blackbody
+from .spectra.spectrum import illuminant as illuminant
 from .suns.clipped_regions import ClippedPixels as ClippedPixels
 from .suns.clipped_regions import SunDisc as SunDisc
 from .suns.clipped_sun import recover_sun as recover_sun

@@ -3,13 +3,15 @@
 from __future__ import annotations
 
 from dataclasses import fields, replace
-from typing import Annotated, Any, TypeVar
+from typing import Annotated, Any, Self, TypeVar
 
 import numpy as np
-from pydantic import Field, field_validator
+from pydantic import Field, field_validator, model_validator
 
 from relume.project.schema import Positive, Share, Table, Vector
+from relume.scene.materials.glasses import Cauchy, Sellmeier, glass_named
 from relume.scene.materials.materials import Material, Ward
+from relume.scene.materials.metals import metal_named
 from relume.scene.materials.presets import material_preset
 from relume.scene.shapes.shapes import Mesh, Patches
 from relume.sphere.directions import rotation_about
@@ -18,6 +20,32 @@ MeshOrPatches = TypeVar("MeshOrPatches", Mesh, Patches)
 NotNegative = Annotated[float, Field(ge=0)]
 Light = tuple[NotNegative, NotNegative, NotNegative]
 ShareColour = tuple[Share, Share, Share]
+
+
+BY_WAVELENGTH = ("glass", "sellmeier", "cauchy", "metal")
+
+
+class SellmeierTable(Table):
+    """The coefficients of Sellmeier's formula; C in µm²."""
+
+    B: Annotated[tuple[float, ...], Field(min_length=1, max_length=8)]
+    C: Annotated[tuple[float, ...], Field(min_length=1, max_length=8)]
+
+    def made(self) -> Sellmeier:
+        """The glass; raises ValueError where there is none of them."""
+        return Sellmeier(self.B, self.C)
+
+
+class CauchyTable(Table):
+    """The coefficients of Cauchy's formula; B in µm², C in µm⁴."""
+
+    A: float
+    B: float
+    C: float = 0.0
+
+    def made(self) -> Cauchy:
+        """The glass; raises ValueError where there is none of them."""
+        return Cauchy(self.A, self.B, self.C)
 
 
 class MaterialTable(Table):
@@ -50,6 +78,52 @@ class MaterialTable(Table):
     alpha_x: Annotated[float, Field(ge=1e-3, le=1)] | None = None
     alpha_y: Annotated[float, Field(ge=1e-3, le=1)] | None = None
     diffuse: ShareColour | None = None
+    # By wavelength: instead of ior and dispersion, and of base_color and metallic.
+    glass: str | None = None
+    sellmeier: SellmeierTable | None = None
+    cauchy: CauchyTable | None = None
+    metal: str | None = None
+
+    @field_validator("glass")
+    @classmethod
+    def _known_glass(cls, value: str | None) -> str | None:
+        if value is not None:
+            glass_named(value)
+        return value
+
+    @field_validator("metal")
+    @classmethod
+    def _known_metal(cls, value: str | None) -> str | None:
+        if value is not None:
+            metal_named(value)
+        return value
+
+    @model_validator(mode="after")
+    def _one_index(self) -> Self:
+        rivals = (("glass", "sellmeier", "cauchy", "ior"), ("glass", "sellmeier", "cauchy", "dispersion"))
+        for names in (*rivals, ("metal", "base_color"), ("metal", "metallic"), ("metal", "glass")):
+            if len(given := [name for name in names if getattr(self, name) is not None]) > 1:
+                raise ValueError(f"has {' and '.join(given)}, which say the same; give one of them")
+        for table in (self.sellmeier, self.cauchy):
+            if table is not None:
+                table.made()
+        return self
+
+    def _by_wavelength(self, own: Any) -> dict[str, Any]:
+        """What the keys above change; a changed ior or colour takes the place of the material's own by wavelength."""
+        glass = self.sellmeier.made() if self.sellmeier else self.cauchy.made() if self.cauchy else None
+        glass = glass_named(self.glass) if self.glass is not None else glass
+        changes: dict[str, Any] = {}
+        if glass is not None:
+            changes |= {"glass": glass, "ior": glass.n_d, "dispersion": glass.dispersion}
+        elif getattr(own, "glass", None) is not None and (self.ior, self.dispersion) != (None, None):
+            changes["glass"] = None
+        if self.metal is not None:
+            metal = metal_named(self.metal)
+            changes |= {"metal": metal, "base_color": metal.base_color, "metallic": 1.0}
+        elif getattr(own, "metal", None) is not None and (self.base_color, self.metallic) != (None, None):
+            changes["metal"] = None
+        return changes
 
     @field_validator("preset")
     @classmethod
@@ -64,8 +138,9 @@ class MaterialTable(Table):
         material : the mesh's own; of other kinds than `Material` and `Ward` it stays as it is, unless a preset is given
         Raises ValueError for changes that the material has no field for, or that contradict one another.
         """
-        changes: dict[str, Any] = self.model_dump(exclude_none=True, exclude={"preset"})
         own = material_preset(self.preset) if self.preset is not None else material
+        changes: dict[str, Any] = self.model_dump(exclude_none=True, exclude={"preset", *BY_WAVELENGTH})
+        changes |= self._by_wavelength(own)
         if not isinstance(own, Material | Ward):
             return own
         known = {field.name for field in fields(own)}

@@ -8,9 +8,15 @@ from .lights import DistantLight as DistantLight
 from .lights import PointLight as PointLight
 from .lights import RectangleLight as RectangleLight
 from .lights import SphereLight as SphereLight
+from .materials.glasses import GLASSES as GLASSES
+from .materials.glasses import Cauchy as Cauchy
+from .materials.glasses import Sellmeier as Sellmeier
+from .materials.glasses import glass_named as glass_named
 from .materials.materials import Ward as Ward
-from .materials.materials import dispersed as dispersed
 from .materials.media import Medium as Medium
+from .materials.metals import METALS as METALS
+from .materials.metals import Metal as Metal
+from .materials.metals import metal_named as metal_named
 from .materials.presets import PRESETS as PRESETS
 from .materials.presets import material_preset as material_preset
 from .materials.reflective import Reflective as Reflective

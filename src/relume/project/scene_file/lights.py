@@ -17,6 +17,7 @@ from relume.project.keyed_values import table_at, values_at
 from relume.project.place_tables import DistantTable as DistantSceneTable
 from relume.project.place_tables import distant_scene
 from relume.project.scene_file.materials import naming
+from relume.project.scene_file.spectra import SpectrumTable, with_spectrum
 from relume.project.schema import GreyOrColour, Positive, Table, Vector
 from relume.project.shot_file.sequence_table import LightKey, require_rising
 from relume.renderers.mitsuba.distant import require_inside
@@ -109,6 +110,7 @@ class PointTable(Table):
     position: Vector
     intensity: GreyOrColour
     falloff: AttenuationTable = "square"
+    spectrum: SpectrumTable | None = None
 
 
 class DistantTable(Table):
@@ -117,6 +119,7 @@ class DistantTable(Table):
     kind: Literal["distant"]
     towards: Vector
     irradiance: GreyOrColour
+    spectrum: SpectrumTable | None = None
 
 
 class SphereTable(Table):
@@ -126,6 +129,7 @@ class SphereTable(Table):
     position: Vector
     radius: Positive
     radiance: GreyOrColour
+    spectrum: SpectrumTable | None = None
 
 
 class RectangleTable(Table):
@@ -136,6 +140,7 @@ class RectangleTable(Table):
     towards: Vector
     size: tuple[Positive, Positive]
     radiance: GreyOrColour
+    spectrum: SpectrumTable | None = None
     up: Vector = (0.0, 1.0, 0.0)
 
 
@@ -144,6 +149,7 @@ class AmbientTable(Table):
 
     kind: Literal["ambient"]
     radiance: GreyOrColour
+    spectrum: SpectrumTable | None = None
 
 
 LightTableOfAKind = PointTable | DistantTable | AmbientTable | SphereTable | RectangleTable
@@ -204,8 +210,12 @@ def distant_of(table: LightTable | None, path: Path) -> tuple[Distant, Vector]:
     return distant, table.probe
 
 
-def light_of(table: LightTableOfAKind, place: str) -> Light:
-    """The light that a table stands for; raises InvalidScene naming the key below `place`."""
+def light_of(table: LightTableOfAKind, place: str, folder: Path = Path()) -> Light:
+    """The light that a table stands for; raises InvalidScene naming the key below `place`.
+
+    folder : beside which the files of spectra are looked for
+    """
+    table = with_spectrum(table, place, folder)
     with naming(place):
         match table:
             case PointTable():

@@ -183,7 +183,7 @@ def _read_table(path: Path) -> SceneFile:
     read = distant_light(table.light, path)
     light = adjusted_light(read, table.light, path)
     distant, probe = distant_of(table.light, path)
-    lights = tuple(light_of(item, f"{path}: lights.{index}") for index, item in enumerate(table.lights))
+    lights = tuple(light_of(item, f"{path}: lights.{index}", path.parent) for index, item in enumerate(table.lights))
     # What they show.
     materials = {
         name: made(material, name, path.parent, f"{path}: materials.{name}")

@@ -64,7 +64,7 @@ def triangles(mi: Any, mesh: Mesh, parts: dict[str, Any]) -> Any:
     """Triangles as a Mitsuba mesh, with the surface, emitter and medium that `parts` says; `uv` as Mitsuba has it."""
     properties = mi.Properties()
     for name, words in parts.items():
-        properties[name] = mi.load_dict(words)
+        properties[name] = mi.load_dict(words) if isinstance(words, dict) else words
     arrays = {"vertex_positions": mesh.vertices, "vertex_normals": mesh.normals, "vertex_texcoords": mesh.uv}
     built = mi.Mesh(
         mesh.name, len(mesh.vertices), len(mesh.faces), props=properties,

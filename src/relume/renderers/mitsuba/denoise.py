@@ -9,10 +9,15 @@ from functools import partial
 import numpy as np
 from scipy.ndimage import distance_transform_edt, gaussian_filter
 
+from relume.image.primaries import REC709
 from relume.image.texture import texture
 from relume.renderers.results import Change, Render
 
+WHITE_XYZ = (REC709.to_xyz() / REC709.to_xyz().sum(axis=1, keepdims=True)).astype(np.float32)
+"""(3, 3) from linear Rec. 709 to X, Y, Z in which white is (1, 1, 1) too."""
 Cleaner = Callable[[np.ndarray, np.ndarray, np.ndarray], np.ndarray]
+ROUNDING = 1e-5
+"""Of sums of float32, as a share of their parts."""
 FAINT = 0.1
 """Of a pixel: less than that shows more noise than colour."""
 _BLOCK, _DARK = 16, 1e-8
@@ -52,8 +57,9 @@ def denoised(
     changes = np.any(difference != 0, axis=-1, keepdims=True)
     shows = beside[..., None] * changes
     taken = np.maximum(-difference, 0) if change.taken is None else change.taken
-    # What was added up in another order may be below 0 by its rounding.
-    layers = (np.maximum(difference + taken, 0), taken)
+    added = difference + taken
+    # What was added up in another order may be below 0 by its rounding; pure wavelengths are by more.
+    layers = (np.where(added > -ROUNDING * (np.abs(difference) + taken), np.maximum(added, 0), added), taken)
     added = _as_bright(clean_up(_unmatted(layers[0], beside), *guides), layers[0], shows)
     if plate is None:
         clean = clean_up(_unmatted(taken, beside), *guides)
@@ -83,7 +89,9 @@ def denoised_render(render: Render, quick: bool = False) -> Render:
     albedo = render.guide_albedo if render.guide_albedo is not None and guided else render.albedo
     normal = render.guide_normal if render.guide_normal is not None and guided else render.normal
     clean = _clean(render.radiance, np.clip(albedo, 0, 1), normal, quick)
-    kept = _as_bright(np.maximum(clean, 0), render.radiance, np.ones((*render.radiance.shape[:2], 1), np.float32))
+    if not render.radiance.min() < 0:
+        clean = np.maximum(clean, 0)
+    kept = _as_bright(clean, render.radiance, np.ones((*render.radiance.shape[:2], 1), np.float32))
     return replace(render, radiance=kept.astype(np.float32))
 
 
@@ -141,7 +149,12 @@ def _clean(radiance: np.ndarray, albedo: np.ndarray, normal: np.ndarray, quick: 
         return picture
     guides = (np.ascontiguousarray(p, np.float32) for p in (albedo, normal))
     quality = mitsuba_oidn.Quality.Fast if quick else mitsuba_oidn.Quality.High
-    return np.asarray(mitsuba_oidn.denoise(picture, *guides, hdr=True, quality=quality, input_scale=exposure(picture)))
+    # OIDN takes what is below 0 for 0. Pure wavelengths are outside of Rec. 709, and none is outside of X, Y, Z.
+    pure = bool(picture.min() < 0)
+    if pure:
+        picture = np.ascontiguousarray(picture @ WHITE_XYZ.T, np.float32)
+    clean = mitsuba_oidn.denoise(picture, *guides, hdr=True, quality=quality, input_scale=exposure(picture))
+    return np.asarray(clean) @ np.linalg.inv(WHITE_XYZ).T.astype(np.float32) if pure else np.asarray(clean)
 
 
 def exposure(picture: np.ndarray) -> float:

@@ -105,6 +105,10 @@ class Layered(Surface):
         self.ior = dr.opaque(mi.Float, max(material.ior, 1.0))
         self.strength = dr.opaque(mi.Float, material.anisotropy)
         self.rotation = dr.opaque(mi.Float, material.anisotropy_rotation)
+        # Of a measured metal: n and k of each channel.
+        self.metal = None
+        if material.metal is not None:
+            self.metal = [[dr.opaque(mi.Float, value) for value in part] for part in material.metal.eta_k]
         self.gloss_table = _shares(ggx_shares(float(material.ior)))
         self.steps = material.ior >= 1.0001
         there = extra_lobes(material)
@@ -153,6 +157,13 @@ class Layered(Surface):
             return dr.power(1 - cosine, 5)
         normal = dr.square((ior - 1) / (ior + 1))
         return dr.clip((mi.fresnel(cosine, ior)[0] - normal) / (1 - normal), 0, 1)
+
+    def metal_reflectance(self, base: Any, cosine: Any) -> Any:
+        """By Fresnel's equations where n and k are known, by Schlick's approximation from the base colour else."""
+        if self.metal is None:
+            return base + (1 - base) * dr.power(1 - cosine, 5)
+        eta, k = self.metal
+        return mi.Color3f(*(mi.fresnel_conductor(cosine, mi.Complex2f(eta[c], k[c])) for c in range(3)))
 
     def probabilities(self, si: Any, active: Any) -> tuple[Any, Any, Any, Any]:
         """Shares of the samples for base, gloss, coat and sheen: about what each returns of light from here."""
@@ -206,7 +217,7 @@ class Layered(Surface):
         wi_l, wo_l, half_l = self.turn(wi), self.turn(wo), self.turn(half)
         shape = lobe.eval(half_l) * lobe.G(wi_l, wo_l, half_l) / (4 * cos_i)
         dielectric = low + (high - low) * self.risen(facing, self.ior, self.steps)
-        metal = base + (1 - base) * dr.power(1 - facing, 5)
+        metal = self.metal_reflectance(base, facing)
         glossy = dr.lerp(dielectric, metal, metallic) * shape
         density = p_gloss * lobe.pdf(wi_l, half_l) / (4 * dr.maximum(facing, 1e-8))
 

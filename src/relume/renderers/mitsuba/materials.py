@@ -18,11 +18,12 @@ SMOOTH = 0.03
 """Below this roughness glass is smooth: α < 0.001, finer than any picture shows."""
 
 
-def bsdf(mi: Any, material: AnyMaterial, *, media: bool = False) -> Any:
+def bsdf(mi: Any, material: AnyMaterial, *, media: bool = False, dispersion: bool = False) -> Any:
     """The surface of a material as a BSDF or the dictionary of one; of one that `scene.why_not` has nothing against.
 
     media : whether the integrator follows light through what fills the body (`Material.medium`). Where it does not, a
         body that scatters is a diffuse one of the same colour, and one that only absorbs is clear: both with a warning.
+    dispersion : whether the integrator follows each wavelength by itself (`transport.dispersion`)
     Warns of all else that is not rendered; raises UnsupportedScene for Ward's surface in a scalar variant.
     """
     if isinstance(material, Diffuse):
@@ -37,27 +38,41 @@ def bsdf(mi: Any, material: AnyMaterial, *, media: bool = False) -> Any:
 
         return {"type": "twosided", "bsdf": ward(material)}
     assert isinstance(material, Material)
-    if lost := not_rendered(material, media=media, scalar=not _is_jit(mi)):
+    if lost := not_rendered(material, media=media, dispersion=dispersion, scalar=not _is_jit(mi)):
         warn(f"not rendered of material {material.name!r}: {', '.join(lost)}")
     medium = material.medium
     if not media and medium is not None and any(medium.scattering):
         material = replace(
             material, base_color=medium.diffuse_reflectance(), transmission=0.0, scattering_distance=None
         )
-    return _masked(mi, material, _surface(mi, material))
+    return _masked(mi, material, _surface(mi, material, dispersion and _is_jit(mi) and parts_light(material)))
 
 
-def not_rendered(material: Material, *, media: bool, scalar: bool) -> tuple[str, ...]:
+def parts_light(material: Material) -> bool:
+    """Whether its boundary bends light by its wavelength: smooth, with an index for each, of a body that is clear."""
+    if material.refraction is None or material.scattering_distance is not None:
+        return False
+    return float(np.mean(np.asarray(material.roughness))) <= SMOOTH
+
+
+def not_rendered(material: Material, *, media: bool, scalar: bool, dispersion: bool = False) -> tuple[str, ...]:
     """What of a material Mitsuba's BSDFs here leave out or replace, each in a few words."""
     lost, there = [], extra_lobes(material)
     if np.any(material.through):
-        if material.dispersion > 0:
-            lost.append("dispersion (render the three of rl.scene.dispersed for it)")
+        if material.refraction is not None:
+            if scalar:
+                lost.append("dispersion (the scalar variant has none)")
+            elif not parts_light(material):
+                lost.append("dispersion of what is rough or scatters inside")
+            elif not dispersion:
+                lost.append("dispersion")
         upper = ("clearcoat", "sheen", "specular")
         lost += [f"{name} over what light goes through" for name in upper if there[name]]
     if material.medium is not None and not media:
         lost.append("subsurface scattering (drawn diffuse)" if material.scattering_distance else "volume attenuation")
     if scalar:
+        if material.metal is not None and np.any(material.roughness):
+            lost.append("the metal's reflectance by angle (the scalar variant has Schlick's)")
         layers = ("clearcoat", "sheen", "specular", "anisotropy")
         lost += [f"{name} (the scalar variant has none)" for name in layers if there[name]]
     return tuple(lost)
@@ -109,11 +124,11 @@ def _is_jit(mi: Any) -> bool:
     return "_ad_" in mi.variant()
 
 
-def _surface(mi: Any, material: Material) -> Any:
+def _surface(mi: Any, material: Material, parted: bool) -> Any:
     through = material.through
     if not np.any(through):
         return _opaque(mi, material)
-    clear = _bumped(mi, material, _clear(mi, material))
+    clear = _bumped(mi, material, _parted(material) if parted else _clear(mi, material))
     if np.all(through == 1):
         return clear
     return {
@@ -146,6 +161,9 @@ def _opaque_side(mi: Any, material: Material) -> Any:
     plain, there = np.ndim(material.metallic) == 0 and np.ndim(material.roughness) == 0, extra_lobes(material)
     bare = not (there["clearcoat"] or there["sheen"] or there["anisotropy"])
     if plain and bare and material.metallic == 1 and material.roughness == 0:
+        if material.metal is not None:
+            eta, k = (rgb(part) for part in material.metal.eta_k)
+            return {"type": "conductor", "eta": eta, "k": k}
         return {
             "type": "conductor",
             "material": "none",
@@ -162,6 +180,12 @@ def _opaque_side(mi: Any, material: Material) -> Any:
         "roughness": texture_words(mi, material.roughness),
         "eta": max(material.ior, 1.0001),
     }
+
+
+def _parted(material: Material) -> Any:
+    from relume.renderers.mitsuba.dispersive import dispersive
+
+    return dispersive(material)
 
 
 def _clear(mi: Any, material: Material) -> dict[str, Any]:

@@ -2,15 +2,17 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 
 from relume.scene.materials.checks import Colour, check_range, check_shape, triple
+from relume.scene.materials.glasses import Glass, of_abbe
 from relume.scene.materials.media import Medium
+from relume.scene.materials.metals import Metal
 
-__all__ = ["Colour", "Diffuse", "Material", "Ward", "dispersed"]
+__all__ = ["Colour", "Diffuse", "Material", "Ward"]
 
 _COLOURS = ("base_color", "emission", "sheen_color", "specular_color")
 _SHARES = (
@@ -51,6 +53,8 @@ class Material:
     scattering_distance : mean free path between scatterings inside the body per channel, metres; None for clear bodies
     scattering_albedo : share of each scattering that is not absorbed, per channel
     scattering_anisotropy : mean cosine g of the scattering, −1 to 1 exclusive
+    glass : index of refraction by wavelength, which `ior` and `dispersion` are taken from, or None
+    metal : complex index by wavelength, which `base_color` and a `metallic` of 1 are taken from, or None
     """
 
     base_color: Colour | np.ndarray = (1.0, 1.0, 1.0)
@@ -77,8 +81,16 @@ class Material:
     scattering_distance: Colour | None = None
     scattering_albedo: Colour = (1.0, 1.0, 1.0)
     scattering_anisotropy: float = 0.0
+    glass: Glass | None = None
+    metal: Metal | None = None
 
     def __post_init__(self) -> None:
+        if self.glass is not None:
+            self._take("glass", "ior", 1.5, self.glass.n_d)
+            self._take("glass", "dispersion", 0.0, self.glass.dispersion)
+        if self.metal is not None:
+            self._take("metal", "base_color", (1.0, 1.0, 1.0), self.metal.base_color)
+            self._take("metal", "metallic", 0.0, 1.0)
         for field in _SHARES:
             check_range(field, getattr(self, field), self.name, 0.0, 1.0)
         for field in ("emission", "specular_color", "dispersion"):
@@ -106,6 +118,15 @@ class Material:
             )
         self._check_scattering()
 
+    def _take(self, source: str, field: str, unset: Any, value: Any) -> None:
+        """A field from what says it by wavelength; ValueError where another value was given."""
+        given = getattr(self, field)
+        if np.shape(given) != np.shape(value) or not (np.all(given == unset) or np.allclose(given, value, atol=1e-9)):
+            raise ValueError(
+                f"{field} of material {self.name!r} is given beside a {source}, which says it; give one of the two"
+            )
+        object.__setattr__(self, field, value)
+
     def _check_scattering(self) -> None:
         if self.scattering_distance is None:
             return
@@ -130,6 +151,13 @@ class Material:
             shape = np.maximum(clear.shape, metal.shape)
             clear, metal = (enlarged(image, *shape) for image in (clear, metal))
         return clear * (1 - metal)
+
+    @property
+    def refraction(self) -> Glass | None:
+        """The index of refraction by wavelength, of the glass or of Abbe's number; None where one bends all light."""
+        if self.thin or not np.any(self.through):
+            return None
+        return self.glass or (of_abbe(self.ior, self.dispersion) if self.dispersion > 0 and self.ior > 1 else None)
 
     @property
     def emits(self) -> bool:
@@ -158,19 +186,6 @@ def enlarged(value: Any, height: int, width: int) -> np.ndarray:
     image = np.atleast_2d(np.asarray(value, np.float32))
     rows, columns = np.arange(height) * image.shape[0] // height, np.arange(width) * image.shape[1] // width
     return image[rows[:, None], columns]
-
-
-def dispersed(material: Material) -> tuple[Material, Material, Material]:
-    """The material as red, green and blue light meet it, each without dispersion.
-
-    Half the spread is (ior − 1)·0.025·dispersion to either side (KHR_materials_dispersion), never below 1. Rendering
-    the scene with each and keeping the one channel of each picture renders the dispersion.
-    """
-    half = (material.ior - 1) * 0.025 * material.dispersion
-    red, green, blue = (
-        replace(material, ior=max(material.ior + side * half, 1.0), dispersion=0.0) for side in (-1, 0, 1)
-    )
-    return red, green, blue
 
 
 @dataclass(frozen=True)

@@ -1,11 +1,11 @@
 """Materials by name, with where their numbers come from.
 
-Colours of metals and of matt bodies: the reference sheet of Google's Filament ("Material properties", sRGB bytes);
-chrome: Adobe's metal references for the Standard Material (linear Rec. 709). Translucent bodies: the reduced scattering
-and absorption that Jensen, Marschner, Levoy and Hanrahan measured ("A practical model for subsurface light transport",
-2001, fig. 5), which with even scattering (g = 0) stand for the true ones by similarity. Rolled and brushed metals:
-Ward's fits ("Measuring and modeling anisotropic reflection", 1992, table 1). Indices of refraction at 589 nm and Abbe
-numbers: refractiveindex.info. Roughness is how such things are usually finished, an artist's choice.
+Metals: measured n and k (`metals`). Colours of matt bodies: the reference sheet of Google's Filament ("Material
+properties", sRGB bytes). Translucent bodies: the reduced scattering and absorption that Jensen, Marschner, Levoy and
+Hanrahan measured ("A practical model for subsurface light transport", 2001, fig. 5), which with even scattering (g =
+0) stand for the true ones by similarity. Rolled and brushed metals: Ward's fits ("Measuring and modeling anisotropic
+reflection", 1992, table 1). Indices of refraction at 589 nm: refractiveindex.info; for what parts light into
+wavelengths see `glasses`. Roughness is how such things are usually finished, an artist's choice.
 """
 
 from __future__ import annotations
@@ -18,7 +18,9 @@ import numpy as np
 
 from relume.image.colour import decode_srgb
 from relume.scene.materials.checks import triple
+from relume.scene.materials.glasses import glass_named
 from relume.scene.materials.materials import Colour, Material, Ward
+from relume.scene.materials.metals import METALS
 
 
 def material_preset(name: str) -> Material | Ward:
@@ -32,12 +34,17 @@ def _srgb(red: int, green: int, blue: int) -> Colour:
     return triple(decode_srgb(np.array([red, green, blue]) / 255))
 
 
-def _metal(name: str, colour: Colour, roughness: float) -> Material:
-    return Material(colour, metallic=1.0, roughness=roughness, name=name)
+def _metal(name: str, symbol: str, roughness: float) -> Material:
+    return Material(metal=METALS[symbol], roughness=roughness, name=name)
 
 
 def _clear(name: str, ior: float, **more: Any) -> Material:
     return Material(roughness=0.0, transmission=1.0, ior=ior, name=name, **more)
+
+
+def _parting(name: str, glass: str) -> Material:
+    """A clear body that parts light into wavelengths."""
+    return Material(roughness=0.0, transmission=1.0, glass=glass_named(glass), name=name)
 
 
 def _translucent(name: str, scattering: Colour, absorption: Colour, ior: float, roughness: float) -> Material:
@@ -54,17 +61,17 @@ def _translucent(name: str, scattering: Colour, absorption: Colour, ior: float, 
 
 
 _METALS = (
-    _metal("aluminium", _srgb(244, 245, 245), 0.2),
-    _metal("brass", _srgb(244, 228, 173), 0.2),
-    _metal("chrome", (0.5496, 0.5561, 0.5531), 0.0),
-    _metal("copper", _srgb(251, 216, 184), 0.2),
-    _metal("gold", _srgb(255, 220, 157), 0.15),
-    _metal("iron", _srgb(192, 189, 186), 0.4),
-    _metal("platinum", _srgb(214, 209, 200), 0.15),
-    _metal("silver", _srgb(250, 249, 245), 0.1),
-    _metal("titanium", _srgb(206, 200, 194), 0.3),
+    _metal("aluminium", "Al", 0.2),
+    _metal("brass", "CuZn", 0.2),
+    _metal("chrome", "Cr", 0.0),
+    _metal("copper", "Cu", 0.2),
+    _metal("gold", "Au", 0.15),
+    _metal("iron", "Fe", 0.4),
+    _metal("platinum", "Pt", 0.15),
+    _metal("silver", "Ag", 0.1),
+    _metal("titanium", "Ti", 0.3),
     # A front-silvered mirror.
-    _metal("mirror", (0.95, 0.95, 0.95), 0.0),
+    Material((0.95, 0.95, 0.95), metallic=1.0, roughness=0.0, name="mirror"),
 )
 _BRUSHED = (
     # Ward's figures have no colour; brass's, of luminance 1.
@@ -75,13 +82,16 @@ _BRUSHED = (
     Ward(_srgb(192, 189, 186), 0.05, 0.16, (0.0, 0.0, 0.0), "brushed_steel"),
 )
 _CLEAR = (
-    # Crown glass, N-BK7.
+    # Window glass, without dispersion, which costs noise and is not seen in what is not cut to show it.
     _clear("glass", 1.517),
     _clear("thin_glass", 1.517, thin=True),
     Material(roughness=0.4, transmission=1.0, ior=1.517, name="frosted_glass"),
     # Green as of a bottle, for bodies some centimetres thick: an artist's choice.
     _clear("bottle_glass", 1.517, attenuation_color=(0.25, 0.7, 0.2), attenuation_distance=0.05),
-    _clear("diamond", 2.417, dispersion=20 / 55.3),
+    _parting("diamond", "diamond"),
+    _parting("crown_glass", "N-BK7"),
+    _parting("flint_glass", "SF11"),
+    _parting("sapphire", "sapphire"),
     _clear("ice", 1.31),
     # Pope and Fry 1997: 0.34, 0.06 and 0.006 per metre at 650, 550 and 450 nm.
     _clear("water", 1.333, attenuation_color=(0.712, 0.942, 0.994), attenuation_distance=1.0),

@@ -36,6 +36,8 @@ def caustics(world: World, spheres: Spheres, lens: Lens, rng: Any, active: Any) 
     met = world.nearest(ray, active)
     active &= first.is_valid() & (met.t == first.t)
     inside, bounces = mi.UInt32(world.outside), mi.UInt32(0)
+    spectral = world.dispersion
+    hue, own = mi.Float(-1), mi.Float(-1) if spectral is None else rng.next_float32()
     if world.foggy:
         flux = flux * world.from_lamp(ray, met, far, active)
     seen_so_far = mi.UInt32(0)
@@ -45,6 +47,8 @@ def caustics(world: World, spheres: Spheres, lens: Lens, rng: Any, active: Any) 
     added = [mi.Bool(False) for _ in range(SEEN)]
     while active:
         si = met.compute_surface_interaction(ray, mi.RayFlags.All, active)
+        if spectral is not None:
+            si.time = spectral.index(si.shape, dr.select(hue < 0, own, hue))
         bsdf = si.bsdf(ray)
         on_object = world.is_object(met.shape)
         # What has been sent on is seen where it is scattered.
@@ -72,6 +76,9 @@ def caustics(world: World, spheres: Spheres, lens: Lens, rng: Any, active: Any) 
         active &= (delta & (on_object | sent_on)) | scattered | straight
         sent_on |= active & delta & on_object & ~straight
         flux = dr.select(active, flux * weight, flux)
+        if spectral is not None:
+            bent, whole = spectral.met(si, sample, own, active & (hue < 0))
+            flux, hue = spectral.sent(flux * whole, own, bent), dr.select(bent, own, hue)
         # Russian roulette, once something has scattered the light.
         brightness = dr.max(weight)
         active &= (dr.max(flux) > 0) & (bounces < world.depth) & (seen_so_far < SEEN)

@@ -28,6 +28,7 @@ def changed(
     brings; and what it meets with the objects, and without.
     """
     light = world.light
+    hue, hue_parted, own = mi.Float(-1), mi.Float(-1), numbers.wavelength()
     context = mi.BSDFContext()
     rng = numbers.stream
     even = [numbers.towards_light(look, looks) for look in range(looks)]
@@ -44,6 +45,8 @@ def changed(
     real_parted.t = dr.inf
     while active:
         si = met.compute_surface_interaction(ray, mi.RayFlags.All, active)
+        if world.dispersion is not None:
+            si.time = world.dispersion.index(si.shape, dr.select(hue < 0, own, hue))
         bsdf = si.bsdf(ray)
         smooth = active & mi.has_flag(bsdf.flags(), mi.BSDFFlags.Smooth) & (bounces < world.depth)
         cones = guide.cones(si.p, dr.select(dr.dot(si.n, ray.d) < 0, si.n, -si.n))
@@ -86,6 +89,9 @@ def changed(
         density = dr.select(delta, 0, density)
         first_scatters = dr.select(active & (bounces == 0), ~delta, first_scatters)
         throughput = dr.select(active, throughput * weight, throughput)
+        if world.dispersion is not None:
+            bent, whole = world.dispersion.met(si, sample, own, active & ~towards & (hue < 0))
+            throughput, hue = world.dispersion.weighed(throughput * whole, own, bent), dr.select(bent, own, hue)
         going = active & (dr.max(throughput) > 0) & (bounces < world.depth)
         ray = dr.select(active, si.spawn_ray(onward), ray)
         added = world.objects.ray_intersect_preliminary(ray, active=going)
@@ -103,11 +109,12 @@ def changed(
         weight_parted = dr.select(parting, throughput, weight_parted)
         density_parted = dr.select(parting, density, density_parted)
         bounces_parted = dr.select(parting, bounces, bounces_parted)
+        hue_parted = dr.select(parting, hue, hue_parted)
         met = dr.select(going & ~parting, real, met)
         active = going & ~parting & real.is_valid()
         # What is changed of a change is faint: such paths end early.
         survives = rng.next_float32() < 0.5
         throughput = dr.select(active, throughput * 2, throughput)
         active &= survives
-    way = (parted, weight_parted, density_parted, bounces_parted, first_scatters)
+    way = (parted, weight_parted, density_parted, bounces_parted, first_scatters, hue_parted)
     return (added_light, taken), way, (added_parted, real_parted)

@@ -10,6 +10,7 @@ import numpy as np
 
 from relume.renderers.mitsuba.materials import crossed_straight, filling
 from relume.renderers.mitsuba.transport.changes import changed
+from relume.renderers.mitsuba.transport.dispersion import dispersion_of
 from relume.renderers.mitsuba.transport.extent import corners, sticks_out
 from relume.renderers.mitsuba.transport.light import SceneLight
 from relume.renderers.mitsuba.transport.media import Media
@@ -51,6 +52,7 @@ class Estimator(Tracing):
             any(isinstance(m, Material) and m.emits for m in materials), depth, caught,
             light.map is not None and sticks_out(scene), materials, pierced=pierced,
         )  # fmt: skip
+        world.dispersion = dispersion_of((local, scene.local), (objects, scene.objects))
         super().__init__(world, camera, spheres, pierced, radii_of(scene.objects, objects, world.media))
         self.guide = Guide(scene.objects)
         # What is level never meets itself, in however many pieces: no path goes on without the objects.
@@ -89,24 +91,25 @@ class Estimator(Tracing):
         more, taken = mi.Color3f(0), mi.Color3f(0)
         met, weight = added, self._solid(ray, added)
         density, bounces, parted = mi.Float(0), mi.UInt32(0), mi.Bool(False)
-        begun = on_object
+        begun, before = on_object, mi.Float(-1)
         if world.local is not None:
             on_real = real.is_valid() & ~on_object
-            (more, taken), (way, share, drawn, so_far, first), (hit, missed) = changed(
+            (more, taken), (way, share, drawn, so_far, first, hue), (hit, missed) = changed(
                 world, self.guide, ray, real, numbers, on_real, LOOKS
             )
             if not self.alone:
                 taken += followed(
                     world, way, missed, mi.Color3f(share), mi.Float(drawn), mi.UInt32(so_far), numbers,
-                    missed.is_valid(), False, mi.Bool(False),
+                    missed.is_valid(), False, mi.Bool(False), hue,
                 )  # fmt: skip
             ray, met = dr.select(on_object, ray, way), dr.select(on_object, added, hit)
             weight, density = dr.select(on_object, weight, share), dr.select(on_object, density, drawn)
             bounces, parted = dr.select(on_object, bounces, so_far), ~on_object & first
-            begun = on_object | hit.is_valid()
+            begun, before = on_object | hit.is_valid(), dr.select(on_object, -1, hue)
         found = followed(
-            world, ray, met, mi.Color3f(weight), mi.Float(density), mi.UInt32(bounces), numbers, begun, True, parted
-        )
+            world, ray, met, mi.Color3f(weight), mi.Float(density), mi.UInt32(bounces), numbers, begun, True, parted,
+            before,
+        )  # fmt: skip
         objects = dr.select(on_object, found, 0)
         more += dr.select(on_object, 0, found)
         return {"objects": objects, "difference": more - taken, "taken": taken, "matte": mi.Float(on_object)}

@@ -203,7 +203,9 @@ class Tracing:
 def built(shapes: Sequence[Shape]) -> Any:
     """A Mitsuba scene of shapes alone."""
     parts = {
-        f"shape_{index:06d}": _shape(mi, shape, bsdf(mi, shape.material, media=True), emission(mi, shape.material))
+        f"shape_{index:06d}": _shape(
+            mi, shape, bsdf(mi, shape.material, media=True, dispersion=True), emission(mi, shape.material)
+        )
         for index, shape in enumerate(shapes)
     }
     return mi.load_dict({"type": "scene", **parts}, optimize=False)

@@ -8,6 +8,7 @@ import drjit
 import mitsuba
 
 from relume.renderers.mitsuba.limits import FAIR, WALK
+from relume.renderers.mitsuba.transport.dispersion import joined
 from relume.renderers.mitsuba.transport.photons import counted, reflected
 from relume.renderers.mitsuba.transport.sampling import Guide, Numbers, two
 from relume.renderers.mitsuba.transport.world import SHORTEN, World
@@ -28,7 +29,7 @@ def mitigated(a: Any, b: Any) -> Any:
 @dr.syntax
 def followed(
     world: World, ray: Any, met: Any, throughput: Any, density: Any, bounces: Any, numbers: Numbers, active: Any,
-    objects: bool, parted: Any,
+    objects: bool, parted: Any, hue: Any = -1.0,
 ) -> Any:  # fmt: skip
     """Radiance that comes back along rays.
 
@@ -36,8 +37,12 @@ def followed(
     density : per steradian, of the ray's direction among those beside which light is sampled; 0 for an only way
     objects : whether the added objects are there
     parted : whether the ray comes from a surface that scatters light, seen by the camera itself
+    hue : the wavelength that a ray has already, as a place (`Dispersion`)
     """
     light = world.light
+    spectral = world.dispersion
+    hue, own = mi.Float(hue), mi.Float(-1) if spectral is None else numbers.wavelength()
+    before, spread, dispersed = mi.Color3f(0), mi.Color3f(1), mi.Bool(False)
     # Whether the light that `caustics` follows from the lamps would be counted twice.
     scattered_first, on_surface, sent_on = mi.Bool(parted), mi.Bool(True), mi.Bool(False)
     # Whether lamps were looked for where a medium scattered the light, and then the direction's density for the map's.
@@ -81,6 +86,8 @@ def followed(
             ray = dr.select(scattered, onward, ray)
             walked += dr.select(scattered, 1, 0)
         si = met.compute_surface_interaction(ray, mi.RayFlags.All, active & ~scattered)
+        if spectral is not None:
+            si.time = spectral.index(si.shape, dr.select(hue < 0, own, hue))
         on = active & ~scattered & si.is_valid()
         bsdf = si.bsdf(ray)
         if world.emitting and objects:
@@ -113,6 +120,10 @@ def followed(
         onward = si.to_world(sample.wo)
         going = bent & (bounces < world.depth) & (dr.max(value) > 0) & (sample.pdf > 0)
         throughput = dr.select(bent, throughput * value, throughput)
+        if spectral is not None:
+            first, whole = spectral.met(si, sample, own, going & (hue < 0))
+            before, spread, result, throughput = spectral.parted(before, spread, result, throughput * whole, own, first)
+            hue, dispersed = dr.select(first, own, hue), dispersed | first
         delta = mi.has_flag(sample.sampled_type, mi.BSDFFlags.Delta)
         density = dr.select(bent, dr.select(delta, 0, sample.pdf), density)
         looked &= ~bent
@@ -166,7 +177,7 @@ def followed(
             active &= met.is_valid() | (inside == world.outside)
         else:
             active &= met.is_valid()
-    return result
+    return joined(before, spread, result, dispersed)
 
 
 def _from_between(world: World, ray: Any, way: Any, inside: Any, rng: Any, active: Any) -> Any:

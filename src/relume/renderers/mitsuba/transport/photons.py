@@ -209,6 +209,8 @@ def _walked(world: World, spheres: Spheres, rng: Any, active: Any, kept: list[An
         flux = flux * world.from_lamp(ray, met, far, active)
     inside, times = mi.UInt32(0), mi.UInt32(0)
     bounces, walked = mi.UInt32(0), mi.UInt32(0)
+    spectral = world.dispersion
+    hue, own = mi.Float(-1), mi.Float(-1) if spectral is None else rng.next_float32()
     while active:
         # Through what fills a body.
         way = world.reach(ray, met.t, inside, active)
@@ -227,6 +229,8 @@ def _walked(world: World, spheres: Spheres, rng: Any, active: Any, kept: list[An
             dr.scatter(buffer, value, slots + slot, stored & (slot < SLOTS))
         # At a surface, which sends it on in one direction or ends the ray.
         si = met.compute_surface_interaction(ray, mi.RayFlags.All, active & ~scattered)
+        if spectral is not None:
+            si.time = spectral.index(si.shape, dr.select(hue < 0, own, hue))
         on = active & ~scattered & si.is_valid()
         bsdf = si.bsdf(ray)
         sample, weight = bsdf.sample(context, si, rng.next_float32(), two(rng), on)
@@ -238,6 +242,9 @@ def _walked(world: World, spheres: Spheres, rng: Any, active: Any, kept: list[An
         bounces += dr.select(going & ~inner & ~straight, 1, 0)
         going &= bounces < world.depth
         flux = dr.select(going, flux * weight, flux)
+        if spectral is not None:
+            parted, whole = spectral.met(si, sample, own, going & (hue < 0))
+            flux, hue = spectral.sent(flux * whole, own, parted), dr.select(parted, own, hue)
         inside = dr.select(going, world.beyond(si, ahead, -ray.d, inside), inside)
         if world.foggy:
             inside = dr.select(going & (inside == 0), world.outside, inside)
@@ -266,8 +273,12 @@ def _landed(world: World, spheres: Spheres, rng: Any, active: Any, kept: list[An
     if world.foggy:
         flux = flux * world.from_lamp(ray, met, far, active)
     inside, times, bounces = mi.UInt32(world.outside), mi.UInt32(0), mi.UInt32(0)
+    spectral = world.dispersion
+    hue, own = mi.Float(-1), mi.Float(-1) if spectral is None else rng.next_float32()
     while active:
         si = met.compute_surface_interaction(ray, mi.RayFlags.All, active)
+        if spectral is not None:
+            si.time = spectral.index(si.shape, dr.select(hue < 0, own, hue))
         bsdf = si.bsdf(ray)
         landed = active & (bounces > 0) & mi.has_flag(bsdf.flags(), mi.BSDFFlags.Smooth) & (times < SLOTS)
         values = [*si.p, *ray.d, *flux, mi.UInt32(1)]
@@ -282,6 +293,9 @@ def _landed(world: World, spheres: Spheres, rng: Any, active: Any, kept: list[An
         active &= straight | mi.has_flag(sample.sampled_type, mi.BSDFFlags.Delta)
         bounces += dr.select(active & ~straight, 1, 0)
         flux = dr.select(active, flux * weight, flux)
+        if spectral is not None:
+            parted, whole = spectral.met(si, sample, own, active & (hue < 0))
+            flux, hue = spectral.sent(flux * whole, own, parted), dr.select(parted, own, hue)
         active &= (bounces < world.depth) & (dr.max(flux) > 0)
         inside = dr.select(active, world.beyond(si, ahead, -ray.d, inside), inside)
         ray = dr.select(active, si.spawn_ray(ahead), ray)

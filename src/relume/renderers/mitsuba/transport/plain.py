@@ -9,6 +9,7 @@ import mitsuba as mi
 import numpy as np
 
 from relume.renderers.mitsuba.materials import crossed_straight, filling
+from relume.renderers.mitsuba.transport.dispersion import dispersion_of
 from relume.renderers.mitsuba.transport.extent import sphere_round_all, sticks_out
 from relume.renderers.mitsuba.transport.light import BRIGHT, SceneLight
 from relume.renderers.mitsuba.transport.media import Media
@@ -45,6 +46,7 @@ class Plain(Tracing):
             light.map is not None and sticks_out(scene), materials,
             None if scene.medium is None or walls else sphere_round_all(scene), pierced,
         )  # fmt: skip
+        world.dispersion = dispersion_of((together, shapes))
         super().__init__(world, camera, spheres, pierced, radii_of(shapes, together, world.media))
         numbers = np.array(dr.reinterpret_array(mi.UInt32, together.shapes_dr()))
         table = np.zeros(int(numbers.max(initial=0)) + 1, np.uint32)

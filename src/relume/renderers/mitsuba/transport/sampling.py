@@ -18,6 +18,8 @@ from relume.scene.shapes.shapes import Solid, bounding_sphere
 PLANE = (0.7548776662466927, 0.5698402909980532)
 SPACE = (0.8191725133961645, 0.6710436067037893, 0.5497004779019703)
 """Steps of sequences that fill a square and a cube evenly: powers of the roots of x³ = x + 1 and x⁴ = x + 1."""
+GOLDEN = 0.6180339887498949
+"""The same for a line."""
 MOST_CONES = 8
 """Cones that every direction is held against; more objects than that share their nearest neighbour's."""
 WIDEST = 0.999999
@@ -58,6 +60,10 @@ class Numbers:
         index = mi.Float(self.sample * looks + look)
         choice, u, v = (_fraction(self._shift(2 + axis) + index * step) for axis, step in enumerate(SPACE))
         return choice, mi.Point2f(u, v)
+
+    def wavelength(self) -> Any:
+        """The place of each ray's wavelength, spread evenly over those of its pixel (`Dispersion`)."""
+        return _fraction(self._shift(5) + mi.Float(self.sample) * GOLDEN)
 
     def _shift(self, axis: int) -> Any:
         return mi.sample_tea_float32(self.pixel, self.seed + mi.UInt32(0x9E3779B9 * (axis + 1) & 0xFFFFFFFF), 6)

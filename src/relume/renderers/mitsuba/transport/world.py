@@ -11,6 +11,7 @@ import numpy as np
 
 from relume.renderers.mitsuba.materials import crossed_straight
 from relume.renderers.mitsuba.transport import opaque
+from relume.renderers.mitsuba.transport.dispersion import Dispersion
 from relume.renderers.mitsuba.transport.light import SceneLight
 from relume.renderers.mitsuba.transport.media import Media
 from relume.scene.shapes.shapes import AnyMaterial
@@ -35,9 +36,12 @@ class World:
     smooth : whether `caustics` follows the light that smooth objects send on
     sticks_out : whether real surfaces reach out of the distant scene
     materials : of the objects, in order
+    dispersion : what bends light by its wavelength; None where nothing does
     pierced : whether any of them has holes, which the camera's rays are let through by chance
     fog : the centre and the radius of the sphere that the medium between bodies ends at; None for the distant scene
     """
+
+    dispersion: Dispersion | None = None
 
     # Not a dataclass: Dr.Jit's loops would take its fields for state and rewrite them.
     def __init__(
