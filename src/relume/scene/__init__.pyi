@@ -7,8 +7,12 @@ from .lights import AmbientLight as AmbientLight
 from .lights import DistantLight as DistantLight
 from .lights import PointLight as PointLight
 from .lights import SphereLight as SphereLight
+from .materials.abc_facets import MERL_FITS as MERL_FITS
+from .materials.abc_facets import ABCFacets as ABCFacets
 from .materials.materials import Ward as Ward
 from .materials.materials import dispersed as dispersed
+from .materials.measured import MeasuredBRDF as MeasuredBRDF
+from .materials.measured import read_merl as read_merl
 from .materials.presets import PRESETS as PRESETS
 from .materials.presets import material_preset as material_preset
 from .materials.reflective import Reflective as Reflective

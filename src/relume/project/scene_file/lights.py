@@ -11,7 +11,7 @@ from pydantic import BeforeValidator, Discriminator, Field, Tag, model_validator
 
 from relume.image import files
 from relume.image.colour import luminance
-from relume.project.scene_file.materials import naming
+from relume.project.scene_file.images import naming
 from relume.project.schema import GreyOrColour, Positive, Table, Vector
 from relume.scene.lights import (
     AmbientLight,

@@ -13,6 +13,7 @@ import numpy as np
 from pydantic import Field, model_validator
 
 from relume.errors import InvalidScene, UnreadableFile
+from relume.project.scene_file.images import naming
 from relume.project.scene_file.lights import (
     AnyLightTable,
     AttenuationTable,
@@ -22,7 +23,7 @@ from relume.project.scene_file.lights import (
     light_of,
     read_light,
 )
-from relume.project.scene_file.materials import SurfaceTable, made, naming
+from relume.project.scene_file.materials import SurfaceTable, made
 from relume.project.scene_file.shapes import LocalTable, ObjectTable, plane_of, solids_of
 from relume.project.schema import Table, Vector, checked, read_toml
 from relume.renderers.whitted.antialiasing import Antialiasing

@@ -12,7 +12,8 @@ from pydantic import model_validator
 
 from relume.errors import InvalidScene
 from relume.project.mesh_tables import Placement, placed
-from relume.project.scene_file.materials import has_images, naming
+from relume.project.scene_file.images import naming
+from relume.project.scene_file.materials import has_images
 from relume.project.schema import Positive, Share, Table, Vector
 from relume.scene.materials.materials import Diffuse
 from relume.scene.materials.whitted import WhittedMaterial

@@ -352,6 +352,7 @@ class Shot(Table):
             *light,
             *(name for table in self.local for name in table.files()),
             *(o.mesh for o in self.objects),
+            *(o.material.file for o in self.objects if o.material.file is not None),
         ]
 
     def path(self, name: str) -> Path:
