@@ -28,7 +28,9 @@ def test_a_preset_takes_the_place_of_the_meshs_own():
 
 
 def test_a_field_that_the_preset_has_not_is_reported():
-    with pytest.raises(ValueError, match="roughness: a Ward surface has none; it has alpha_x, alpha_y, diffuse"):
+    with pytest.raises(
+        ValueError, match="roughness: a Ward surface has none; it has alpha_x, alpha_y, crossed, crossing, diffuse"
+    ):
         MaterialTable(preset="rolled_brass", roughness=0.3).apply(TIN)
     with pytest.raises(ValueError, match="alpha_x: a glTF material has none"):
         MaterialTable(alpha_x=0.3).apply(TIN)

@@ -52,15 +52,15 @@ def fitted_lobe(brdf: BRDF) -> HalfVectorLobe:
     angles = np.pi / 2 * np.linspace(0, 1, BINS + 1) ** 2
     edges = 2 * np.sin(angles / 2) ** 2
     middle = (angles[:-1] + angles[1:]) / 2
-    shape = _facets(brdf, middle)
-    floor = shape[middle > np.radians(60)].min()
-    chances = np.maximum(shape - floor, 0) * np.cos(middle) ** 3 * np.diff(edges)
+    values = _facets(brdf, middle)
+    floor = values[middle > np.radians(60)].min(axis=0)
+    chances = np.maximum(values - floor, 0).max(axis=1) * np.cos(middle) ** 3 * np.diff(edges)
     if not chances.sum() > 0:
         chances = np.cos(middle) * np.diff(edges)
     chances /= chances.sum()
     albedo = directional_albedo(brdf, np.linspace(0, 1, COSINES))
-    bright = albedo.max(axis=1)
-    glossy = np.clip(1 - np.pi * floor / np.maximum(bright, 1e-9), LEAST, 1 - LEAST)
+    # As much of the light as is not diffuse, of each channel alike: the gloss of a yellow plastic is most of its blue.
+    glossy = np.clip((1 - np.pi * floor / np.maximum(albedo, 1e-9)).mean(axis=1), LEAST, 1 - LEAST)
     return HalfVectorLobe(edges, chances, glossy, albedo)
 
 
@@ -96,12 +96,12 @@ def directional_albedo(brdf: BRDF, cosines: np.ndarray) -> np.ndarray:
 
 
 def _facets(brdf: BRDF, theta: np.ndarray) -> np.ndarray:
-    """The largest channel of f by θh, averaged over small differences."""
+    """f (N, 3) by θh, averaged over small differences."""
     values = []
     for difference in _ANGLES:
         sine, cosine = np.sin(difference), np.cos(difference)
         # φd = 90°: both directions are as far from the normal as each other.
         up, level = np.cos(theta) * cosine, np.sin(theta) * cosine
         one = np.stack([level, np.full_like(theta, sine), up], -1)
-        values.append(brdf.evaluate(one, one * [1, -1, 1]).max(axis=-1))
+        values.append(brdf.evaluate(one, one * [1, -1, 1]))
     return np.mean(values, axis=0)

@@ -351,8 +351,7 @@ class Shot(Table):
             *profiles,
             *light,
             *(name for table in self.local for name in table.files()),
-            *(o.mesh for o in self.objects),
-            *(o.material.file for o in self.objects if o.material.file is not None),
+            *(name for o in self.objects for name in (o.mesh, o.material.file) if name is not None),
         ]
 
     def path(self, name: str) -> Path:

@@ -8,16 +8,28 @@ from typing import Any
 
 import numpy as np
 
-from relume.renderers.half_vectors import BINS, BRDF, COSINES, fitted_lobe
+from relume.errors import warn
+from relume.renderers.half_vectors import BINS, COSINES, HalfVectorLobe, fitted_lobe
 from relume.renderers.mitsuba.layered import Surface, dr, mi, surface_class
 from relume.scene.materials.abc_facets import ABCFacets
 from relume.scene.materials.measured import MeasuredBRDF
 
+GRAZING, MOST = 0.2, 1.01
+"""The cosine from which on an albedo counts, and the albedo that is more than an error of quadrature."""
+
 
 def half_vector(material: MeasuredBRDF | ABCFacets) -> Any:
-    """The surface, one-sided; for the variants with `_ad_` in their names."""
+    """The surface, one-sided; for the variants with `_ad_` in their names. Warns where it returns more than it gets."""
     methods = MeasuredSurface if isinstance(material, MeasuredBRDF) else ABCSurface
-    return surface_class(methods, mi.variant())(mi.Properties(), material)
+    lobe = fitted_lobe(material)
+    # At grazing angles measurements are poor, and few pixels are seen there.
+    seen = lobe.albedo[int(GRAZING * COSINES) :]
+    if seen.max() > MOST:
+        warn(
+            f"the measured surface {material.name!r} returns up to {seen.max():.3g} of the light that it gets; between "
+            "such surfaces light grows: give it a smaller scale"
+        )
+    return surface_class(methods, mi.variant())(mi.Properties(), material, lobe)
 
 
 class HalfVectorSurface(Surface):
@@ -26,8 +38,7 @@ class HalfVectorSurface(Surface):
     # f of directions above the surface and their half vector.
     reflectance: Any
 
-    def set_lobe(self, material: BRDF) -> None:
-        lobe = fitted_lobe(material)
+    def set_lobe(self, lobe: HalfVectorLobe) -> None:
         self.edges = mi.Float(lobe.edges.astype(np.float32))
         self.chances = mi.Float(lobe.chances.astype(np.float32))
         self.below = mi.Float(np.concatenate([[0], np.cumsum(lobe.chances)]).astype(np.float32))
@@ -84,9 +95,9 @@ class HalfVectorSurface(Surface):
 class MeasuredSurface(HalfVectorSurface):
     """A table, linear between the middles of its entries."""
 
-    def __init__(self, properties: Any, material: MeasuredBRDF) -> None:
+    def __init__(self, properties: Any, material: MeasuredBRDF, lobe: HalfVectorLobe) -> None:
         mi.BSDF.__init__(self, properties)
-        self.set_lobe(material)
+        self.set_lobe(lobe)
         # One more entry at both ends of φd, which comes round.
         padded = np.concatenate([material.values[:, :, -1:], material.values, material.values[:, :, :1]], axis=2)
         self.sizes = material.values.shape[:3]
@@ -116,9 +127,9 @@ class MeasuredSurface(HalfVectorSurface):
 class ABCSurface(HalfVectorSurface):
     """ABC facets over a diffuse base, exactly."""
 
-    def __init__(self, properties: Any, material: ABCFacets) -> None:
+    def __init__(self, properties: Any, material: ABCFacets, lobe: HalfVectorLobe) -> None:
         mi.BSDF.__init__(self, properties)
-        self.set_lobe(material)
+        self.set_lobe(lobe)
         # Opaque to the compiler, so that all materials of this class share one program.
         self.diffuse, self.strength = (
             mi.Color3f(*(dr.opaque(mi.Float, float(channel)) for channel in colour))

@@ -82,28 +82,6 @@ def half_and_difference(one: np.ndarray, other: np.ndarray) -> tuple[np.ndarray,
     return theta_h, theta_d, np.mod(np.arctan2(across, upright), np.pi)
 
 
-def directions_of(theta_h: np.ndarray, theta_d: np.ndarray, phi_d: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Pairs of unit vectors (…, 3) of these angles in radians, with h towards +x: the inverse of the angles."""
-    sine = np.sin(theta_d)
-    x, y, z = sine * np.cos(phi_d), sine * np.sin(phi_d), np.cos(theta_d)
-    cosine_h, sine_h = np.cos(theta_h), np.sin(theta_h)
-    pair = [
-        np.stack([cosine_h * s * x + sine_h * z, s * y + 0 * theta_h, cosine_h * z - sine_h * s * x], -1)
-        for s in (1.0, -1.0)
-    ]
-    return pair[0], pair[1]
-
-
-def middles(shape: tuple[int, int, int]) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """θh (H, 1, 1), θd (1, D, 1) and φd (1, 1, P) at the middles of a table's entries, radians."""
-    shares = [(np.arange(count) + 0.5) / count for count in shape]
-    return (
-        np.pi / 2 * shares[0][:, None, None] ** 2,
-        np.pi / 2 * shares[1][None, :, None],
-        np.pi * shares[2][None, None, :],
-    )
-
-
 def read_merl(path: str | os.PathLike[str]) -> MeasuredBRDF:
     """Read a `.binary` file of the MERL BRDF database: 90 × 90 × 180 values of red, of green and of blue.
 
