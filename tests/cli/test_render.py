@@ -337,3 +337,23 @@ def test_a_plate_of_another_size_is_refused_with_the_size_to_give(folder, capsys
     write(folder / "plate.exr", RadianceMap(np.ones((10, 20, 3), np.float32)))
     line = refused(command(folder, "chrome.toml", "a.png", "--plate", str(folder / "plate.exr")), capsys)
     assert "give the picture the size 20x10" in line
+
+
+def test_a_material_is_plotted_without_a_scene_and_by_its_name_in_one(folder, capsys):
+    plotted = reported(["render", "--brdf", "gold", "--samples", "2", "-o", folder / "gold.png"], capsys)
+    assert plotted["material"] == "gold" and read_photograph(folder / "gold.png").pixels.shape[1] == 1300
+    printed(command(folder, "clay.toml", "clay.png", "--brdf", "clay", "--dry-run"), capsys)
+    assert not (folder / "clay.png").exists()
+
+
+@pytest.mark.parametrize(
+    ("arguments", "line"),
+    [
+        (["--brdf", "lead", "-o", "a.png"], "no preset 'lead'"),
+        (["--brdf", "gold", "-o", "a.exr"], "must end in .png or .svg"),
+        (["--brdf", "gold", "-o", "a.png", "--frames", "3"], "--brdf plots one material, and --frames"),
+        (["-o", "a.png"], "no scene is given"),
+    ],
+)
+def test_a_plot_that_cannot_be_is_refused_in_one_line(capsys, arguments, line):
+    assert line in refused(["render", *arguments], capsys)

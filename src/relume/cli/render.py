@@ -101,6 +101,14 @@ class InsteadOptions:
             "where the picture's time goes."
         ),
     ] = None
+    brdf: Annotated[
+        str | None,
+        Parameter(
+            help="Instead of the picture plot a material (.png or .svg): cross-sections of the light that it scatters, "
+            "its albedo by angle, and balls of it. A material of the scene file by its name, a preset, or a MERL "
+            ".binary file; the last two need no scene."
+        ),
+    ] = None
     environment: Annotated[
         Point | None,
         Parameter(
@@ -111,7 +119,9 @@ class InsteadOptions:
 
 
 def render(
-    scene: Annotated[Path, Parameter(help="A scene file, .toml, or a mesh: .glb, .gltf, .obj, .ply, .stl or .usd.")],
+    scene: Annotated[
+        Path | None, Parameter(help="A scene file, .toml, or a mesh: .glb, .gltf, .obj, .ply, .stl or .usd.")
+    ] = None,
     /,
     *,
     out: Annotated[
@@ -170,6 +180,16 @@ def render(
     with warnings_as_notes(output):
         # Refuse what cannot be written, before any work.
         pictures = {"--frames": moving.frames, "--region": tracing.region, "--plate": plate}
+        if instead.brdf is not None:
+            others = {"--tree": tree, "--environment": environment, "--light": light, "--size": size}
+            _check_alone("--brdf plots one material", others | {"--cluster": cluster} | pictures)
+            require_suffix(out, ".png", ".svg")
+            rays = 64 if samples is None else samples
+            rl.report.draw_brdf(instead.brdf, out, scene=scene, samples=rays, seed=seed or 0, dry_run=dry_run)
+            print_facts(output, {"would write" if dry_run else "written": str(out), "material": instead.brdf})
+            return
+        if scene is None:
+            raise ValueError("no scene is given; name a scene file or a mesh, as in relume render scene.toml -o a.exr")
         if environment is not None:
             _check_alone("--environment shows all directions", {"--tree": tree, **pictures})
             require_suffix(out, ".exr", ".hdr")
@@ -249,7 +269,7 @@ def _check_alone(what: str, others: dict[str, object]) -> None:
     """Refuse options that ask for pictures where no picture is made."""
     given = [name for name, value in others.items() if value is not None]
     if given:
-        raise ValueError(f"{what}, and {given[0]} is for pictures; leave one of them out")
+        raise ValueError(f"{what}, and {given[0]} is of something else; leave one of them out")
 
 
 def _check_output(out: Path, moving: MotionOptions) -> None:

@@ -5,6 +5,7 @@ Paths are relative to the file; lengths are metres, angles degrees. An unknown k
 
 from __future__ import annotations
 
+import os
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Annotated, Any
@@ -32,6 +33,7 @@ from relume.scene.cameras.camera import Camera
 from relume.scene.motion.moving_objects import ObjectOrbit
 from relume.scene.scene import Scene
 from relume.scene.shapes.meshes import read_meshes
+from relume.scene.shapes.shapes import AnyMaterial
 
 
 class WhittedSettings(Table):
@@ -180,6 +182,16 @@ def read_scene(path: str | Path, light: str | Path | None = None, size: tuple[in
     if light is not None:
         read = replace(read, scene=replace(read.scene, light=read_light(Path(light))))
     return read if size is None else replace(read, camera=read.camera.resized(*size))
+
+
+def scene_materials(path: str | os.PathLike[str]) -> dict[str, AnyMaterial]:
+    """The materials of a scene file by their names, used or not; raises InvalidScene naming the key."""
+    path = Path(path)
+    table = checked(SceneTable, read_toml(path, "scene file", InvalidScene), path, "scene file", InvalidScene)
+    return {
+        name: made(material, name, path.parent, f"{path}: materials.{name}")
+        for name, material in table.materials.items()
+    }
 
 
 def _read_table(path: Path) -> SceneFile:
