@@ -181,15 +181,10 @@ def render(
         # Refuse what cannot be written, before any work.
         pictures = {"--frames": moving.frames, "--region": tracing.region, "--plate": plate}
         if instead.brdf is not None:
-            others = {"--tree": tree, "--environment": environment, "--light": light, "--size": size}
-            _check_alone("--brdf plots one material", others | {"--cluster": cluster} | pictures)
-            require_suffix(out, ".png", ".svg")
-            rays = 64 if samples is None else samples
-            rl.report.draw_brdf(instead.brdf, out, scene=scene, samples=rays, seed=seed or 0, dry_run=dry_run)
-            print_facts(output, {"would write" if dry_run else "written": str(out), "material": instead.brdf})
-            return
-        if scene is None:
-            raise ValueError("no scene is given; name a scene file or a mesh, as in relume render scene.toml -o a.exr")
+            others = {"--tree": tree, "--environment": environment, "--light": light, "--size": size, **pictures}
+            facts = _plot(instead.brdf, scene, out, {"--cluster": cluster, **others}, samples, seed, dry_run)
+            return print_facts(output, facts)
+        scene = _given(scene)
         if environment is not None:
             _check_alone("--environment shows all directions", {"--tree": tree, **pictures})
             require_suffix(out, ".exr", ".hdr")
@@ -228,6 +223,24 @@ def render(
             facts = {"renderer": made.renderer, "shapes": made.shapes, "size": f"{made.size[0]}×{made.size[1]}"}
             facts["exposure"] = made.film.exposure
         print_facts(output, {"would write" if dry_run else "written": str(out), **facts})
+
+
+def _given(scene: Path | None) -> Path:
+    if scene is None:
+        raise ValueError("no scene is given; name a scene file or a mesh, as in relume render scene.toml -o a.exr")
+    return scene
+
+
+def _plot(
+    material: str, scene: Path | None, out: Path, others: dict[str, object], samples: int | None, seed: int | None,
+    dry_run: bool,
+) -> dict[str, object]:  # fmt: skip
+    _check_alone("--brdf plots one material", others)
+    require_suffix(out, ".png", ".svg")
+    require_files([] if scene is None else [scene])
+    rays = 64 if samples is None else samples
+    rl.report.draw_brdf(material, out, scene=scene, samples=rays, seed=seed or 0, dry_run=dry_run)
+    return {"would write" if dry_run else "written": str(out), "material": material}
 
 
 def _environment(
