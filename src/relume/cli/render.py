@@ -19,6 +19,7 @@ FILTERS = Literal["plain", "subdivision", "quadrilateral", "preintegrated", "mip
 RENDERERS = Literal["prefiltered", "mitsuba", "whitted"]
 PICTURES = (".exr", ".hdr", ".png", ".jpg", ".jpeg")
 ROWS = 512
+SCENES = "A scene file, .toml, or a mesh: .glb, .gltf, .obj, .ply, .stl or .usd."
 
 
 def _renderer(kind: object, tokens: Sequence[Token]) -> str:
@@ -119,9 +120,7 @@ class InsteadOptions:
 
 
 def render(
-    scene: Annotated[
-        Path | None, Parameter(help="A scene file, .toml, or a mesh: .glb, .gltf, .obj, .ply, .stl or .usd.")
-    ] = None,
+    scene: Annotated[Path | None, Parameter(help=SCENES)] = None,
     /,
     *,
     out: Annotated[
@@ -181,10 +180,8 @@ def render(
         # Refuse what cannot be written, before any work.
         pictures = {"--frames": moving.frames, "--region": tracing.region, "--plate": plate}
         if instead.brdf is not None:
-            others = {"--tree": tree, "--environment": environment, "--light": light, "--size": size, **pictures}
-            facts = _plot(instead.brdf, scene, out, {"--cluster": cluster, **others}, samples, seed, dry_run)
-            return print_facts(output, facts)
-        scene = _given(scene)
+            others = {"--light": light, "--size": size, "--cluster": cluster, **pictures}
+            return print_facts(output, _plot(instead, scene, out, others, samples, seed, dry_run))
         if environment is not None:
             _check_alone("--environment shows all directions", {"--tree": tree, **pictures})
             require_suffix(out, ".exr", ".hdr")
@@ -200,7 +197,7 @@ def render(
             )
         require_files([each for each in (scene, light, plate) if each is not None])
         # Read what the options name.
-        read = rl.read_scene(scene, light, size if environment is None else None)
+        read = rl.read_scene(_given(scene), light, size if environment is None else None)
         settings = rl.RenderSettings(
             renderer=renderer,
             filter=filter,
@@ -232,10 +229,11 @@ def _given(scene: Path | None) -> Path:
 
 
 def _plot(
-    material: str, scene: Path | None, out: Path, others: dict[str, object], samples: int | None, seed: int | None,
-    dry_run: bool,
+    instead: InsteadOptions, scene: Path | None, out: Path, others: dict[str, object], samples: int | None,
+    seed: int | None, dry_run: bool,
 ) -> dict[str, object]:  # fmt: skip
-    _check_alone("--brdf plots one material", others)
+    material = instead.brdf or ""
+    _check_alone("--brdf plots one material", {"--tree": instead.tree, "--environment": instead.environment, **others})
     require_suffix(out, ".png", ".svg")
     require_files([] if scene is None else [scene])
     rays = 64 if samples is None else samples

@@ -218,8 +218,9 @@ def _draw_profile(axis: Any, part: Scattering, angles: np.ndarray) -> None:
         values = luminance(_relative(part, index, angles))[above]
         axis.semilogy(np.degrees(angles[above]), np.maximum(values, 1e-6), lw=1.2, label=f"{degrees:g}°")
     # Without anything to scale by, as of a mirror, the axis shows a span of its own.
-    largest = max(float(luminance(_relative(part, i, angles)).max()) for i in range(len(INCIDENCES)))
-    axis.set_ylim(*((1e-4, 1.0) if largest < 1e-5 else (max(largest * 1e-6, 1e-4), 2 * largest)))
+    every = [luminance(_relative(part, index, angles))[above] for index in range(len(INCIDENCES))]
+    largest, least = float(np.max(every)), float(np.min(every))
+    axis.set_ylim(*((1e-4, 1.0) if largest < 1e-5 else (max(0.5 * least, 1e-6 * largest, 1e-4), 2 * largest)))
     axis.set_xlim(-90, 90)
     axis.set_xticks([-90, -45, 0, 45, 90])
     axis.set_title("cross-sections, luminance", fontsize=9)
