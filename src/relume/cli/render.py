@@ -190,11 +190,7 @@ def render(
             require_suffix(out, ".png", ".svg")
         else:
             _check_output(out, moving)
-        if cluster is not None and (environment is not None or tree is not None):
-            raise ValueError(
-                "--cluster makes a picture or the frames of a motion, and neither an environment map nor a tree; leave "
-                "it out"
-            )
+        _check_cluster(cluster, instead)
         require_files([each for each in (scene, light, plate) if each is not None])
         # Read what the options name.
         read = rl.read_scene(_given(scene), light, size if environment is None else None)
@@ -281,6 +277,15 @@ def _check_alone(what: str, others: dict[str, object]) -> None:
     given = [name for name, value in others.items() if value is not None]
     if given:
         raise ValueError(f"{what}, and {given[0]} is of something else; leave one of them out")
+
+
+def _check_cluster(cluster: object, instead: InsteadOptions) -> None:
+    """Refuse workers for what has no parts."""
+    if cluster is not None and (instead.environment is not None or instead.tree is not None):
+        raise ValueError(
+            "--cluster makes a picture or the frames of a motion, and neither an environment map nor a tree; leave it "
+            "out"
+        )
 
 
 def _check_output(out: Path, moving: MotionOptions) -> None:
