@@ -371,3 +371,23 @@ def test_a_photon_map_is_named_and_takes_a_pass_for_each_sample(tmp_path, capsys
         render = PhotonMap(passes=2).render(read.scene, read.camera.resized(12, 12), seed=4)
     np.testing.assert_array_equal(read_layers(out)["radiance"], render.radiance)
     assert "depth is for the renderer mitsuba" in refused([*command, "--depth", "3"], capsys)
+
+
+def test_a_material_is_plotted_without_a_scene_and_by_its_name_in_one(folder, capsys):
+    plotted = reported(["render", "--brdf", "gold", "--samples", "2", "-o", folder / "gold.png"], capsys)
+    assert plotted["material"] == "gold" and read_photograph(folder / "gold.png").pixels.shape[1] == 1300
+    printed(command(folder, "clay.toml", "clay.png", "--brdf", "clay", "--dry-run"), capsys)
+    assert not (folder / "clay.png").exists()
+
+
+@pytest.mark.parametrize(
+    ("arguments", "line"),
+    [
+        (["--brdf", "lead", "-o", "a.png"], "no preset 'lead'"),
+        (["--brdf", "gold", "-o", "a.exr"], "must end in .png or .svg"),
+        (["--brdf", "gold", "-o", "a.png", "--frames", "3"], "--brdf plots one material, and --frames"),
+        (["-o", "a.png"], "no scene is given"),
+    ],
+)
+def test_a_plot_that_cannot_be_is_refused_in_one_line(capsys, arguments, line):
+    assert line in refused(["render", *arguments], capsys)

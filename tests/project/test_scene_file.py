@@ -358,7 +358,8 @@ def test_a_fault_is_one_line_with_its_key(folder: Path, text: str, line: str) ->
         ("kind = 'x'", ".kind: got 'x'; expected one of mirror, glossy, retroreflector, glass, diffuse, pbr"),
         (
             "kind = 'miror'",
-            ".kind: got 'miror'; expected one of mirror, glossy, retroreflector, glass, diffuse, pbr, whitted; did",
+            ".kind: got 'miror'; expected one of mirror, glossy, retroreflector, glass, diffuse, pbr, measured, ward, "
+            "whitted; did you mean mirror?",
         ),
         ("kind = 'mirror'\ncolor = [1, 1, 1]", ".color: unknown key; did you mean colour?"),
         ("kind = 'mirror'\nior = 1.5", ".ior: unknown key; remove it or see the docs"),

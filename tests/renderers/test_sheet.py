@@ -11,8 +11,8 @@ from relume.light.reflection.lobes import Phong
 from relume.light.reflection.reflection_map import reflection_map
 from relume.renderers.prefiltered import contact_sheet as sheet
 from relume.renderers.prefiltered.contact_sheet import SURFACES, Ball, balls
+from relume.report.materials.reflection_sheet import contact_sheet, exposed_for
 from relume.report.plots import MIDDLE_GREY
-from relume.report.reflection_sheet import contact_sheet, exposed_for
 from relume.sphere.environment_map import EnvironmentMap
 from relume.sphere.mappings.discs import Angular
 from relume.virtual_camera.film.film import Film

@@ -10,7 +10,9 @@ import numpy as np
 
 from relume.errors import UnsupportedScene
 from relume.renderers.mitsuba.distant import Walls, walls
-from relume.scene.materials.materials import Diffuse, Material, Ward, mean_colour
+from relume.scene.materials.abc_facets import ABCFacets
+from relume.scene.materials.materials import Diffuse, Material, Ward, mean_colour, mean_number
+from relume.scene.materials.measured import MeasuredBRDF
 from relume.scene.materials.reflective import Reflective
 from relume.scene.materials.whitted import WhittedMaterial
 from relume.scene.scene import Dome, Scene
@@ -104,11 +106,17 @@ def physical(material: Any, name: str) -> tuple[Material | Diffuse, list[str]]:
         raise UnsupportedScene(
             f"{name}: other programs have no {type(material).__name__}; give it a diffuse or a pbr material"
         )
+    if isinstance(material, MeasuredBRDF | ABCFacets):
+        raise UnsupportedScene(
+            f"{name}: other programs have no measured surface as {material.name!r} is; give it a diffuse or a pbr "
+            "material"
+        )
     if isinstance(material, Ward):
         # A rough metal of both colours: Ward's standard deviations are about the microfacets' widths α = roughness².
-        both = np.add(material.reflectance, material.diffuse)
-        metal = float(np.sum(material.reflectance) / max(float(both.sum()), 1e-30))
-        roughness = float(np.sqrt(np.sqrt(material.alpha_x * material.alpha_y)))
+        glossy = mean_colour(material.reflectance)
+        both = np.add(glossy, mean_colour(material.diffuse))
+        metal = float(np.sum(glossy) / max(float(both.sum()), 1e-30))
+        roughness = float(np.sqrt(np.sqrt(mean_number(material.alpha_x) * mean_number(material.alpha_y))))
         colour = mean_colour(np.minimum(both, 1))
         return Material(colour, metal, roughness, name=material.name), [
             f"{name}: Ward's surface is written as a rough metal of its colour, the same across and along"

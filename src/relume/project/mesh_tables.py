@@ -3,14 +3,18 @@
 from __future__ import annotations
 
 from dataclasses import fields, replace
+from pathlib import Path
 from typing import Annotated, Any, Self, TypeVar
 
 import numpy as np
 from pydantic import Field, field_validator, model_validator
 
 from relume.project.schema import Positive, Share, Table, Vector
+from relume.scene.materials.abc_facets import ABCFacets
+from relume.scene.materials.checks import triple
 from relume.scene.materials.glasses import Cauchy, Sellmeier, glass_named
 from relume.scene.materials.materials import Material, Ward
+from relume.scene.materials.measured import MeasuredBRDF, read_merl
 from relume.scene.materials.metals import metal_named
 from relume.scene.materials.presets import material_preset
 from relume.scene.shapes.shapes import Mesh, Patches
@@ -78,6 +82,13 @@ class MaterialTable(Table):
     alpha_x: Annotated[float, Field(ge=1e-3, le=1)] | None = None
     alpha_y: Annotated[float, Field(ge=1e-3, le=1)] | None = None
     diffuse: ShareColour | None = None
+    # Of Ward's with scratches: degrees.
+    rotation: float | None = None
+    crossed: Share | None = None
+    crossing: float | None = None
+    # Of measured surfaces: a MERL .binary file, and what multiplies its values or those of a preset merl/NAME.
+    file: str | None = None
+    scale: Positive | None = None
     # By wavelength: instead of ior and dispersion, and of base_color and metallic.
     glass: str | None = None
     sellmeier: SellmeierTable | None = None
@@ -132,22 +143,50 @@ class MaterialTable(Table):
             material_preset(value)
         return value
 
-    def apply(self, material: Any) -> Any:
-        """The material that a mesh gets: its own or the preset, with the changes.
+    def apply(self, material: Any, folder: Path = Path()) -> Any:
+        """The material that a mesh gets: its own, the preset or the measured one, with the changes.
 
-        material : the mesh's own; of other kinds than `Material` and `Ward` it stays as it is, unless a preset is given
-        Raises ValueError for changes that the material has no field for, or that contradict one another.
+        material : the mesh's own; of other kinds than `Material`, `Ward` and `ABCFacets` it stays as it is, unless a
+            preset or a file is given
+        folder : that the file's path is relative to
+        Raises ValueError for changes that the material has no field for, or that contradict one another;
+        UnreadableFile.
         """
+        changes: dict[str, Any] = self.model_dump(
+            exclude_none=True, exclude={"preset", "file", "scale", *BY_WAVELENGTH}
+        )
+        if self.file is not None:
+            by_wavelength = {key for key in BY_WAVELENGTH if getattr(self, key) is not None}
+            if others := sorted({*changes, *by_wavelength, *(("preset",) if self.preset is not None else ())}):
+                raise ValueError(f"{', '.join(others)}: a measured surface has none; leave them out, or leave file out")
+            return scaled(read_merl(folder / self.file), self.scale)
         own = material_preset(self.preset) if self.preset is not None else material
-        changes: dict[str, Any] = self.model_dump(exclude_none=True, exclude={"preset", *BY_WAVELENGTH})
+        if self.scale is not None:
+            own = scaled(own, self.scale)
         changes |= self._by_wavelength(own)
-        if not isinstance(own, Material | Ward):
+        if not isinstance(own, Material | Ward | ABCFacets):
             return own
         known = {field.name for field in fields(own)}
         if foreign := sorted(set(changes) - known):
-            kind = "a Ward surface" if isinstance(own, Ward) else "a glTF material"
+            kinds = {Ward: "a Ward surface", ABCFacets: "a fit to a measured surface"}
+            kind = kinds.get(type(own), "a glTF material")
             raise ValueError(f"{', '.join(foreign)}: {kind} has none; it has {', '.join(sorted(known - {'name'}))}")
+        for angle in ("rotation", "crossing"):
+            if angle in changes:
+                changes[angle] = float(np.radians(changes[angle]))
         return replace(own, **changes)
+
+
+def scaled(material: Any, scale: float | None) -> Any:
+    """A measured surface, or a fit to one, that returns `scale` times the light; raises ValueError for another."""
+    if scale is None:
+        return material
+    if isinstance(material, MeasuredBRDF):
+        return replace(material, values=(scale * material.values).astype(np.float32))
+    if isinstance(material, ABCFacets):
+        diffuse, strength = (triple(scale * np.asarray(each)) for each in (material.diffuse, material.strength))
+        return replace(material, diffuse=diffuse, strength=strength)
+    raise ValueError("scale: is of measured surfaces; give it with a file or a preset merl/NAME")
 
 
 class Placement(Table):

@@ -6,13 +6,14 @@ from .file_facts import describe as describe
 from .file_facts import describe_system as describe_system
 from .file_facts import draw_environment as draw_environment
 from .light_plot import draw_lights as draw_lights
+from .materials.brdf_plot import draw_brdf as draw_brdf
+from .materials.reflection_sheet import draw_reflection_sheet as draw_reflection_sheet
 from .merge_facts import merge_facts as merge_facts
 from .merge_facts import merge_summary as merge_summary
 from .merge_facts import plan_facts as plan_facts
 from .merge_facts import plan_summary as plan_summary
 from .ray_tree_plot import draw_ray_tree as draw_ray_tree
 from .ray_tree_plot import pixel_ray_tree as pixel_ray_tree
-from .reflection_sheet import draw_reflection_sheet as draw_reflection_sheet
 from .shot_check import ShotCheck as ShotCheck
 from .shot_check import check_shot as check_shot
 from .shot_check import placed_meshes as placed_meshes

@@ -8,11 +8,15 @@ from .lights import DistantLight as DistantLight
 from .lights import PointLight as PointLight
 from .lights import RectangleLight as RectangleLight
 from .lights import SphereLight as SphereLight
+from .materials.abc_facets import MERL_FITS as MERL_FITS
+from .materials.abc_facets import ABCFacets as ABCFacets
 from .materials.glasses import GLASSES as GLASSES
 from .materials.glasses import Cauchy as Cauchy
 from .materials.glasses import Sellmeier as Sellmeier
 from .materials.glasses import glass_named as glass_named
 from .materials.materials import Ward as Ward
+from .materials.measured import MeasuredBRDF as MeasuredBRDF
+from .materials.measured import read_merl as read_merl
 from .materials.media import Medium as Medium
 from .materials.metals import METALS as METALS
 from .materials.metals import Metal as Metal

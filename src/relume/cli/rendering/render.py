@@ -19,6 +19,7 @@ FILTERS = Literal["plain", "subdivision", "quadrilateral", "preintegrated", "mip
 RENDERERS = Literal["prefiltered", "mitsuba", "whitted", "radiosity", "irradiance-cache", "photon-map"]
 PICTURES = (".exr", ".hdr", ".png", ".jpg", ".jpeg")
 ROWS = 512
+SCENES = "A scene file, .toml, or a mesh: .glb, .gltf, .obj, .ply, .stl or .usd."
 
 
 def _renderer(kind: object, tokens: Sequence[Token]) -> str:
@@ -134,6 +135,14 @@ class InsteadOptions:
             "where the picture's time goes."
         ),
     ] = None
+    brdf: Annotated[
+        str | None,
+        Parameter(
+            help="Instead of the picture plot a material (.png or .svg): cross-sections of the light that it scatters, "
+            "its albedo by angle, and balls of it. A material of the scene file by its name, a preset, or a MERL "
+            ".binary file; the last two need no scene."
+        ),
+    ] = None
     environment: Annotated[
         Point | None,
         Parameter(
@@ -161,7 +170,7 @@ class InsteadOptions:
 
 
 def render(
-    scene: Annotated[Path, Parameter(help="A scene file, .toml, or a mesh: .glb, .gltf, .obj, .ply, .stl or .usd.")],
+    scene: Annotated[Path | None, Parameter(help=SCENES)] = None,
     /,
     *,
     out: Annotated[
@@ -225,10 +234,13 @@ def render(
     with warnings_as_notes(output):
         # Refuse what cannot be written, before any work.
         pictures = {"--frames": moving.frames, "--region": tracing.region, "--plate": plate}
+        if instead.brdf is not None:
+            others = {"--light": light, "--size": size, "--cluster": cluster, **pictures}
+            return print_facts(output, _plot(instead, scene, out, others, transport, dry_run))
         instead.check(out, pictures, cluster)
         require_files([each for each in (scene, light, plate) if each is not None])
         # Read what the options name.
-        read = rl.read_scene(scene, light, size if environment is None else None)
+        read = rl.read_scene(_given(scene), light, size if environment is None else None)
         settings = rl.RenderSettings(
             renderer=renderer,
             filter=filter,
@@ -261,6 +273,25 @@ def _pictures(
     facts: dict[str, object] = {"renderer": made.renderer, "shapes": made.shapes}
     facts |= {"size": f"{made.size[0]}×{made.size[1]}", "exposure": made.film.exposure}
     return facts if made.frames is None else {**facts, "frames": made.frames, "kept from before": made.kept}
+
+
+def _given(scene: Path | None) -> Path:
+    if scene is None:
+        raise ValueError("no scene is given; name a scene file or a mesh, as in relume render scene.toml -o a.exr")
+    return scene
+
+
+def _plot(
+    instead: InsteadOptions, scene: Path | None, out: Path, others: dict[str, object], transport: TransportOptions,
+    dry_run: bool,
+) -> dict[str, object]:  # fmt: skip
+    material = instead.brdf or ""
+    _check_alone("--brdf plots one material", {"--tree": instead.tree, "--environment": instead.environment, **others})
+    require_suffix(out, ".png", ".svg")
+    require_files([] if scene is None else [scene])
+    rays = 64 if transport.samples is None else transport.samples
+    rl.report.draw_brdf(material, out, scene=scene, samples=rays, seed=transport.seed or 0, dry_run=dry_run)
+    return {"would write" if dry_run else "written": str(out), "material": material}
 
 
 def _environment(
@@ -302,7 +333,7 @@ def _check_alone(what: str, others: dict[str, object]) -> None:
     """Refuse options that ask for pictures where no picture is made."""
     given = [name for name, value in others.items() if value is not None]
     if given:
-        raise ValueError(f"{what}, and {given[0]} is for pictures; leave one of them out")
+        raise ValueError(f"{what}, and {given[0]} is of something else; leave one of them out")
 
 
 def _check_output(out: Path) -> None:

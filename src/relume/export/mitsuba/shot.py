@@ -25,7 +25,9 @@ from relume.project.insertion.prepared import PreparedShot
 from relume.renderers.mitsuba.materials import bsdf, interior, not_rendered
 from relume.renderers.mitsuba.scene import scene_dictionary
 from relume.scene.lights import SphereLight
+from relume.scene.materials.abc_facets import ABCFacets
 from relume.scene.materials.materials import Material, Ward
+from relume.scene.materials.measured import MeasuredBRDF
 from relume.scene.scene import Scene
 
 
@@ -193,7 +195,7 @@ def _held(scene: Scene) -> tuple[Scene, tuple[str, ...]]:
     notes: list[str] = []
 
     def held(shape: Any) -> Any:
-        if not isinstance(shape.material, Ward):
+        if not isinstance(shape.material, Ward | MeasuredBRDF | ABCFacets):
             return shape
         material, lost = physical(shape.material, shape.name)
         notes.extend(lost)

@@ -11,7 +11,7 @@ from pydantic import BeforeValidator, Field, model_validator
 
 from relume.errors import InvalidScene
 from relume.project.keyed_values import table_at, values_at
-from relume.project.scene_file.materials import naming
+from relume.project.scene_file.images import naming
 from relume.project.schema import Positive, Table, Vector
 from relume.project.shot_file.camera_table import CameraFile
 from relume.project.shot_file.sequence_table import CameraKey, require_rising

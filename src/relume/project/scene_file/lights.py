@@ -16,7 +16,7 @@ from relume.project.finished_light import FinishedLight
 from relume.project.keyed_values import table_at, values_at
 from relume.project.place_tables import DistantTable as DistantSceneTable
 from relume.project.place_tables import distant_scene
-from relume.project.scene_file.materials import naming
+from relume.project.scene_file.images import naming
 from relume.project.scene_file.spectra import SpectrumTable, with_spectrum
 from relume.project.schema import GreyOrColour, Positive, Table, Vector
 from relume.project.shot_file.sequence_table import LightKey, require_rising

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
-from contextlib import contextmanager
 from dataclasses import replace
 from pathlib import Path
 from typing import Annotated, Any, Literal
@@ -11,18 +9,18 @@ from typing import Annotated, Any, Literal
 import numpy as np
 from pydantic import Discriminator, Field, Tag
 
-from relume.errors import InvalidScene, UnreadableFile
-from relume.image import files
-from relume.image.colour import decode_srgb
-from relume.image.radiance import RadianceMap
 from relume.light.reflection.brdf import GGX, Ward
 from relume.light.reflection.lobes import GGXLobe, Phong, WardLobe
 from relume.light.reflection.weights import Even, Fresnel, Schlick, Weight
 from relume.project.mesh_tables import MaterialTable
-from relume.project.schema import Channels, GreyOrColour, Paint, Table, Vector
+from relume.project.scene_file.images import colour_of, naming, number_of, picture
+from relume.project.scene_file.surfaces import MeasuredTable, WardTable
+from relume.project.schema import Channels, GreyOrColour, Paint, Share, Table, Vector
+from relume.scene.materials.abc_facets import ABCFacets
 from relume.scene.materials.bumps import BumpMap, Bumps, Wrinkles
-from relume.scene.materials.materials import Colour, Diffuse, Material
+from relume.scene.materials.materials import Colour, Diffuse, Material, is_image
 from relume.scene.materials.materials import Ward as WardSurface
+from relume.scene.materials.measured import MeasuredBRDF
 from relume.scene.materials.reflective import Reflective, glass, glossy, mirror, retroreflector
 from relume.scene.materials.whitted import Checks, WhittedMaterial
 from relume.scene.shapes.shapes import AnyMaterial
@@ -152,16 +150,25 @@ class PbrTable(MaterialTable):
     kind: Literal["pbr"]
     base_color: Paint | None = None
     emission: Paint | None = None
+    # A gloss map, and where it is metal: numbers, or images whose black is 0 and whose white is 1.
+    roughness: Share | str | None = None
+    metallic: Share | str | None = None
 
-    def made(self, name: str, folder: Path, place: str) -> Material | WardSurface:
+    def made(self, name: str, folder: Path, place: str) -> Material | WardSurface | MeasuredBRDF | ABCFacets:
         """The material; raises ValueError for what it has no field for."""
         painted = {key: paint for key in PAINTED if (paint := getattr(self, key)) is not None}
-        numbers = self.model_dump(exclude_none=True, exclude={"kind", *PAINTED})
-        material: Material | WardSurface = MaterialTable(**numbers).apply(Material())
+        images = [key for key in ("roughness", "metallic") if isinstance(getattr(self, key), str)]
+        numbers = self.model_dump(exclude_none=True, exclude={"kind", *PAINTED, *images})
+        material = MaterialTable(**numbers).apply(Material(), folder)
+        if isinstance(material, Material):
+            given = {key: number_of(getattr(self, key), folder, f"{place}.{key}") for key in images}
+            given |= {key: colour_of(paint, folder, f"{place}.{key}") for key, paint in painted.items()}
+            return replace(material, **given, name=name)
         if painted and isinstance(material, WardSurface):
             raise ValueError(f"{next(iter(painted))}: a Ward surface has none; give reflectance and diffuse")
-        colours = {key: _colour(paint, folder, f"{place}.{key}") for key, paint in painted.items()}
-        return replace(material, **colours, name=name)
+        if painted or images:
+            raise ValueError(f"{', '.join([*images, *painted])}: the preset has none; leave them out")
+        return replace(material, name=name)
 
 
 class ChecksTable(Table):
@@ -200,18 +207,17 @@ class WhittedTable(Table):
 
 
 SurfaceTable = Annotated[
-    MirrorTable | GlossyTable | RetroreflectorTable | GlassTable | DiffuseTable | PbrTable | WhittedTable,
+    MirrorTable
+    | GlossyTable
+    | RetroreflectorTable
+    | GlassTable
+    | DiffuseTable
+    | PbrTable
+    | MeasuredTable
+    | WardTable
+    | WhittedTable,
     Field(discriminator="kind"),
 ]
-
-
-@contextmanager
-def naming(place: str) -> Iterator[None]:
-    """Raises InvalidScene with the place, a file and a key, before what a value or a file is found to lack."""
-    try:
-        yield
-    except (ValueError, UnreadableFile) as error:
-        raise InvalidScene(f"{place}: {error}") from None
 
 
 def made(table: SurfaceTable, name: str, folder: Path, place: str) -> AnyMaterial:
@@ -221,6 +227,10 @@ def made(table: SurfaceTable, name: str, folder: Path, place: str) -> AnyMateria
             case DiffuseTable():
                 return Diffuse(table.reflectance)
             case PbrTable():
+                return table.made(name, folder, place)
+            case MeasuredTable():
+                return table.made(name, folder)
+            case WardTable():
                 return table.made(name, folder, place)
             case MirrorTable():
                 return mirror(table.colour, bumps=_bumps(table.bumps, folder, place), name=name)
@@ -235,7 +245,7 @@ def made(table: SurfaceTable, name: str, folder: Path, place: str) -> AnyMateria
                     specular = _lobe(table.lobe)
                 with naming(f"{place}.weight"):
                     weight = _weight(table.weight)
-                diffuse = _colour(table.diffuse, folder, f"{place}.diffuse")
+                diffuse = colour_of(table.diffuse, folder, f"{place}.diffuse")
                 bumps = _bumps(table.bumps, folder, place)
                 return glossy(diffuse, specular, specular_weight=weight, bumps=bumps, name=name)
             case WhittedTable():
@@ -252,7 +262,10 @@ def has_images(material: AnyMaterial) -> bool:
     if isinstance(material, Reflective):
         images = [isinstance(layer.colour, np.ndarray) for layer in material.layers]
         return any(images) or isinstance(material.bumps, BumpMap)
-    return any(isinstance(getattr(material, name, None), np.ndarray) for name in PAINTED)
+    if isinstance(material, Material):
+        return any(is_image(getattr(material, name)) for name in (*PAINTED, "metallic", "roughness"))
+    fields = ("reflectance", "diffuse", "alpha_x", "alpha_y", "rotation")
+    return isinstance(material, WardSurface) and any(is_image(getattr(material, field)) for field in fields)
 
 
 def _lobe(table: PhongTable | FlatLobeTable | FacetsTable) -> Any:
@@ -275,27 +288,11 @@ def _bumps(table: WrinklesTable | BumpMapTable | None, folder: Path, place: str)
         if isinstance(table, WrinklesTable):
             return Wrinkles(table.height, table.wavelength, table.seed)
     with naming(f"{place}.bumps.map"):
-        return BumpMap(table.height * _picture(folder / table.map, encoded=True).mean(axis=-1))
-
-
-def _colour(paint: Colour | str, folder: Path, place: str) -> Colour | np.ndarray:
-    if not isinstance(paint, str):
-        return paint
-    with naming(place):
-        return _picture(folder / paint, encoded=False)
+        return BumpMap(table.height * picture(folder / table.map, encoded=True).mean(axis=-1))
 
 
 def _patterned(paint: Colour | str | ChecksTable, folder: Path, place: str) -> Colour | np.ndarray | Checks:
     if not isinstance(paint, ChecksTable):
-        return _colour(paint, folder, place)
+        return colour_of(paint, folder, place)
     with naming(place):
         return Checks(*paint.checks, paint.size)
-
-
-def _picture(path: Path, encoded: bool) -> np.ndarray:
-    """An image (H, W, 3) float32: a radiance map as it is; a photograph's code values, or linear ones by sRGB."""
-    image = files.read(path)
-    if isinstance(image, RadianceMap):
-        return image.radiance
-    codes = image.pixels.astype(np.float32) / np.iinfo(image.pixels.dtype).max
-    return codes if encoded else decode_srgb(codes)

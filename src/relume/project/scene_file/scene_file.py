@@ -5,6 +5,7 @@ Paths are relative to the file; lengths are metres, angles degrees. An unknown k
 
 from __future__ import annotations
 
+import os
 from dataclasses import dataclass, replace
 from pathlib import Path
 
@@ -14,6 +15,7 @@ from pydantic import Field, model_validator
 from relume.errors import InvalidScene, UnreadableFile
 from relume.project.keyed_values import BETWEEN
 from relume.project.scene_file.camera import FIELD_OF_VIEW, LARGEST, SIZE, CameraTable, camera_of, focal_length_of
+from relume.project.scene_file.images import naming
 from relume.project.scene_file.lights import (
     AnyLightTable,
     LightTable,
@@ -24,7 +26,7 @@ from relume.project.scene_file.lights import (
     maps_of,
     read_light,
 )
-from relume.project.scene_file.materials import SurfaceTable, made, naming
+from relume.project.scene_file.materials import SurfaceTable, made
 from relume.project.scene_file.metering import shines
 from relume.project.scene_file.sequence import SceneSequence, orbited
 from relume.project.scene_file.shapes import LocalTable, ObjectTable, object_of, surfaces_of
@@ -37,6 +39,7 @@ from relume.scene.materials.media import Medium
 from relume.scene.motion.moving_objects import ObjectOrbit
 from relume.scene.scene import Scene
 from relume.scene.shapes.meshes import read_meshes
+from relume.scene.shapes.shapes import AnyMaterial
 from relume.sphere.environment_map import EnvironmentMap
 
 SUFFIXES = (".toml", ".glb", ".gltf", ".obj", ".ply", ".stl", ".usd", ".usda", ".usdc", ".usdz")
@@ -170,6 +173,16 @@ def read_scene(path: str | Path, light: str | Path | None = None, size: tuple[in
     if light is not None:
         read = read.under(read_light(Path(light)))
     return read if size is None else read.resized(*size)
+
+
+def scene_materials(path: str | os.PathLike[str]) -> dict[str, AnyMaterial]:
+    """The materials of a scene file by their names, used or not; raises InvalidScene naming the key."""
+    path = Path(path)
+    table = checked(SceneTable, read_toml(path, "scene file", InvalidScene), path, "scene file", InvalidScene)
+    return {
+        name: made(material, name, path.parent, f"{path}: materials.{name}")
+        for name, material in table.materials.items()
+    }
 
 
 def _read_table(path: Path) -> SceneFile:

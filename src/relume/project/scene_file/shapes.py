@@ -13,7 +13,8 @@ from relume.errors import InvalidScene
 from relume.project.keyed_values import motion_of, placement_at, table_at
 from relume.project.mesh_tables import Placement, placed, turn_of
 from relume.project.place_tables import SurfaceShape
-from relume.project.scene_file.materials import has_images, naming
+from relume.project.scene_file.images import naming
+from relume.project.scene_file.materials import has_images
 from relume.project.schema import Share, Table, Vector
 from relume.project.shot_file.sequence_table import ObjectKey, require_rising
 from relume.scene.materials.materials import Diffuse

@@ -9,7 +9,7 @@ from pydantic import model_validator
 
 from relume.light.spectra.lamps import lamp_colour, read_spectrum
 from relume.light.spectra.spectrum import Spectrum, blackbody, illuminant
-from relume.project.scene_file.materials import naming
+from relume.project.scene_file.images import naming
 from relume.project.schema import Table
 
 AMOUNTS = ("intensity", "irradiance", "radiance")

@@ -8,7 +8,7 @@ from pathlib import Path
 
 import numpy as np
 
-from relume.errors import Doubt, InvalidShot
+from relume.errors import Doubt, InvalidShot, UnreadableFile
 from relume.project.mesh_tables import placed
 from relume.project.shot_file.shot import Object, Shot
 from relume.scene.cameras.camera import Camera
@@ -30,7 +30,7 @@ SMALL, LARGE = 0.003, 4.0
 
 def placed_meshes(shot: Shot) -> tuple[Mesh, ...]:
     """Every mesh of every object of the shot, in world coordinates."""
-    return tuple(_overridden(mesh, table) for table in shot.objects for mesh in _in_place(shot, table))
+    return tuple(_overridden(mesh, table, shot.folder) for table in shot.objects for mesh in _in_place(shot, table))
 
 
 def _in_place(shot: Shot, table: Object) -> Sequence[Mesh]:
@@ -72,11 +72,11 @@ def _moved(path: Path, meshes: tuple[Mesh, ...], time: float | None) -> tuple[Me
         raise InvalidShot(f"objects.mesh: {error}") from None
 
 
-def _overridden(mesh: Mesh, table: Object) -> Mesh:
+def _overridden(mesh: Mesh, table: Object, folder: Path) -> Mesh:
     """The mesh with the material that the shot gives it; what holds light inside is checked to be a body."""
     try:
-        material = table.material.apply(mesh.material)
-    except ValueError as error:
+        material = table.material.apply(mesh.material, folder)
+    except (ValueError, UnreadableFile) as error:
         raise InvalidShot(f"objects.material: {error}") from None
     return facing_outwards(replace(mesh, material=material))
 

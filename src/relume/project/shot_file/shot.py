@@ -224,7 +224,7 @@ class Shot(Table):
             *profiles,
             *light,
             *(name for table in self.local for name in table.files()),
-            *(o.mesh for o in self.objects),
+            *(name for o in self.objects for name in (o.mesh, o.material.file) if name is not None),
         ]
 
     def name_of_light(self) -> str | None:

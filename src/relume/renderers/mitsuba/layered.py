@@ -36,7 +36,8 @@ def layered(material: Material) -> Any:
 @lru_cache
 def surface_class(methods: type, variant: str) -> type:
     """The class for a variant of Mitsuba: its base class is another in each, and takes no second one beside it."""
-    every = {name: each for part in (Surface, methods) for name, each in vars(part).items() if callable(each)}
+    parts = reversed(methods.__mro__[:-1])
+    every = {name: each for part in parts for name, each in vars(part).items() if callable(each)}
     return type(mi.BSDF)(methods.__name__, (mi.BSDF,), every)
 
 

@@ -8,9 +8,12 @@ from typing import Any
 import numpy as np
 
 from relume.errors import UnsupportedScene, warn
+from relume.renderers.directional_albedo import NARROWEST
 from relume.renderers.mitsuba.arrays import rgb, texture_words
 from relume.renderers.unsupported_features import extra_lobes
+from relume.scene.materials.abc_facets import ABCFacets
 from relume.scene.materials.materials import Diffuse, Material, Ward
+from relume.scene.materials.measured import MeasuredBRDF
 from relume.scene.materials.media import Medium
 from relume.scene.shapes.shapes import AnyMaterial
 
@@ -24,7 +27,8 @@ def bsdf(mi: Any, material: AnyMaterial, *, media: bool = False, dispersion: boo
     media : whether the integrator follows light through what fills the body (`Material.medium`). Where it does not, a
         body that scatters is a diffuse one of the same colour, and one that only absorbs is clear: both with a warning.
     dispersion : whether the integrator follows each wavelength by itself (`transport.dispersion`)
-    Warns of all else that is not rendered; raises UnsupportedScene for Ward's surface in a scalar variant.
+    Warns of all else that is not rendered; raises UnsupportedScene for Ward's and measured surfaces in a scalar
+    variant.
     """
     if isinstance(material, Diffuse):
         return {"type": "twosided", "bsdf": {"type": "diffuse", "reflectance": texture_words(mi, material.reflectance)}}
@@ -37,6 +41,15 @@ def bsdf(mi: Any, material: AnyMaterial, *, media: bool = False, dispersion: boo
         from relume.renderers.mitsuba.ward import ward
 
         return {"type": "twosided", "bsdf": ward(material)}
+    if isinstance(material, MeasuredBRDF | ABCFacets):
+        if not _is_jit(mi):
+            raise UnsupportedScene(
+                f"the scalar variant of Mitsuba cannot shade the measured surface {material.name!r}; "
+                "install LLVM 16 or newer, or use a diffuse or pbr material"
+            )
+        from relume.renderers.mitsuba.half_vector import half_vector
+
+        return {"type": "twosided", "bsdf": half_vector(material)}
     assert isinstance(material, Material)
     if lost := not_rendered(material, media=media, dispersion=dispersion, scalar=not _is_jit(mi)):
         warn(f"not rendered of material {material.name!r}: {', '.join(lost)}")
@@ -189,29 +202,30 @@ def _parted(material: Material) -> Any:
 
 
 def _clear(mi: Any, material: Material) -> dict[str, Any]:
-    roughness = float(np.mean(np.asarray(material.roughness)))
+    roughness = np.asarray(material.roughness, np.float32)
     base = np.asarray(material.base_color, np.float32)
     ior = max(material.ior, 1.0001)
     if material.thin:
         return _thin(mi, base, roughness, ior)
     dielectric: dict[str, Any] = {"type": "dielectric", "int_ior": ior, "ext_ior": 1.0}
-    if roughness > SMOOTH:
-        across = roughness**2
+    if np.any(roughness > SMOOTH):
+        across = np.maximum(roughness**2, NARROWEST)
         along = across + (1 - across) * material.anisotropy**2
-        dielectric |= {"type": "roughdielectric", "distribution": "ggx", "alpha_u": along, "alpha_v": across}
+        dielectric |= {"type": "roughdielectric", "distribution": "ggx", "alpha_u": texture_words(mi, along)}
+        dielectric["alpha_v"] = texture_words(mi, across)
     # Light crosses a closed body twice; the tint of both crossings together is the base colour.
     return dielectric | {"specular_transmittance": texture_words(mi, np.sqrt(base))}
 
 
-def _thin(mi: Any, base: np.ndarray, roughness: float, ior: float) -> dict[str, Any]:
-    if roughness <= SMOOTH:
+def _thin(mi: Any, base: np.ndarray, roughness: np.ndarray, ior: float) -> dict[str, Any]:
+    if np.all(roughness <= SMOOTH):
         return {
             "type": "thindielectric", "int_ior": ior, "ext_ior": 1.0, "specular_transmittance": texture_words(mi, base),
         }  # fmt: skip
     return {
         "type": "principledthin",
         "base_color": texture_words(mi, base),
-        "roughness": roughness,
+        "roughness": texture_words(mi, roughness),
         "spec_trans": 1.0,
         "eta": ior,
     }

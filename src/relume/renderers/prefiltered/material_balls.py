@@ -18,10 +18,13 @@ from relume.light.reflection.glossy import GlossyMap, glossy_map
 from relume.light.reflection.lobes import Flattened, GGXLobe, Lambert, Lobe, Mirror, WardLobe
 from relume.light.reflection.reflection_map import reflection_map, rows_for
 from relume.renderers.directional_albedo import COAT_IOR, COSINES, ROUGHNESSES, ggx_shares, rise
+from relume.renderers.half_vectors import directional_albedo
 from relume.renderers.prefiltered.contact_sheet import binned, coarse, disc
 from relume.renderers.prefiltered.materials import MIRROR, SMOOTHEST
 from relume.renderers.unsupported_features import unsupported_features
+from relume.scene.materials.abc_facets import ABCFacets
 from relume.scene.materials.materials import Diffuse, Material, Ward, mean_colour, mean_number
+from relume.scene.materials.measured import MeasuredBRDF
 from relume.sphere.environment_map import EnvironmentMap
 
 ROWS = 128
@@ -33,6 +36,8 @@ _FINER = 3
 """Samples along a pixel's side: at the rim R turns much within a pixel."""
 _GLOSSY = (48, 16, 4)
 """Rows, views and azimuths of what metals mirror: within 1 to 2 % of maps that take four times as long."""
+Shown = Material | Ward | Diffuse | MeasuredBRDF | ABCFacets
+"""What a ball can be made of."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -58,7 +63,7 @@ class _Maps:
 
 
 def material_radiance(
-    light: EnvironmentMap, materials: tuple[Material | Ward | Diffuse, ...], size: int, turn: np.ndarray
+    light: EnvironmentMap, materials: tuple[Shown, ...], size: int, turn: np.ndarray
 ) -> tuple[np.ndarray, np.ndarray]:
     """Radiance (n, S, S, 3) float32 of a ball of each material, in the light's unit, and their matte (S, S) float32.
 
@@ -79,29 +84,33 @@ def material_radiance(
     return made, matte.astype(np.float32)
 
 
-def left_out(material: Material | Ward | Diffuse) -> tuple[str, ...]:
+def left_out(material: Shown) -> tuple[str, ...]:
     """What of a material its ball does not show, or only a stand-in shows."""
     if isinstance(material, Ward):
-        return ("its direction of brushing",) if material.alpha_x != material.alpha_y else ()
+        return ("its direction of brushing",) if material.is_directed else ()
     if isinstance(material, Diffuse):
         return ()
+    if isinstance(material, MeasuredBRDF | ABCFacets):
+        return ("its highlights",)
     shown = {"clearcoat", "specular", "emission", "thinness"}
     if material.scattering_distance is None:
         shown |= {"what fills the body"}
     return tuple(each for each in unsupported_features(material) if each not in shown)
 
 
-def _reflected(material: Material | Ward | Diffuse, normals: np.ndarray, eye: np.ndarray, maps: _Maps) -> np.ndarray:
+def _reflected(material: Shown, normals: np.ndarray, eye: np.ndarray, maps: _Maps) -> np.ndarray:
     """Line 9 (§3) for points of a ball, (P, 3)."""
     cosine = np.clip((normals * eye).sum(-1, keepdims=True), 0, 1)
     towards = 2 * cosine * normals - eye
     if isinstance(material, Diffuse):
         return np.array(mean_colour(material.reflectance)) * maps.looked(Lambert(), normals)
+    if isinstance(material, MeasuredBRDF | ABCFacets):
+        return directional_albedo(material, np.array([0.7])) * maps.looked(Lambert(), normals)
     if isinstance(material, Ward):
         # Round, and as wide as its two widths together.
-        lobe = WardLobe(float(np.sqrt(material.alpha_x * material.alpha_y)))
-        shine = np.array(material.reflectance) * maps.looked(lobe, towards)
-        return shine + np.array(material.diffuse) * maps.looked(Lambert(), normals)
+        lobe = WardLobe(float(np.sqrt(mean_number(material.alpha_x) * mean_number(material.alpha_y))))
+        shine = np.array(mean_colour(material.reflectance)) * maps.looked(lobe, towards)
+        return shine + np.array(mean_colour(material.diffuse)) * maps.looked(Lambert(), normals)
     material = _even(material)
     base, metal, clear = np.array(material.base_color), float(material.metallic), float(material.through)
     # glTF 2.0, appendix B: what facets reflect by the angle of view, and the base below them.

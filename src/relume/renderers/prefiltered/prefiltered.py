@@ -27,7 +27,9 @@ from relume.renderers.raytrace.visibility import Seen, Stage
 from relume.renderers.renderer import Renderer
 from relume.renderers.results import Progress, Render
 from relume.scene.cameras.camera import Camera
+from relume.scene.materials.abc_facets import ABCFacets
 from relume.scene.materials.materials import Diffuse, Material, Ward
+from relume.scene.materials.measured import MeasuredBRDF
 from relume.scene.materials.reflective import Reflective
 from relume.scene.materials.whitted import WhittedMaterial
 from relume.scene.scene import Infinite, Scene
@@ -257,6 +259,11 @@ def _mappable(scene: Scene) -> list[Material | Diffuse | Reflective]:
             raise UnsupportedScene(
                 f"reflection maps cannot shade the Ward surface {shape.material.name!r}; "
                 "use rl.Mitsuba (--renderer mitsuba), or a glossy material with the lobe ward"
+            )
+        if isinstance(shape.material, MeasuredBRDF | ABCFacets):
+            raise UnsupportedScene(
+                f"reflection maps cannot shade the measured surface {shape.material.name!r}; "
+                "use rl.Mitsuba (--renderer mitsuba), or a glossy material"
             )
         materials.append(shape.material)
     return materials

@@ -13,8 +13,10 @@ from relume.light.reflection.brdf import PhongReflectance, Reflectance
 from relume.light.reflection.lobes import Lambert, Lobe, Mirror, Phong
 from relume.light.reflection.weights import Complement, Even, Fresnel, Schlick, Weight
 from relume.renderers.unsupported_features import warn_of_unsupported
+from relume.scene.materials.abc_facets import ABCFacets
 from relume.scene.materials.bumps import BumpMap, Bumps, Wrinkles
 from relume.scene.materials.materials import Colour, Diffuse, Material, Ward
+from relume.scene.materials.measured import MeasuredBRDF
 from relume.scene.materials.reflective import Reflective, Towards
 from relume.scene.materials.whitted import Checks, WhittedMaterial
 from relume.scene.shapes.shapes import AnyMaterial
@@ -132,6 +134,10 @@ def as_whitted(material: AnyMaterial) -> Model:
     if isinstance(material, Ward):
         raise UnsupportedScene(
             f"Whitted's model cannot shade the Ward surface {material.name!r}; use rl.Mitsuba (--renderer mitsuba)"
+        )
+    if isinstance(material, MeasuredBRDF | ABCFacets):
+        raise UnsupportedScene(
+            f"Whitted's model cannot shade the measured surface {material.name!r}; use rl.Mitsuba (--renderer mitsuba)"
         )
     return _metallic_roughness(material) if isinstance(material, Material) else _of_layers(material)
 

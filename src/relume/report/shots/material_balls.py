@@ -12,9 +12,9 @@ import numpy as np
 from relume.project.shot_file.objects import placed_meshes
 from relume.project.shot_file.shot import Shot
 from relume.project.stages import Stages
-from relume.renderers.prefiltered.material_balls import left_out, material_radiance
+from relume.renderers.prefiltered.material_balls import Shown, left_out, material_radiance
 from relume.scene.cameras.camera import Camera
-from relume.scene.materials.materials import Diffuse, Material, Ward
+from relume.scene.materials.materials import Material
 from relume.scene.materials.presets import PRESETS
 from relume.sphere.directions import rotation_about
 from relume.sphere.environment_map import EnvironmentMap
@@ -22,7 +22,7 @@ from relume.sphere.environment_map import EnvironmentMap
 SIZE = 64
 """Pixels: enough to see materials apart at a glance, and made in seconds."""
 LARGEST = 512
-Named = tuple[str, dict[str, Any], int | None, Material | Ward | Diffuse]
+Named = tuple[str, dict[str, Any], int | None, Shown]
 """A ball's name, what the shot file says for it, whose own it is, and the material."""
 
 
@@ -99,7 +99,7 @@ def _own(shot: Shot) -> list[Named]:
     return found
 
 
-def _largest(shot: Shot, given: Any) -> Material | Ward | Diffuse:
+def _largest(shot: Shot, given: Any) -> Shown:
     """The material of an object's mesh with the largest surface, without what a ball has no place for."""
     meshes = placed_meshes(shot.model_copy(update={"objects": [given]}))
 
@@ -108,7 +108,7 @@ def _largest(shot: Shot, given: Any) -> Material | Ward | Diffuse:
         return float(np.linalg.norm(np.cross(b - a, c - a), axis=-1).sum())
 
     material = max(meshes, key=area).material
-    return material if isinstance(material, Material | Ward | Diffuse) else Material(name=material.name)
+    return material if isinstance(material, Shown) else Material(name=material.name)
 
 
 def _plain(table: dict[str, Any]) -> dict[str, Any]:

@@ -17,17 +17,25 @@ from typing import Any
 import numpy as np
 
 from relume.image.colour import decode_srgb
+from relume.scene.materials.abc_facets import MERL_FITS, ABCFacets
 from relume.scene.materials.checks import triple
 from relume.scene.materials.glasses import glass_named
 from relume.scene.materials.materials import Colour, Material, Ward
 from relume.scene.materials.metals import METALS
 
 
-def material_preset(name: str) -> Material | Ward:
-    """The material of that name; raises ValueError that lists the names where there is none."""
-    if name not in PRESETS:
-        raise ValueError(f"no preset {name!r}; the presets are {', '.join(sorted(PRESETS))}")
-    return PRESETS[name]
+def material_preset(name: str) -> Material | Ward | ABCFacets:
+    """The material of that name, of `PRESETS` or `MERL_FITS`; raises ValueError that lists the names."""
+    if name in PRESETS:
+        return PRESETS[name]
+    if name in MERL_FITS:
+        return MERL_FITS[name]
+    if name.startswith("merl/"):
+        raise ValueError(f"no preset {name!r}; of MERL's surfaces there are {', '.join(sorted(MERL_FITS))}")
+    raise ValueError(
+        f"no preset {name!r}; the presets are {', '.join(sorted(PRESETS))}, and merl/NAME for {len(MERL_FITS)} "
+        "measured surfaces"
+    )
 
 
 def _srgb(red: int, green: int, blue: int) -> Colour:
@@ -80,6 +88,8 @@ _BRUSHED = (
     Ward((0.19, 0.19, 0.19), 0.088, 0.13, (0.15, 0.15, 0.15), "brushed_aluminium"),
     # Ward measured no steel: the slopes of his rolled brass under the reflectance of iron, without a diffuse part.
     Ward(_srgb(192, 189, 186), 0.05, 0.16, (0.0, 0.0, 0.0), "brushed_steel"),
+    # The same brushed twice, the second time across.
+    Ward(_srgb(192, 189, 186), 0.05, 0.16, (0.0, 0.0, 0.0), "cross_brushed_steel", crossed=0.5),
 )
 _CLEAR = (
     # Window glass, without dispersion, which costs noise and is not seen in what is not cut to show it.
@@ -121,4 +131,4 @@ _OPAQUE = (
 PRESETS: Mapping[str, Material | Ward] = MappingProxyType(
     {each.name: each for each in (*_METALS, *_BRUSHED, *_CLEAR, *_TRANSLUCENT, *_OPAQUE)}
 )
-"""Every preset by its name."""
+"""Every preset by its name, without the fits to measured surfaces of `MERL_FITS`."""

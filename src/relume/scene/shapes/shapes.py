@@ -9,11 +9,13 @@ from pathlib import Path
 import numpy as np
 
 from relume.errors import UnreadableFile
+from relume.scene.materials.abc_facets import ABCFacets
 from relume.scene.materials.materials import Diffuse, Material, Ward
+from relume.scene.materials.measured import MeasuredBRDF
 from relume.scene.materials.reflective import Reflective
 from relume.scene.materials.whitted import WhittedMaterial
 
-AnyMaterial = Material | Diffuse | Ward | Reflective | WhittedMaterial
+AnyMaterial = Material | Diffuse | Ward | MeasuredBRDF | ABCFacets | Reflective | WhittedMaterial
 
 
 @dataclass(frozen=True, eq=False)

@@ -1,0 +1,1 @@
+"""Pictures of materials: plots of a BRDF, and sheets of balls."""

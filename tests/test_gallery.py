@@ -1,0 +1,51 @@
+"""The gallery's scripts: their codings and their lights are what their captions say."""
+
+from __future__ import annotations
+
+import importlib.util
+from pathlib import Path
+from types import ModuleType
+
+import numpy as np
+import pytest
+
+FOLDER = Path(__file__).parents[1] / "examples" / "gallery"
+
+
+def script(name: str) -> ModuleType:
+    described = importlib.util.spec_from_file_location(f"gallery_{name}", FOLDER / f"{name}.py")
+    assert described is not None and described.loader is not None
+    module = importlib.util.module_from_spec(described)
+    described.loader.exec_module(module)
+    return module
+
+
+def test_photo_ycc_holds_greys_up_to_200_per_cent():
+    larson = script("larson_out_of_gamut")
+    # Luma 1.402 is 255: ((1.402 + 0.099)/1.099)^(1/0.45) = 2.0.
+    greys = np.array([0.18, 1.0, 2.0, 8.0])[:, None].repeat(3, 1)[None]
+    found = larson.photo_ycc(greys)[0]
+    np.testing.assert_allclose(found[:3], greys[0, :3], rtol=0.02)
+    np.testing.assert_allclose(found[3], 2.0, rtol=0.01)
+    dim, tinted = larson.faults(greys, larson.photo_ycc(greys))
+    assert dim.tolist() == [[False, False, False, True]] and not tinted.any()
+
+
+def test_what_photo_ycc_loses_log_luv_keeps():
+    larson = script("larson_out_of_gamut")
+    picture = np.array([[[0.0002, 0.0002, 0.0002], [9000.0, 8000.0, 7000.0], [0.0, 0.05, 1.5], [0.5, 0.4, 0.3]]])
+    wrong = np.logical_or(*larson.faults(picture, larson.photo_ycc(picture)))
+    assert wrong.tolist() == [[True, True, True, False]]
+    assert not np.logical_or(*larson.faults(picture, larson.log_luv(picture))).any()
+
+
+def test_a_clipped_kitchen_has_lost_its_lamp_and_some_of_its_window():
+    debevec = script("debevec_1998_figure_3")
+    light = debevec.kitchen(64)
+    kept = np.minimum(light.radiance, debevec.CLIPPED * light.radiance.max())
+    areas = light.mapping.solid_angles(64)[..., None]
+    lost = 1 - (kept * areas).sum((0, 1)) / (light.radiance * areas).sum((0, 1))
+    # Most of the light, and more of the lamp's red than of the sky's blue.
+    assert 0.6 < lost[2] < 0.95 and lost[0] > lost[2] - 0.1
+    assert light.radiance.max() == pytest.approx(1000.0)
+    assert len(debevec.shapes(debevec.MATERIALS["diffuse gray"])) == 13
