@@ -169,7 +169,6 @@ class Differential(PathTracing):
             # Depth, normals and albedo, which need few samples.
             most = min(MATTE_SAMPLES, (QUICK_GUIDES if self.quick else GUIDES) * self.samples)
             guides = still.guides(min(most, max(1, PASS_RAYS // (camera.width * camera.height))), seed)
-        # The means and their variances as one result.
         seen = np.maximum(guides["seen"], 1e-12)
         planes = {name: sums.mean(name) for name in ("objects", "difference", "taken", "matte")}
         planes |= {f"{name}_variance": sums.variance(name) for name in ("objects", "difference")}
