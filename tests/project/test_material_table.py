@@ -7,7 +7,7 @@ from pydantic import ValidationError
 from measured_tables import write_merl
 from relume.errors import UnreadableFile
 from relume.project.mesh_tables import MaterialTable
-from relume.scene.materials.glasses import GLASSES, Cauchy
+from relume.scene.materials.glasses import GLASSES, Cauchy, Sellmeier
 from relume.scene.materials.materials import Diffuse, Material, Ward
 from relume.scene.materials.measured import MeasuredBRDF
 from relume.scene.materials.metals import METALS
@@ -65,6 +65,7 @@ def test_glass_by_name_says_the_index_and_the_dispersion(table):
 
 def test_glass_by_coefficients_is_that_of_the_name():
     water = GLASSES["water"]
+    assert isinstance(water, Sellmeier)
     table = {"transmission": 1, "sellmeier": {"B": list(water.B), "C": list(water.C)}}
     assert MaterialTable.model_validate(table).apply(Material(ior=1.7)).glass == water
     ice = MaterialTable.model_validate({"cauchy": {"A": 1.3, "B": 0.004}}).apply(Material())

@@ -25,6 +25,7 @@ from relume.renderers.unsupported_features import unsupported_features
 from relume.scene.materials.abc_facets import ABCFacets
 from relume.scene.materials.materials import Diffuse, Material, Ward, mean_colour, mean_number
 from relume.scene.materials.measured import MeasuredBRDF
+from relume.scene.materials.metals import Metal, fresnel
 from relume.sphere.environment_map import EnvironmentMap
 
 ROWS = 128
@@ -98,6 +99,12 @@ def left_out(material: Shown) -> tuple[str, ...]:
     return tuple(each for each in unsupported_features(material) if each not in shown)
 
 
+def _beside_schlick(metal: Metal, base: np.ndarray, cosine: np.ndarray) -> np.ndarray:
+    """Fresnel's reflectance of a measured metal as a share of Schlick's from its base colour, at the angle of view."""
+    eta, k = (np.array(part) for part in metal.eta_k)
+    return fresnel(cosine, eta, k) / (base + (1 - base) * (1 - cosine) ** 5)
+
+
 def _reflected(material: Shown, normals: np.ndarray, eye: np.ndarray, maps: _Maps) -> np.ndarray:
     """Line 9 (§3) for points of a ball, (P, 3)."""
     cosine = np.clip((normals * eye).sum(-1, keepdims=True), 0, 1)
@@ -122,7 +129,10 @@ def _reflected(material: Shown, normals: np.ndarray, eye: np.ndarray, maps: _Map
     gloss = normal * (white - risen) + rim * risen
     coat = float(normal.max()) * (white - risen) + rim * risen
     white, risen = facet_shares(roughness, cosine, 1.0)  # Schlick's rise, glTF's for metals
-    facets = gloss * (1 - metal) + (base * (white - risen) + risen) * metal
+    shine = base * (white - risen) + risen
+    if material.metal is not None:
+        shine = shine * _beside_schlick(material.metal, base, cosine)
+    facets = gloss * (1 - metal) + shine * metal
     if metal > 0 and alpha >= SMOOTHEST:
         found = facets / np.maximum(white, 1e-6) * maps.facets(alpha, normals, eye)
     else:

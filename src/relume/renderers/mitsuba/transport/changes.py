@@ -36,8 +36,7 @@ def changed(
     weight_parted, density_parted = mi.Color3f(0), mi.Float(0)
     throughput = mi.Color3f(1)
     bounces, bounces_parted = mi.UInt32(0), mi.UInt32(0)
-    first_scatters = mi.Bool(False)
-    ray = mi.Ray3f(ray)
+    first_scatters, ray = mi.Bool(False), mi.Ray3f(ray)
     parted = dr.zeros(mi.Ray3f, dr.width(active))
     added_parted = dr.zeros(mi.PreliminaryIntersection3f, dr.width(active))
     added_parted.t = dr.inf
