@@ -7,8 +7,10 @@ import pytest
 
 import relume as rl
 from relume.light.reflection.lobes import Flattened, GGXLobe
+from relume.renderers.half_vectors import directional_albedo
 from relume.renderers.prefiltered.material_balls import facet_shares, left_out, material_radiance
 from relume.renderers.prefiltered.materials import ANGLES, facet_albedos
+from relume.scene.materials.abc_facets import MERL_FITS
 from relume.scene.materials.materials import Diffuse, Material
 
 SIZE = 24
@@ -77,6 +79,15 @@ def test_what_a_ball_does_not_show_is_said():
     assert left_out(presets["brushed_steel"]) == ("its direction of brushing",)
     assert left_out(presets["milk"]) == ("what fills the body",) and left_out(presets["bottle_glass"]) == ()
     assert left_out(Material(anisotropy=0.5)) == ("anisotropy",)
+    assert left_out(MERL_FITS["merl/teflon"]) == ("its highlights",)
+
+
+def test_a_measured_surface_is_a_matt_ball_of_its_albedo():
+    light = rl.EnvironmentMap(np.full((32, 64, 3), 2.0, np.float32))
+    (ball,), _ = material_radiance(light, (MERL_FITS["merl/teflon"],), 9, np.eye(3))
+    np.testing.assert_allclose(
+        ball[4, 4], 2 * directional_albedo(MERL_FITS["merl/teflon"], np.array([0.7]))[0], rtol=1e-3
+    )
 
 
 # How near balls are to path-traced ones: mean and median of |difference| over the ball, as shares of what is there.

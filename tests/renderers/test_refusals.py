@@ -17,7 +17,9 @@ from relume.renderers.whitted.whitted import Whitted, view_of
 from relume.scene.cameras.camera import Camera
 from relume.scene.cameras.distortion import Distortion
 from relume.scene.lights import SphereLight
+from relume.scene.materials.abc_facets import MERL_FITS
 from relume.scene.materials.materials import Diffuse, Material, Ward
+from relume.scene.materials.measured import MeasuredBRDF
 from relume.scene.scene import Dome, Scene
 from relume.scene.shapes.shapes import Sphere
 
@@ -25,6 +27,8 @@ CAMERA = Camera(6, 6, 40.0, np.array([0, 0, 6.0]), np.eye(3))
 SCENE = Scene(lights.constant(4, 1.0), objects=(Sphere((0.0, 0.0, 0.0), 1.0, Diffuse((0.5, 0.5, 0.5))),))
 LAMP = SphereLight((0.0, 3.0, 0.0), 0.1, (1.0, 1.0, 1.0))
 BRASS = Sphere((0.0, 0.0, 0.0), 1.0, Ward((0.3, 0.3, 0.3), 0.1, 0.2, name="brass"))
+FELT = replace(BRASS, material=MeasuredBRDF(np.ones((2, 2, 2, 3), np.float32), "felt"))
+TEFLON = replace(BRASS, material=MERL_FITS["merl/teflon"])
 BENT, WIDE = replace(CAMERA, distortion=Distortion(0.01)), replace(CAMERA, aperture=0.1, focus=3.0)
 
 
@@ -34,11 +38,14 @@ BENT, WIDE = replace(CAMERA, distortion=Distortion(0.01)), replace(CAMERA, apert
         (Whitted(), replace(SCENE, distant=Dome(9.0)), CAMERA, "light map at infinity"),
         (Whitted(), replace(SCENE, lights=(LAMP,)), CAMERA, "one of the scene's is a sphere"),
         (Whitted(), replace(SCENE, objects=(BRASS,)), CAMERA, "cannot shade the Ward surface 'brass'"),
+        (Whitted(), replace(SCENE, objects=(FELT,)), CAMERA, "cannot shade the measured surface 'felt'"),
         (Whitted(), SCENE, BENT, "lens distorts"),
         (Whitted(), SCENE, WIDE, "lens has an aperture"),
         (Prefiltered(), replace(SCENE, distant=Dome(9.0)), CAMERA, "this scene's is on walls"),
         (Prefiltered(), replace(SCENE, lights=(LAMP,)), CAMERA, "lights of its own"),
         (Prefiltered(), replace(SCENE, objects=(BRASS,)), CAMERA, "cannot shade the Ward surface 'brass'"),
+        (Prefiltered(), replace(SCENE, objects=(FELT,)), CAMERA, "cannot shade the measured surface 'felt'"),
+        (Prefiltered(), replace(SCENE, objects=(TEFLON,)), CAMERA, "cannot shade the measured surface 'merl/teflon'"),
         (Prefiltered(), SCENE, WIDE, "lens has an aperture"),
     ],
 )

@@ -74,6 +74,7 @@ def test_highlights_are_drawn_by_the_cube_root():
     assert 100.0 in _Length(1000.0).rings()
 
 
+@pytest.mark.slow
 def test_a_plot_is_a_picture_of_the_same_bytes(tmp_path):
     for name in ("one.png", "two.png"):
         draw_brdf(Material((0.5, 0.2, 0.1), roughness=0.3), tmp_path / name, title="brick", samples=2)
