@@ -13,7 +13,9 @@ from relume.errors import InvalidScene, UnsupportedScene
 from relume.image.files import read_layers, read_photograph, read_radiance, write
 from relume.image.radiance import RadianceMap
 from relume.project.film.film_file import read_film
+from relume.project.scene_file.frame_plan import frame_plan
 from relume.project.scene_file.rendering import render_scene
+from relume.project.scene_file.renders import Pictures
 from relume.project.scene_file.scene_file import SceneFile, read_scene
 from relume.project.scene_file.settings import RenderSettings
 from relume.scene.shapes.shapes import Mesh, Polygon, Sphere
@@ -220,6 +222,21 @@ def test_frames_that_are_there_are_kept_and_those_that_changed_are_made_again(tm
     after = [(out / f"frame_{number:04d}.png").stat().st_mtime_ns for number in (1, 2, 3)]
     assert before[:2] == after[:2] and before[2] != after[2]
     assert not list(out.glob("*preview*")) and not list(out.glob(".*.passes")) and not list(out.glob(".*.lock"))
+
+
+def test_a_frame_depends_on_what_moves_while_its_shutter_is_open(tmp_path):
+    text = CAMERA + LIGHT + CLAY + BALL + "keyframes = [{ frame = 1, translate = [0, 0, 0] }, { frame = 2, %s }]\n"
+
+    def key(words: str, shutter: str) -> str:
+        sequence = f'[sequence]\nframes = "1-3"\n{shutter}[light]'
+        found = scene_of(tmp_path, (text % words).replace("[light]", sequence))
+        plan = frame_plan(found, tmp_path / "frames", RenderSettings())
+        return Pictures(found, RenderSettings(), plan, "mitsuba").key(1, ".png")
+
+    near, far = "translate = [1, 0, 0]", "translate = [2, 0, 0]"
+    assert key(near, "") == key(far, "")
+    open_shutter = "shutter = [0, 0.5]\n"
+    assert key(near, open_shutter) == key(near, open_shutter) != key(far, open_shutter)
 
 
 def test_what_moves_while_the_shutter_is_open_is_blurred(tmp_path):
