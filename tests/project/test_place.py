@@ -11,7 +11,7 @@ import trimesh
 from relume.errors import InvalidShot
 from relume.image.files import write
 from relume.probe.ball.blending import Probe
-from relume.project.insertion.photographs import light_from_map
+from relume.project.insertion.photographs import finished_light
 from relume.project.insertion.place import bare_place, relit, require_in_place
 from relume.project.place_tables import distant_scene
 from relume.project.shot_file.objects import doubts_about, placed_meshes, require_outside
@@ -53,8 +53,7 @@ def folder(tmp_path: Path) -> Path:
 
 
 def probe_of(shot: Shot) -> Probe:
-    assert shot.light.map is not None
-    return light_from_map(shot.folder / shot.light.map)
+    return finished_light(shot)
 
 
 @pytest.mark.parametrize(
