@@ -113,7 +113,10 @@ class Filling:
     ) -> Group:  # fmt: skip
         """New records, wherever none of the octree's may be used with this error, in the order of the places."""
         chosen = np.zeros(0, np.int64)
-        parts, close = [self.scene.look(places[:0], normals[:0])], [np.zeros((0, hemisphere.cells))]
+        parts, close = (
+            [self.scene.look(places[:0], normals[:0])],
+            [np.zeros((0, hemisphere.rings * hemisphere.sectors))],
+        )
         index = octree.first_bare(places, normals, 0, error)
         while index < len(places):
             random = np.random.default_rng([self.seed, 0x7265636F, octree.records])
