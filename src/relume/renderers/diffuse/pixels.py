@@ -7,7 +7,6 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from relume.errors import UnsupportedScene
 from relume.renderers.diffuse.random_numbers import cosine_directions, spread
 from relume.renderers.diffuse.scenes import DiffuseScene, Seen
 from relume.renderers.results import Progress, Render
@@ -37,29 +36,6 @@ class PixelSamples:
         corner = np.stack([x.ravel(), y.ravel()], axis=-1) + np.array([cell % self.side, cell // self.side]) / self.side
         directions = self.camera.rays_through(corner + random.random(corner.shape) / self.side)
         return np.tile(np.asarray(self.camera.position, np.float64), (len(directions), 1)), directions
-
-
-def require_whole(settings: object, **least: int) -> None:
-    """Raise ValueError for settings that are no whole numbers from the least of each; None is left alone."""
-    for name, lowest in least.items():
-        value = getattr(settings, name)
-        if value is not None and (not isinstance(value, int) or value < lowest):
-            raise ValueError(f"{name} is {value}; expected a whole number from {lowest}")
-
-
-def require_seed(seed: int) -> None:
-    """Raise ValueError for a seed that is no whole number from 0."""
-    if not isinstance(seed, int) or seed < 0:
-        raise ValueError(f"seed is {seed}; expected a whole number from 0")
-
-
-def require_pinhole(camera: Camera, whose: str) -> None:
-    """Raise UnsupportedScene for a lens with an aperture."""
-    if camera.aperture > 0:
-        raise UnsupportedScene(
-            f"{whose} shows what a pinhole sees, and this camera's lens has an aperture; use rl.Mitsuba "
-            "(--renderer mitsuba), or an aperture of 0"
-        )
 
 
 def gathered(

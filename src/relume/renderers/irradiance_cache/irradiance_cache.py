@@ -14,15 +14,9 @@ from functools import cached_property, partial
 import numpy as np
 
 from relume.cluster.attempt import threads as worker_threads
+from relume.renderers.diffuse.checks import require_pinhole, require_seed, require_whole
 from relume.renderers.diffuse.direct_light import DirectLight
-from relume.renderers.diffuse.pixels import (
-    PixelSamples,
-    gathered,
-    picture,
-    require_pinhole,
-    require_seed,
-    require_whole,
-)
+from relume.renderers.diffuse.pixels import PixelSamples, gathered, picture
 from relume.renderers.diffuse.scenes import DiffuseScene, Seen
 from relume.renderers.irradiance_cache.records import Cache, Filling
 from relume.renderers.renderer import Renderer

@@ -16,15 +16,9 @@ import numpy as np
 
 from relume.cluster.attempt import threads as worker_threads
 from relume.errors import UnsupportedScene
+from relume.renderers.diffuse.checks import require_pinhole, require_seed, require_whole
 from relume.renderers.diffuse.direct_light import DirectLight
-from relume.renderers.diffuse.pixels import (
-    PixelSamples,
-    gathered,
-    picture,
-    require_pinhole,
-    require_seed,
-    require_whole,
-)
+from relume.renderers.diffuse.pixels import PixelSamples, gathered, picture
 from relume.renderers.diffuse.scenes import DiffuseScene, Seen
 from relume.renderers.radiosity.elements import Elements
 from relume.renderers.radiosity.solution import Shooting, Shots, ambient
