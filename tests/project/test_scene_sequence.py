@@ -13,7 +13,9 @@ from relume.errors import InvalidScene, UnsupportedScene
 from relume.image.files import read_layers, read_photograph, read_radiance, write
 from relume.image.radiance import RadianceMap
 from relume.project.film.film_file import read_film
+from relume.project.scene_file.frame_plan import frame_plan
 from relume.project.scene_file.rendering import render_scene
+from relume.project.scene_file.renders import Pictures
 from relume.project.scene_file.scene_file import SceneFile, read_scene
 from relume.project.scene_file.settings import RenderSettings
 from relume.scene.shapes.shapes import Mesh, Polygon, Sphere
@@ -222,6 +224,21 @@ def test_frames_that_are_there_are_kept_and_those_that_changed_are_made_again(tm
     assert not list(out.glob("*preview*")) and not list(out.glob(".*.passes")) and not list(out.glob(".*.lock"))
 
 
+def test_a_frame_depends_on_what_moves_while_its_shutter_is_open(tmp_path):
+    text = CAMERA + LIGHT + CLAY + BALL + "keyframes = [{ frame = 1, translate = [0, 0, 0] }, { frame = 2, %s }]\n"
+
+    def key(words: str, shutter: str) -> str:
+        sequence = f'[sequence]\nframes = "1-3"\n{shutter}[light]'
+        found = scene_of(tmp_path, (text % words).replace("[light]", sequence))
+        plan = frame_plan(found, tmp_path / "frames", RenderSettings())
+        return Pictures(found, RenderSettings(), plan, "mitsuba").key(1, ".png")
+
+    near, far = "translate = [1, 0, 0]", "translate = [2, 0, 0]"
+    assert key(near, "") == key(far, "")
+    open_shutter = "shutter = [0, 0.5]\n"
+    assert key(near, open_shutter) == key(near, open_shutter) != key(far, open_shutter)
+
+
 def test_what_moves_while_the_shutter_is_open_is_blurred(tmp_path):
     text = CAMERA + LIGHT + CLAY + BALL + KEYS
     blurred = text.replace("[light]", '[sequence]\nframes = "1-5"\nshutter = [-1, 1]\n[light]')
@@ -256,11 +273,28 @@ def test_an_interrupted_frame_is_resumed_with_the_same_pixels(tmp_path):
     assert not list(tmp_path.glob(".*.passes*"))
 
 
+def test_a_sequence_that_was_interrupted_within_a_frame_goes_on(tmp_path):
+    found = scene_of(tmp_path, CAMERA + LIGHT + '[sequence]\nframes = "1-2"\n' + CLAY + BALL + KEYS)
+    settings, out = RenderSettings(renderer="mitsuba", samples=64), tmp_path / "frames"
+
+    def interrupting(stage: str, share: float) -> None:
+        if share > 0.7:
+            raise RuntimeError("the lights went out")
+
+    with pytest.raises(RuntimeError, match="lights went out"):
+        render_scene(found, out, settings, report=interrupting, preview=True)
+    left = {path.name for path in out.glob("*.png")} | {path.name for path in out.glob(".*.passes")}
+    assert left == {"frame_0001.png", "frame_0002.preview.png", ".frame_0002.passes"}
+    assert render_scene(found, out, settings, preview=True).kept == 1
+    assert {path.name for path in out.glob("*.png")} == {"frame_0001.png", "frame_0002.png"}
+
+
 def test_a_turntable_and_orbits_by_light_transport(tmp_path):
     ball = BALL.replace("[0, 0, 0], radius = 0.5", "[1, 0, 0], radius = 0.5")
     found = scene_of(tmp_path, CAMERA + LIGHT + CLAY + ball + "orbit = { turns = 1 }\n")
-    made = render_scene(found, tmp_path / "round", RenderSettings(renderer="mitsuba", samples=4, frames=2, exposure=1))
-    assert made.frames == 2
+    settings = RenderSettings(renderer="mitsuba", samples=4, frames=2, exposure=1)
+    assert render_scene(found, tmp_path / "round", settings).frames == 2
+    assert render_scene(found, tmp_path / "round", settings).kept == 2
     first, second = (read_photograph(tmp_path / f"round/frame_{n:04d}.png").pixels[..., 0] for n in (1, 2))
     # Half a turn later it is on the other side; what is darker than the light is the ball.
     across = [np.average(np.arange(24), weights=(255 - frame.astype(float)).sum(axis=0)) for frame in (first, second)]

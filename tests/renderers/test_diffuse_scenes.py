@@ -10,6 +10,7 @@ from relume.renderers.diffuse.direct_light import DirectLight
 from relume.renderers.diffuse.random_numbers import cosine_directions, spread, within_triangles
 from relume.renderers.diffuse.scenes import DiffuseScene, as_mesh, not_diffuse
 from relume.scene.materials.materials import Diffuse, Material, Ward
+from relume.scene.materials.media import Medium
 from relume.scene.scene import Scene
 from relume.scene.shapes.shapes import AnyMaterial, Mesh, Sphere
 from relume.sphere.environment_map import EnvironmentMap
@@ -121,12 +122,15 @@ def test_other_scenes_and_lenses_are_refused_in_one_line(renderer: rl.Renderer):
     for scene, camera, why in [
         (Scene(BLACK, (GROUND,)), CAMERA, "nothing shines"),
         (Scene(EVEN, (GROUND,), lights=(sphere,)), CAMERA, "has no SphereLight"),
+        (Scene(EVEN, (GROUND,), medium=Medium((0.1, 0.1, 0.1))), CAMERA, "a medium fills"),
         (Scene(EVEN, (GROUND,), distant=rl.scene.Dome(9.0)), CAMERA, "at infinity"),
         (Scene(EVEN, (GROUND,)), lens, "aperture"),
     ]:
         with pytest.raises(rl.errors.UnsupportedScene, match=why) as refused:
             rl.render(scene, camera, renderer)
         assert "\n" not in str(refused.value)
+    with pytest.raises(ValueError, match="seed is -1"):
+        rl.render(Scene(EVEN, (GROUND,)), CAMERA, renderer, seed=-1)
 
 
 def test_every_shape_becomes_triangles_of_its_area():

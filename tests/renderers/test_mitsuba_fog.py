@@ -49,7 +49,7 @@ def test_between_lamp_wall_and_eye_light_is_lost_by_beer_and_lamberts_law():
 
 def test_light_from_infinity_enters_at_the_sphere_about_everything():
     # A ball of 1 m above a floor whose corners are √32 m away: the medium is a sphere about both.
-    medium, sun = Medium((0.1, 0.1, 0.1)), DistantLight((0.0, 1.0, 0.0), (np.pi,) * 3)
+    medium, sun = Medium((0.1, 0.1, 0.1)), DistantLight((0.0, 1.0, 0.0), (np.pi, np.pi, np.pi))
     radius = np.sqrt(32)
     far = Camera.looking_at(np.array([2.0, 30.0, 1e-3]), np.array([2.0, 0, 0]), width=2, height=2, focal_length=30000)
     found = shown(Scene(BLACK, (FLOOR,), lights=(sun,), medium=medium), far)

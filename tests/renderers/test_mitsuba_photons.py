@@ -11,6 +11,7 @@ from relume.renderers.mitsuba.path_tracer import Mitsuba
 from relume.renderers.progressive.accumulation import pass_seed
 from relume.scene.cameras.camera import Camera
 from relume.scene.lights import DistantLight, Light, PointLight, SphereLight
+from relume.scene.materials.checks import triple
 from relume.scene.materials.materials import Diffuse, Material
 from relume.scene.materials.media import Medium
 from relume.scene.scene import Scene
@@ -69,7 +70,7 @@ def test_what_is_kept_in_bodies_is_what_paths_find(free, g, differential):
 
 def test_a_point_lights_milk_as_a_small_sphere_of_its_intensity_does():
     place, radius = (0.6, 1.6, 0.8), 0.01
-    small = SphereLight(place, radius, tuple(3.0 / (np.pi * radius**2) for _ in range(3)))
+    small = SphereLight(place, radius, triple(np.full(3, 3.0 / (np.pi * radius**2))))
     means = []
     for lamp in (PointLight(place, (3.0, 3.0, 3.0)), small):
         found = Mitsuba(512).render(scene(body(0.05), lamp), CAMERA, seed=3)

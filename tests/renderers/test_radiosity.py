@@ -227,6 +227,13 @@ def prepared_for(solid: Sphere | Mesh) -> PreparedRadiosity:
     return COARSE.prepared(Scene(BLACK, room(glowing(0.5, 1.0)), (solid,)))
 
 
+def test_triangles_without_an_area_hold_no_light_and_do_no_harm():
+    walls = room(glowing(0.5, 1.0))
+    flat = replace(walls[2], faces=np.concatenate([walls[2].faces, np.array([[0, 1, 1], [2, 2, 2]], np.int32)]))
+    seen = rl.render(Scene(BLACK, (*walls[:2], flat, *walls[3:])), INSIDE, replace(COARSE, rays=20_000)).radiance
+    np.testing.assert_allclose(seen, 2.0, rtol=0.03)
+
+
 def test_change_comes_by_subtraction():
     change = replace(COARSE, rays=500, samples=1).change(cornell_box(), cornell_camera(8))
     assert change.matte.max() == 1

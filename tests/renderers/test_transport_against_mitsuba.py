@@ -57,7 +57,7 @@ SCENES = {
         BLACK, BOX, (MATT,), (RectangleLight((-0.3, 1.8, 0.0), (0.3, -1, 0.2), (0.5, 0.3), (20.0, 15.0, 10.0)),)
     ),
     "point and sun": Scene(
-        BLACK, BOX, (MATT,), (PointLight((0.4, 1.5, 0.2), (2.0, 3.0, 1.0)), DistantLight((0.2, 0.3, 1.0), (2.0,) * 3))
+        BLACK, BOX, (MATT,), (PointLight((0.4, 1.5, 0.2), (2.0, 3.0, 1.0)), DistantLight((0.2, 0.3, 1.0), (2.0, 2.0, 2.0)))
     ),
 }  # fmt: skip
 
@@ -148,6 +148,6 @@ def test_fog_round_everything_is_that_of_a_ball_of_it(mi):
 
     ours = own(replace(scene), 64)
     smoky = replace(scene, objects=(*scene.objects, Sphere((0.0, 50.0, 0.0), 0.01, Material(
-        roughness=0.0, transmission=1.0, ior=1.0, scattering_distance=(1.0,) * 3, scattering_albedo=(0.5,) * 3
+        roughness=0.0, transmission=1.0, ior=1.0, scattering_distance=(1.0, 1.0, 1.0), scattering_albedo=(0.5, 0.5, 0.5)
     ))), medium=None)  # fmt: skip
     require_same(ours, theirs(mi, smoky, 64, change=filled), 0.03)

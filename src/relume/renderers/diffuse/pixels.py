@@ -7,7 +7,6 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from relume.errors import UnsupportedScene
 from relume.renderers.diffuse.random_numbers import cosine_directions, spread
 from relume.renderers.diffuse.scenes import DiffuseScene, Seen
 from relume.renderers.results import Progress, Render
@@ -37,15 +36,6 @@ class PixelSamples:
         corner = np.stack([x.ravel(), y.ravel()], axis=-1) + np.array([cell % self.side, cell // self.side]) / self.side
         directions = self.camera.rays_through(corner + random.random(corner.shape) / self.side)
         return np.tile(np.asarray(self.camera.position, np.float64), (len(directions), 1)), directions
-
-
-def require_pinhole(camera: Camera, whose: str) -> None:
-    """Raise UnsupportedScene for a lens with an aperture."""
-    if camera.aperture > 0:
-        raise UnsupportedScene(
-            f"{whose} shows what a pinhole sees, and this camera's lens has an aperture; use rl.Mitsuba "
-            "(--renderer mitsuba), or an aperture of 0"
-        )
 
 
 def gathered(

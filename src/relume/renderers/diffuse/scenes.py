@@ -91,7 +91,7 @@ class DiffuseScene:
                 f"{whose} sees its light map at infinity, and this scene's is on walls; use rl.Mitsuba "
                 "(--renderer mitsuba), or an Infinite distant scene"
             )
-        if getattr(scene, "medium", None) is not None:
+        if scene.medium is not None:
             raise UnsupportedScene(
                 f"{whose} shows surfaces in clear air, and a medium fills this scene; use rl.Mitsuba "
                 "(--renderer mitsuba), or leave the medium out"

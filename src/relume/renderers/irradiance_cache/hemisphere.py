@@ -26,11 +26,6 @@ class Hemisphere:
         rings = max(round(np.sqrt(rays / np.pi)), 2)
         return Hemisphere(rings, max(round(rays / rings), 4))
 
-    @property
-    def cells(self) -> int:
-        """M·N."""
-        return self.rings * self.sectors
-
     def directions(self, normal: np.ndarray, random: np.random.Generator) -> np.ndarray:
         """A unit direction (M·N, 3) in each cell, by chance in proportion to the cosine; ring after ring."""
         u = random.random((self.rings, self.sectors, 2))

@@ -14,8 +14,9 @@ from functools import cached_property, partial
 import numpy as np
 
 from relume.cluster.attempt import threads as worker_threads
+from relume.renderers.diffuse.checks import require_pinhole, require_seed, require_whole
 from relume.renderers.diffuse.direct_light import DirectLight
-from relume.renderers.diffuse.pixels import PixelSamples, gathered, picture, require_pinhole
+from relume.renderers.diffuse.pixels import PixelSamples, gathered, picture
 from relume.renderers.diffuse.scenes import DiffuseScene, Seen
 from relume.renderers.irradiance_cache.records import Cache, Filling
 from relume.renderers.renderer import Renderer
@@ -54,11 +55,7 @@ class IrradianceCache(Renderer):
     threads: int | None = None
 
     def __post_init__(self) -> None:
-        bounds = {"rays": 8, "bounces": 0, "shadow_rays": 1, "samples": 1, "gather": 0, "threads": 1}
-        for name, least in bounds.items():
-            value = getattr(self, name)
-            if value is not None and (not isinstance(value, int) or value < least):
-                raise ValueError(f"{name} is {value}; expected a whole number from {least}")
+        require_whole(self, rays=8, bounces=0, shadow_rays=1, samples=1, gather=0, threads=1)
         if not 0 < self.error <= 1:
             raise ValueError(f"error is {self.error}; expected a number above 0, and 1 at most")
         if not 0 < self.nearest <= self.farthest < np.inf:
@@ -79,6 +76,7 @@ class IrradianceCache(Renderer):
 
         Raises UnsupportedScene for what is not diffuse, and for a lens with an aperture.
         """
+        require_seed(seed)
         require_pinhole(camera, "the irradiance cache")
         ready = DiffuseScene.of(scene, "the irradiance cache", self.threads or worker_threads())
         return PreparedCache(self, ready, PixelSamples(camera, int(np.ceil(np.sqrt(self.samples))), seed))
@@ -143,7 +141,6 @@ class PreparedCache:
         away = np.linalg.norm(seen.point[row] - tree.place[record], axis=-1) / (tree.reach[record] * cache.error)
         marked = ((away > 1 - RING) | (away < DOT)) & (record < cache.seen)
         where = np.unique(row[marked])
-        shown = shown.copy()
         bright = shown[where].mean(axis=-1, keepdims=True) > 0.2
         # The picture adds the emission.
         shown[where] = np.where(bright, 0.0, 1.0) - seen.emission[where]

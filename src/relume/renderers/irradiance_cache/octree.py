@@ -67,27 +67,24 @@ class Octree:
         """The first of the places from `begin` on where no record has an error below `error`; N where none is bare."""
         return _first_bare(self.tree, places, normals, begin, error)
 
-    def weights(self, places: np.ndarray, normals: np.ndarray, error: float, threads: int | None) -> Weights:
-        """The records that may be used at N places, and how much each counts; the weights of a place add up to 1."""
+    def weights(
+        self, places: np.ndarray, normals: np.ndarray, error: float, threads: int | None
+    ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """The records that may be used at N places, and how much each counts; the weights of a place add up to 1.
+
+        first, record, weight : a sparse matrix; place i has those from `first[i]` to `first[i + 1]`
+        """
         count = np.zeros(len(places), np.int64)
-        empty = np.zeros(0, np.int32), np.zeros(0)
-        in_threads(
-            lambda b, e: _weigh(self.tree, places, normals, error, b, e, count, count, *empty), len(places), threads
-        )
+
+        def weigh(first: np.ndarray, *found: np.ndarray) -> None:
+            at = (self.tree, places, normals, error)
+            in_threads(lambda b, e: _weigh(*at, b, e, count, first, *found), len(places), threads)
+
+        weigh(count, np.zeros(0, np.int32), np.zeros(0))
         first = np.concatenate([[0], np.cumsum(count)])
         found = np.empty(first[-1], np.int32), np.empty(first[-1])
-        in_threads(
-            lambda b, e: _weigh(self.tree, places, normals, error, b, e, count, first, *found), len(places), threads
-        )
-        return Weights(first, *found)
-
-
-class Weights(NamedTuple):
-    """Rows of a sparse matrix: place i has the records and weights from `first[i]` to `first[i + 1]`."""
-
-    first: np.ndarray
-    record: np.ndarray
-    weight: np.ndarray
+        weigh(first, *found)
+        return first, *found
 
 
 @exact_kernel

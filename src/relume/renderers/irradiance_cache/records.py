@@ -113,7 +113,10 @@ class Filling:
     ) -> Group:  # fmt: skip
         """New records, wherever none of the octree's may be used with this error, in the order of the places."""
         chosen = np.zeros(0, np.int64)
-        parts, close = [self.scene.look(places[:0], normals[:0])], [np.zeros((0, hemisphere.cells))]
+        parts, close = (
+            [self.scene.look(places[:0], normals[:0])],
+            [np.zeros((0, hemisphere.rings * hemisphere.sectors))],
+        )
         index = octree.first_bare(places, normals, 0, error)
         while index < len(places):
             random = np.random.default_rng([self.seed, 0x7265636F, octree.records])
@@ -148,9 +151,11 @@ class Filling:
             cells = light.reshape(len(group.place), -1, 3)
             turning.append(group.hemisphere.turning(cells, group.normal))
             moving.append(group.hemisphere.moving(cells, group.closeness, group.normal))
-        irradiance = _joined(groups, radiance)
-        limited = _limited(np.concatenate(moving), irradiance, octree.tree.reach[: len(irradiance)] * self.error)
-        return Cache(octree, self.error, seen, irradiance, np.concatenate(turning), limited, self.scene.threads)
+        # No gradient is steeper than what takes the irradiance to 0 or doubles it at the end of a record's disc.
+        irradiance, steps = _joined(groups, radiance), np.concatenate(moving)
+        change = np.linalg.norm(steps, axis=1) * octree.tree.reach[: len(steps), None] * self.error
+        steps = steps * np.minimum(1, irradiance / np.maximum(change, 1e-300))[:, None]
+        return Cache(octree, self.error, seen, irradiance, np.concatenate(turning), steps, self.scene.threads)
 
     def _between(self, octree: Octree, group: Group) -> csr_array:
         """The matrix from records to where a group's rays ended; rows of rays that met nothing are 0."""
@@ -168,9 +173,3 @@ def _joined(groups: list[Group], radiance: list[np.ndarray]) -> np.ndarray:
     pairs = zip(groups, radiance, strict=True)
     every = [group.hemisphere.irradiance(light.reshape(len(group.place), -1, 3)) for group, light in pairs]
     return np.concatenate([np.zeros((0, 3)), *every])
-
-
-def _limited(moving: np.ndarray, irradiance: np.ndarray, radius: np.ndarray) -> np.ndarray:
-    """The gradients, no steeper than what takes the irradiance to 0 or doubles it at the end of a record's disc."""
-    steepness = np.linalg.norm(moving, axis=1) * radius[:, None]
-    return moving * np.minimum(1, irradiance / np.maximum(steepness, 1e-300))[:, None]

@@ -101,7 +101,7 @@ class Elements:
         """The scene's shapes with no edge of a patch longer than `patch`, and none of an element than `element`."""
         meshes, patches, before = [], [], 0
         for shape in scene.shapes:
-            mesh = _with_area(as_mesh(shape, quartered=2))
+            mesh = as_mesh(shape, quartered=2)
             coarse, _ = no_longer_than(mesh, np.arange(len(mesh.faces)), patch)
             fine, whose = no_longer_than(coarse, np.arange(len(coarse.faces)), min(element, patch))
             meshes.append(fine)
@@ -185,10 +185,3 @@ def _at_middles(mesh: Mesh, value: object) -> np.ndarray:
     """A colour, or an image of them, at the middle of each triangle: (F, 3)."""
     uv = np.zeros((len(mesh.faces), 2)) if mesh.uv is None else mesh.uv[mesh.faces].mean(axis=1)
     return np.broadcast_to(looked_up(value, uv), (len(mesh.faces), 3))
-
-
-def _with_area(mesh: Mesh) -> Mesh:
-    """The mesh without triangles that have no area."""
-    a, b, c = np.moveaxis(np.asarray(mesh.vertices, np.float64)[mesh.faces], 1, 0)
-    there = np.any(np.cross(b - a, c - a), axis=-1)
-    return mesh if there.all() else replace(mesh, faces=mesh.faces[there])

@@ -7,16 +7,18 @@ vertices, shows the patches as they are, or gathers once more at every pixel.
 
 from __future__ import annotations
 
+from collections import deque
 from collections.abc import Callable, Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property, partial
 
 import numpy as np
 
 from relume.cluster.attempt import threads as worker_threads
 from relume.errors import UnsupportedScene
+from relume.renderers.diffuse.checks import require_pinhole, require_seed, require_whole
 from relume.renderers.diffuse.direct_light import DirectLight
-from relume.renderers.diffuse.pixels import PixelSamples, gathered, picture, require_pinhole
+from relume.renderers.diffuse.pixels import PixelSamples, gathered, picture
 from relume.renderers.diffuse.scenes import DiffuseScene, Seen
 from relume.renderers.radiosity.elements import Elements
 from relume.renderers.radiosity.solution import Shooting, Shots, ambient
@@ -65,10 +67,7 @@ class Radiosity(Renderer):
     threads: int | None = None
 
     def __post_init__(self) -> None:
-        for name, least in (("refinements", 0), ("rays", 1), ("samples", 1), ("gather", 0), ("threads", 1)):
-            value = getattr(self, name)
-            if value is not None and (not isinstance(value, int) or value < least):
-                raise ValueError(f"{name} is {value}; expected a whole number from {least}")
+        require_whole(self, refinements=0, rays=1, samples=1, gather=0, threads=1)
         for name in ("patch", "element", "contrast", "unshot"):
             value = getattr(self, name)
             if value is not None and not 0 < value < np.inf:
@@ -89,6 +88,7 @@ class Radiosity(Renderer):
 
         Raises UnsupportedScene for what is not diffuse, and for a plane without a size, which has no patches.
         """
+        require_seed(seed)
         if any(isinstance(shape, Plane) and shape.size is None for shape in scene.local):
             raise UnsupportedScene(
                 "Radiosity divides surfaces into patches, and the ground plane has no end; give it a size, or use "
@@ -133,7 +133,7 @@ class PreparedRadiosity:
         """The elements in the end, and what they hold."""
         elements = self.coarse
         for rounds in range(self.method.refinements + 1):
-            *_, state = self._shooting(elements, rounds).shots()
+            state = deque(self._shooting(elements, rounds).shots(), maxlen=1).pop()
             if rounds < self.method.refinements:
                 elements = elements.refined(self._uneven(elements, state))
         return elements, state
@@ -170,7 +170,7 @@ class PreparedRadiosity:
     def _picture(self, camera: Camera, elements: Elements, state: Shots, progress: Progress | None) -> Render:
         require_pinhole(camera, "Radiosity")
         method = self.method
-        divided = DiffuseScene(elements.meshes, self.scene.local, self.scene.sky, self.scene.lights, self.scene.threads)
+        divided = replace(self.scene, shapes=elements.meshes)
         shown = Shown(divided, elements, state.irradiance + ambient(elements, state) * method.ambient, method)
         side = int(np.ceil(np.sqrt(method.samples)))
         return picture(divided, PixelSamples(camera, side, self.seed), shown.shade, progress)
@@ -192,11 +192,12 @@ class Shown:
             arriving += gathered(self.scene, seen, self.method.gather, random, self._between_vertices)
             return seen.reflectance / np.pi * arriving
         arriving = self.irradiance[self._sides(seen)] if self.method.flat else self._between_vertices(seen)
-        shown = seen.emission + seen.reflectance / np.pi * arriving
-        return shown * self._lines(seen) - seen.emission
+        shown = seen.reflectance / np.pi * arriving
+        line = self.method.outlines & (_weights(seen).min(axis=-1) < LINE)
+        return np.where(line[:, None], -seen.emission, shown)
 
     def _sides(self, seen: Seen) -> np.ndarray:
-        triangle = self.elements.first[np.maximum(seen.shape, 0)] + seen.primitive
+        triangle = self.elements.first[seen.shape] + seen.primitive
         return np.where(seen.front, triangle, triangle + len(self.elements.area))
 
     @cached_property
@@ -205,14 +206,10 @@ class Shown:
 
     def _between_vertices(self, seen: Seen) -> np.ndarray:
         """Irradiance (N, 3) interpolated linearly (Gouraud)."""
-        second, third = seen.barycentric.T
-        weights = np.stack([1 - second - third, second, third], axis=-1)
-        return np.einsum("nk,nkc->nc", weights, self._vertices[self._sides(seen)])
+        return np.einsum("nk,nkc->nc", _weights(seen), self._vertices[self._sides(seen)])
 
-    def _lines(self, seen: Seen) -> np.ndarray:
-        """0 (N, 1) on an element's sides where they are drawn, 1 elsewhere."""
-        if not self.method.outlines:
-            return np.ones((len(seen.hit), 1))
-        second, third = seen.barycentric.T
-        nearest = np.minimum(np.minimum(second, third), 1 - second - third)
-        return (nearest > LINE).astype(np.float64)[:, None]
+
+def _weights(seen: Seen) -> np.ndarray:
+    """How much each corner of a triangle counts at a place in it, (N, 3)."""
+    second, third = seen.barycentric.T
+    return np.stack([1 - second - third, second, third], axis=-1)

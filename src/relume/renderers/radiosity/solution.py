@@ -10,7 +10,7 @@ lost: what is not received has left through an opening.
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -19,7 +19,7 @@ from relume.renderers.diffuse.direct_light import DirectLight
 from relume.renderers.diffuse.random_numbers import cosine_directions, spread, within_triangles
 from relume.renderers.diffuse.scenes import NEAR, DiffuseScene, Seen
 from relume.renderers.radiosity.elements import Elements
-from relume.renderers.raytrace.raycast import Hits, RayCaster
+from relume.renderers.raytrace.raycast import RayCaster
 
 FEWEST = 16
 """Rays of a shot, at least: so many that a dim patch too sends light to more than its neighbour."""
@@ -101,7 +101,8 @@ class Shooting:
         directions = cosine_directions(u[:, 2:], normal)
         hits = caster.nearest(points, directions, beyond=NEAR * self.scene.size, threads=self.scene.threads)
         there = np.flatnonzero(hits.shape >= 0)
-        met = side_of(elements, hits, directions)[there]
+        met = elements.first[hits.shape[there]] + hits.primitive[there]
+        met += len(elements.area) * (np.einsum("ij,ij->i", elements.normal[met], directions[there]) > 0)
         where, index = np.unique(met, return_inverse=True)
         sums = [np.bincount(index, flux[there, channel], len(where)) for channel in range(3)]
         return np.stack(sums, axis=-1), where
@@ -114,15 +115,8 @@ class Shooting:
         random = np.random.default_rng([self.seed, 0x736B79])
         points = np.tile(elements.corners.mean(axis=1), (2, 1))
         normals = np.concatenate([elements.normal, -elements.normal])
-        divided = DiffuseScene(elements.meshes, self.scene.local, self.scene.sky, self.scene.lights, self.scene.threads)
+        divided = replace(self.scene, shapes=elements.meshes)
         return DirectLight(divided).irradiance(Seen.places(points, normals), SKY_RAYS, random, lamps=False)
-
-
-def side_of(elements: Elements, hits: Hits, directions: np.ndarray) -> np.ndarray:
-    """The elements' sides (N,) that rays met; nonsense for rays that met nothing."""
-    triangle = elements.first[np.maximum(hits.shape, 0)] + hits.primitive
-    back = np.einsum("ij,ij->i", elements.normal[triangle], directions) > 0
-    return np.where(back, triangle + len(elements.area), triangle)
 
 
 def ambient(elements: Elements, state: Shots) -> np.ndarray:

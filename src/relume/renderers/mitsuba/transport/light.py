@@ -66,7 +66,7 @@ class SceneLight:
             self.emitting /= self.emitting.sum()
         self.bright = opaque.number(bright)
         # Of those that no path from the camera ever meets.
-        self.sizeless = np.where([not hasattr(source, "density") for source in self.sources], self.emitting, 0.0)
+        self.sizeless = self.emitting * [isinstance(source, PointLamp | Sun) for source in self.sources]
         if self.sizeless.any():
             self.sizeless = self.sizeless / self.sizeless.sum()
         self._sampled, self._sent, self._sent_sizeless = (

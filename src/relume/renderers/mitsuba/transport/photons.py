@@ -197,7 +197,7 @@ def _of_cell(cell: list[Any], inside: Any, primes: tuple[int, int, int]) -> Any:
 @dr.syntax
 def _walked(world: World, spheres: Spheres, rng: Any, active: Any, kept: list[Any]) -> Any:
     """Keep where each ray of light is scattered in bodies; how often each was."""
-    media = world.media
+    media: Any = world.media
     context = mi.BSDFContext(mi.TransportMode.Importance)
     slots = dr.arange(mi.UInt32, dr.width(active)) * SLOTS
     # Rays from the light that meet an object first.

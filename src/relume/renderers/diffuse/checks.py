@@ -1,0 +1,29 @@
+"""What settings, seeds and cameras have to be, or one line that says what was expected."""
+
+from __future__ import annotations
+
+from relume.errors import UnsupportedScene
+from relume.scene.cameras.camera import Camera
+
+
+def require_whole(settings: object, **least: int) -> None:
+    """Raise ValueError for settings that are no whole numbers from the least of each; None is left alone."""
+    for name, lowest in least.items():
+        value = getattr(settings, name)
+        if value is not None and (not isinstance(value, int) or value < lowest):
+            raise ValueError(f"{name} is {value}; expected a whole number from {lowest}")
+
+
+def require_seed(seed: int) -> None:
+    """Raise ValueError for a seed that is no whole number from 0."""
+    if not isinstance(seed, int) or seed < 0:
+        raise ValueError(f"seed is {seed}; expected a whole number from 0")
+
+
+def require_pinhole(camera: Camera, whose: str) -> None:
+    """Raise UnsupportedScene for a lens with an aperture."""
+    if camera.aperture > 0:
+        raise UnsupportedScene(
+            f"{whose} shows what a pinhole sees, and this camera's lens has an aperture; use rl.Mitsuba "
+            "(--renderer mitsuba), or an aperture of 0"
+        )
