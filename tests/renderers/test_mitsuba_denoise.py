@@ -162,3 +162,13 @@ def test_a_picture_is_as_bright_to_the_filter_as_it_is_by_itself():
     itself = mitsuba_oidn.denoise(picture, hdr=True)
     near = mitsuba_oidn.denoise(picture, hdr=True, input_scale=exposure(picture))
     np.testing.assert_allclose(itself, near, atol=1e-5 * itself.max())
+
+
+def test_colours_of_pure_wavelengths_are_not_clipped():
+    # 520 nm is outside of Rec. 709, and OIDN takes what is below 0 for 0.
+    noise = np.random.default_rng(4).normal(1, 0.05, (64, 64, 1))
+    pure = (noise * [-0.5, 0.9, -0.1]).astype(np.float32)
+    flat = np.zeros((64, 64, 3), np.float32)
+    with _mitsuba(None, None):
+        clean = _clean(pure, flat, flat)
+    np.testing.assert_allclose(clean.mean(axis=(0, 1)), (-0.5, 0.9, -0.1), atol=0.03)
