@@ -21,6 +21,7 @@ class OneAndAnError:
     """The pictures of a motion of which only the first can be made."""
 
     plan: FramePlan = FramePlan((1, 2), (1, 2), None, 2)
+    name: str = "whitted"
 
     def key(self, number: int, written_with: object) -> str:
         return f"{number}"

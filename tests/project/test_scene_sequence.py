@@ -273,11 +273,28 @@ def test_an_interrupted_frame_is_resumed_with_the_same_pixels(tmp_path):
     assert not list(tmp_path.glob(".*.passes*"))
 
 
+def test_a_sequence_that_was_interrupted_within_a_frame_goes_on(tmp_path):
+    found = scene_of(tmp_path, CAMERA + LIGHT + '[sequence]\nframes = "1-2"\n' + CLAY + BALL + KEYS)
+    settings, out = RenderSettings(renderer="mitsuba", samples=64), tmp_path / "frames"
+
+    def interrupting(stage: str, share: float) -> None:
+        if share > 0.7:
+            raise RuntimeError("the lights went out")
+
+    with pytest.raises(RuntimeError, match="lights went out"):
+        render_scene(found, out, settings, report=interrupting, preview=True)
+    left = {path.name for path in out.glob("*.png")} | {path.name for path in out.glob(".*.passes")}
+    assert left == {"frame_0001.png", "frame_0002.preview.png", ".frame_0002.passes"}
+    assert render_scene(found, out, settings, preview=True).kept == 1
+    assert {path.name for path in out.glob("*.png")} == {"frame_0001.png", "frame_0002.png"}
+
+
 def test_a_turntable_and_orbits_by_light_transport(tmp_path):
     ball = BALL.replace("[0, 0, 0], radius = 0.5", "[1, 0, 0], radius = 0.5")
     found = scene_of(tmp_path, CAMERA + LIGHT + CLAY + ball + "orbit = { turns = 1 }\n")
-    made = render_scene(found, tmp_path / "round", RenderSettings(renderer="mitsuba", samples=4, frames=2, exposure=1))
-    assert made.frames == 2
+    settings = RenderSettings(renderer="mitsuba", samples=4, frames=2, exposure=1)
+    assert render_scene(found, tmp_path / "round", settings).frames == 2
+    assert render_scene(found, tmp_path / "round", settings).kept == 2
     first, second = (read_photograph(tmp_path / f"round/frame_{n:04d}.png").pixels[..., 0] for n in (1, 2))
     # Half a turn later it is on the other side; what is darker than the light is the ball.
     across = [np.average(np.arange(24), weights=(255 - frame.astype(float)).sum(axis=0)) for frame in (first, second)]

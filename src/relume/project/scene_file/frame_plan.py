@@ -19,6 +19,8 @@ if TYPE_CHECKING:
     from relume.renderers.turntable import Orbit, Turntable
 
 PICTURES = (".exr", ".hdr", ".png", ".jpg", ".jpeg")
+PREVIEW = ".preview.png"
+"""What the name of a picture under way ends in."""
 RATE = 24.0
 """Frames a second of a motion: cinema's."""
 
@@ -86,7 +88,8 @@ def frame_plan(read: SceneFile, out: Path, settings: RenderSettings) -> FramePla
 def require_own_frames(folder: Path, plan: FramePlan, suffix: str) -> None:
     """Raises ValueError where a folder holds frames that are none of the plan's."""
     names = {f"frame_{number:04d}{suffix}" for number in plan.names}
-    if left := sorted(path.name for path in folder.glob(f"frame_*{suffix}") if path.name not in names):
+    there = (path.name for path in folder.glob(f"frame_*{suffix}") if not path.name.endswith(PREVIEW))
+    if left := sorted(name for name in there if name not in names):
         raise ValueError(f"{folder}: holds frames of another movie, from {left[0]} on; remove them")
 
 

@@ -21,7 +21,7 @@ from relume.errors import CannotResume, OutputNotWritten, naming, warn
 from relume.image import files
 from relume.image.radiance import RadianceMap
 from relume.project.forecast import memory_for
-from relume.project.scene_file.frame_plan import FramePlan
+from relume.project.scene_file.frame_plan import PREVIEW, FramePlan
 from relume.project.scene_file.renders import Pictures, Report
 from relume.renderers.progressive.accumulation import RenderSession, forget
 from relume.renderers.progressive.convergence import Sums
@@ -91,7 +91,7 @@ class Sessions:
     def of(self, target: Path) -> RenderSession:
         """The session of the picture that is written to `target`, whose state lies hidden beside it."""
         folder = target.absolute().parent
-        preview = Preview(folder / f"{target.stem}.preview.png", self.film) if self.preview else None
+        preview = Preview(folder / f"{target.stem}{PREVIEW}", self.film) if self.preview else None
         return RenderSession(folder / f".{target.stem}.passes", self.restart, preview=preview, force=self.force)
 
     @contextmanager
@@ -158,7 +158,7 @@ def make_frames(
     work = _Work(folder.absolute(), pictures, suffix, film, unit)
     if cluster is not None:
         return _spread(work, cluster, report)
-    if plan.count is not None:
+    if plan.count is not None and pictures.name != "mitsuba":
         return _motion_made(work, plan, report)
     made, kept, waiting = 0, 0, []
     total = len(plan.numbers)
