@@ -317,6 +317,7 @@ def test_a_picture_is_metered_by_the_scenes_own_lights(folder):
         ("clay.toml", "a.png", ["--region", "0,0,9,9", "--filter", "mip"], "region is for the renderer whitted"),
         ("clay.toml", "a.png", ["--renderer", "whitted", "--noise", "0.1"], "noise is for the renderer mitsuba, but"),
         ("chrome.toml", "a.png", ["--denoise"], "cannot shade the reflection maps of 'chrome'"),
+        ("clay.toml", "a.exr", ["--environment", "0,2,0", "--denoise"], "denoise is for pictures: the six faces"),
         ("clay.toml", "turn", ["--frames", "1-3"], "without a [sequence] in the scene file it is the number of"),
         ("clay.toml", "a.png", ["--region", "0,0,9"], '"0,0,9" is not of the form LEFT,TOP,RIGHT,BOTTOM'),
         ("clay.toml", "a.png", ["--region", "0,0,41,9"], "region 0,0,41,9 is not a part of a picture of 40×30"),

@@ -57,7 +57,8 @@ SCENES = {
         BLACK, BOX, (MATT,), (RectangleLight((-0.3, 1.8, 0.0), (0.3, -1, 0.2), (0.5, 0.3), (20.0, 15.0, 10.0)),)
     ),
     "point and sun": Scene(
-        BLACK, BOX, (MATT,), (PointLight((0.4, 1.5, 0.2), (2.0, 3.0, 1.0)), DistantLight((0.2, 0.3, 1.0), (2.0, 2.0, 2.0)))
+        BLACK, BOX, (MATT,),
+        (PointLight((0.4, 1.5, 0.2), (2.0, 3.0, 1.0)), DistantLight((0.2, 0.3, 1.0), (2.0, 2.0, 2.0))),
     ),
 }  # fmt: skip
 

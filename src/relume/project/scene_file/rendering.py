@@ -133,6 +133,8 @@ def render_environment(
     """
     from relume.renderers.environment_probe import environment
 
+    if settings.denoise:
+        raise ValueError("denoise is for pictures: the six faces of a map would no longer meet; leave it out")
     name = renderer_name(read, settings, "environment map")
     require_shown(read, name, None)
     renderer = whitted_of(read, settings) if name == "whitted" else mitsuba_of(settings)

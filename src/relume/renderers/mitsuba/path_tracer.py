@@ -20,6 +20,7 @@ import numpy as np
 from relume.cluster.attempt import threads as worker_threads
 from relume.errors import ClusterUnusable, UnsupportedScene
 from relume.renderers.mitsuba import scalar
+from relume.renderers.mitsuba.denoise import denoised_render
 from relume.renderers.mitsuba.distant import require_inside
 from relume.renderers.mitsuba.limits import GUIDES, MATTE_SAMPLES, PASS_RAYS, PASSES, samples_a_pass
 from relume.renderers.mitsuba.scene import why_not
@@ -70,9 +71,11 @@ class Mitsuba(PathTracing):
     variant : Mitsuba's variant; chosen for this machine unless given. A scalar one takes Mitsuba's own path tracers
     threads : all cores unless given; the pixels do not depend on it
     passes : exactly this many passes of the `samples` are traced, to repeat what a render with `noise` traced
+    denoise : whether the picture is cleaned by Open Image Denoise; its variance is that of what was traced
     """
 
     passes: int | None = None
+    denoise: bool = False
 
     def render(
         self,
@@ -130,7 +133,8 @@ class Mitsuba(PathTracing):
             planes = still.guides(min(MATTE_SAMPLES, GUIDES * self.samples), seed)
         planes |= {name: sums.mean(name) for name in sums.totals} | {"variance": sums.variance("radiance")}
         planes = {name: plane.astype(np.float32) for name, plane in planes.items()}
-        return Render(**planes, samples=sums.passes * samples, passes=sums.passes)
+        traced = Render(**planes, samples=sums.passes * samples, passes=sums.passes)
+        return denoised_render(traced) if self.denoise else traced
 
     def _key(
         self, scene: Scene, camera: Camera, seed: int, moments: Moments | None, times: np.ndarray

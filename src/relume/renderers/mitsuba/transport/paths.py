@@ -37,13 +37,11 @@ def followed(
     objects : whether the added objects are there
     parted : whether the ray comes from a surface that scatters light, seen by the camera itself
     """
-    light = world.light
     # Whether the light that `caustics` follows from the lamps would be counted twice.
     scattered_first, on_surface, sent_on = mi.Bool(parted), mi.Bool(True), mi.Bool(False)
     # Whether lamps were looked for where a medium scattered the light, and then the direction's density for the map's.
     looked, turned = mi.Bool(False), mi.Float(0)
-    # Whether light that was kept was counted, for all that follows in a body or for what is bent alone; where the path
-    # met a surface last, and whether that was an object's.
+    # Whether kept light was counted, for all that follows in a body or for what is bent; the surface met last.
     known, gathered, last_added = mi.Bool(False), mi.Bool(False), mi.Bool(False)
     entry, facing = mi.Point3f(0), mi.Normal3f(0, 1, 0)
     context = mi.BSDFContext()
@@ -58,28 +56,13 @@ def followed(
     while active:
         scattered = mi.Bool(False)
         if world.media is not None:
-            way = world.reach(ray, met.t, inside, active)
-            if world.media.looked_for and objects and not light.dark:
-                result += throughput * _from_between(world, ray, way, inside, rng, active)
-            scattered, passed, onward = world.media.crossed(ray, way, inside, rng, active)
-            throughput = dr.select(active, throughput * passed, throughput)
-            if world.media.open:
-                free = scattered & world.media.opens(inside)
-                looked |= free
-                density = dr.select(free, 0, density)
-                drawn = _of_walk(world, ray, way, dr.norm(onward.o - ray.o), onward.d, inside)
-                turned = dr.select(free, drawn, turned)
-                begun, gone = dr.select(free, onward.o, begun), dr.select(free, 0, gone)
-            if world.photons is not None and objects:
-                # In bodies once for all that follows; in the open at each scattering, for light that was bent.
-                kept = world.media.keeps(inside)
-                deep = scattered & (~known | ~kept)
-                depth = dr.select(kept, dr.abs(dr.dot(onward.o - entry, facing)), dr.inf)
-                sent = counted(world.photons, world.media, onward.o, ray.d, depth, facing, inside, deep)
-                result += dr.select(deep, throughput * sent, 0)
-                known, gathered, last_added = dr.select(deep, kept, known), gathered | deep, last_added & ~deep
-            ray = dr.select(scattered, onward, ray)
-            walked += dr.select(scattered, 1, 0)
+            lamps, kept = (looked, turned, density, begun, gone), (known, gathered, last_added)
+            scattered, passed, ray, found, lamps, kept = _through_medium(
+                world, ray, met, inside, rng, objects, (entry, facing), lamps, kept, active
+            )
+            (looked, turned, density, begun, gone), (known, gathered, last_added) = lamps, kept
+            result += throughput * found
+            throughput, walked = dr.select(active, throughput * passed, throughput), walked + dr.select(scattered, 1, 0)
         si = met.compute_surface_interaction(ray, mi.RayFlags.All, active & ~scattered)
         on = active & ~scattered & si.is_valid()
         bsdf = si.bsdf(ray)
@@ -89,25 +72,12 @@ def followed(
         bent = on & ~straight
         # Light found by looking for it.
         smooth = bent & mi.has_flag(bsdf.flags(), mi.BSDFFlags.Smooth) & (bounces < world.depth)
-        if not light.dark:
-            # Spread evenly over what the camera sees directly, the objects.
-            evenly = bounces == 0
-            choice, point = rng.next_float32(), two(rng)
-            choice, point = dr.select(evenly, even_choice, choice), dr.select(evenly, even_point, point)
-            found = light.sample(si.p, choice, point, smooth)
-            wo = si.to_local(found.direction)
-            value, chance = bsdf.eval_pdf(context, si, wo, smooth & found.valid)
-            lit = smooth & found.valid & (dr.max(value) > 0)
-            around = world.beyond(si, found.direction, -ray.d, inside)
-            share = world.arrives(way_to(si, found.direction, found.distance), around, lit, objects)
-            weight = dr.select(found.density > 0, mitigated(found.density, chance), 1)
-            result += dr.select(lit, throughput * value * found.weight * weight * share, 0)
-        if world.looks_for_objects and objects:
-            result += throughput * from_objects(world, si, bsdf, context, rng, smooth, ray, inside)
+        first = (even_choice, even_point, bounces == 0)
+        found = _from_lamps(world, si, bsdf, context, rng, first, smooth, ray, inside, objects)
         if world.landed is not None and objects:
-            # What no ray that is followed from a lamp is seen on: behind glass, in mirrors, through what scatters.
             unseen = smooth & (((bounces > 0) & ~scattered_first) | ~on_surface)
-            result += dr.select(unseen, throughput * reflected(world.landed, context, bsdf, si, unseen), 0)
+            found += dr.select(unseen, reflected(world.landed, context, bsdf, si, unseen), 0)
+        result += throughput * found
         # The next direction.
         sample, value = bsdf.sample(context, si, rng.next_float32(), two(rng), bent & (bounces < world.depth))
         onward = si.to_world(sample.wo)
@@ -118,55 +88,161 @@ def followed(
         looked &= ~bent
         if world.smooth:
             # Camera, a surface that scatters, any others, no medium that does, and at last none but smooth objects.
-            scattered_first = dr.select(bent & (bounces == 0), ~delta, scattered_first)
-            on_surface &= ~scattered
-            aimed = dr.select(bent, delta & world.is_object(si.shape) & scattered_first & on_surface, False)
-            sent_on = aimed | (straight & sent_on)
+            scattered_first, on_surface = (
+                dr.select(bent & (bounces == 0), ~delta, scattered_first),
+                on_surface & ~scattered,
+            )
+            sent_on = (bent & delta & world.is_object(si.shape) & scattered_first & on_surface) | (straight & sent_on)
         if world.photons is not None:
-            known, gathered = known & ~(bent & ~delta), gathered & ~(bent & ~delta)
-            entry, facing = dr.select(bent, si.p, entry), dr.select(bent, si.n, facing)
-            last_added = dr.select(bent, world.is_object(si.shape), last_added)
+            kept = (known, gathered, entry, facing, last_added)
+            known, gathered, entry, facing, last_added = _met(world, si, bent, delta, kept)
         if world.pierced:
-            # The camera's own rays have been let through holes already; through thin glass they have not.
-            holes = mi.has_flag(sample.sampled_type, mi.BSDFFlags.Null) & (bounces == 0)
-            going &= ~(holes & (dr.max(bsdf.eval_null_transmission(si, on & holes)) > 0))
+            going &= ~_let_through(bsdf, si, sample, on & (bounces == 0))
         if world.straight:
-            onward = dr.select(straight, ray.d, onward)
-            throughput = dr.select(straight, throughput * tint, throughput)
-            going |= straight
-            gone = dr.select(straight, gone + met.t, dr.select(bent, 0, gone))
+            onward, throughput = dr.select(straight, ray.d, onward), dr.select(straight, throughput * tint, throughput)
+            going, gone = going | straight, dr.select(straight, gone + met.t, dr.select(bent, 0, gone))
         begun = dr.select(bent, si.p, begun)
+        # Turned back or let out at the surface of what scatters light is one step more of a walk.
+        inner = bent & delta & (False if world.media is None else world.media.keeps(inside))
+        walked, bounces = dr.select(inner, walked + 1, walked), dr.select(bent & ~inner, bounces + 1, bounces)
         if world.media is not None:
             inside = dr.select(going, world.beyond(si, onward, -ray.d, inside), inside)
         ray = dr.select(on, si.spawn_ray(onward), ray)
-        if world.media is not None and world.media.closed:
-            # Turned back at the surface of what scatters light is one step more of a walk.
-            inner = bent & delta & world.media.keeps(inside)
-            walked += dr.select(inner, 1, 0)
-            going &= walked < WALK
-            bounces = dr.select(bent & ~inner, bounces + 1, bounces)
-        else:
-            bounces = dr.select(bent, bounces + 1, bounces)
-        active = going | (active & scattered & (walked < WALK))
-        most = dr.min(mi.Point2f(dr.max(throughput), 0.95))
-        risky = active & ((bounces > ROULETTE_FROM) | (walked > FAIR))
-        survives = rng.next_float32() < most
-        throughput = dr.select(risky, throughput / dr.maximum(most, 1e-6), throughput)
-        active &= ~risky | survives
+        active = (going | (active & scattered)) & (walked < WALK)
+        throughput, active = _survivors(throughput, (bounces > ROULETTE_FROM) | (walked > FAIR), rng, active)
         met = dr.select(active, world.nearest(ray, active, objects), met)
-        reached = dr.select(met.is_valid(), met.t, dr.inf) + gone
-        free = active & world.sees(inside)
-        chance = dr.select(looked, turned, density)
-        seen = light.arriving(
-            begun if world.straight else ray.o, ray.d, reached, free, chance,
-            beyond=gone, dim=sent_on | (gathered & last_added), passed=world.passing(ray, inside, free), lamps=~looked,
-        )  # fmt: skip
-        result += dr.select(free, throughput * seen, 0)
-        if world.foggy:
-            active &= met.is_valid() | (inside == world.outside)
-        else:
-            active &= met.is_valid()
+        place = begun if world.straight else ray.o
+        dim, drawn = sent_on | (gathered & last_added), dr.select(looked, turned, density)
+        result += throughput * _arriving(world, ray, met, inside, (place, gone), drawn, dim, ~looked, active)
+        active &= met.is_valid() | (world.foggy & (inside == world.outside))
     return result
+
+
+def _through_medium(
+    world: World, ray: Any, met: Any, inside: Any, rng: Any, objects: bool, surface: tuple[Any, Any],
+    lamps: tuple[Any, ...], kept: tuple[Any, Any, Any], active: Any,
+) -> tuple[Any, Any, Any, Any, tuple[Any, ...], tuple[Any, Any, Any]]:  # fmt: skip
+    """A ray's way through what fills a place: whether it is scattered, its weight, the ray that goes on, light found.
+
+    surface : where the path met one last, and its normal
+    lamps, kept : what the path knows of lamps and of light that was kept; given back as it is after the way
+    """
+    media: Any = world.media
+    light, found = world.light, mi.Color3f(0)
+    way = world.reach(ray, met.t, inside, active)
+    if media.looked_for and objects and not light.dark:
+        found += _from_between(world, ray, way, inside, rng, active)
+    scattered, passed, onward = media.crossed(ray, way, inside, rng, active)
+    if media.open:
+        lamps = _in_the_open(world, ray, way, onward, inside, scattered, lamps)
+    if world.photons is not None and objects:
+        known, gathered, last_added = kept
+        sent, known, deep = _from_photons(world, ray, onward, inside, scattered, known, surface)
+        found += dr.select(deep, passed * sent, 0)
+        kept = known, gathered | deep, last_added & ~deep
+    return scattered, passed, dr.select(scattered, onward, ray), found, lamps, kept
+
+
+def _met(world: World, si: Any, bent: Any, delta: Any, before: tuple[Any, ...]) -> tuple[Any, ...]:
+    """What a path knows of light that was kept after a surface, which ends that where it scatters."""
+    known, gathered, entry, facing, last_added = before
+    rough = bent & ~delta
+    return (
+        known & ~rough, gathered & ~rough, dr.select(bent, si.p, entry), dr.select(bent, si.n, facing),
+        dr.select(bent, world.is_object(si.shape), last_added),
+    )  # fmt: skip
+
+
+def _in_the_open(
+    world: World, ray: Any, way: Any, onward: Any, inside: Any, scattered: Any, before: tuple[Any, ...]
+) -> tuple[Any, ...]:  # fmt: skip
+    """What a path knows of lamps after a scattering from where they are seen: all of them were looked for there."""
+    media: Any = world.media
+    looked, turned, density, begun, gone = before
+    free = scattered & media.opens(inside)
+    drawn = _of_walk(world, ray, way, dr.norm(onward.o - ray.o), onward.d, inside)
+    return (
+        looked | free, dr.select(free, drawn, turned), dr.select(free, 0, density),
+        dr.select(free, onward.o, begun), dr.select(free, 0, gone),
+    )  # fmt: skip
+
+
+def _from_photons(
+    world: World, ray: Any, onward: Any, inside: Any, scattered: Any, known: Any, surface: tuple[Any, Any]
+) -> tuple[Any, Any, Any]:  # fmt: skip
+    """Light kept about a scattering, whether it stands for all that follows in a body, and where any was counted.
+
+    In bodies once for all that follows; in the open at each scattering, for light that was bent.
+    surface : where the path met one last, and its normal
+    """
+    media: Any = world.media
+    entry, facing = surface
+    kept = media.keeps(inside)
+    deep = scattered & (~known | ~kept)
+    depth = dr.select(kept, dr.abs(dr.dot(onward.o - entry, facing)), dr.inf)
+    sent = counted(world.photons, media, onward.o, ray.d, depth, facing, inside, deep)
+    return dr.select(deep, sent, 0), dr.select(deep, kept, known), deep
+
+
+def _from_lamps(
+    world: World, si: Any, bsdf: Any, context: Any, rng: Any, first: tuple[Any, Any, Any], active: Any, ray: Any,
+    inside: Any, objects: bool,
+) -> Any:  # fmt: skip
+    """Light that a surface scatters back along a ray, found by looking for lamps and for objects that shine.
+
+    first : numbers spread evenly over what the camera sees directly, the objects, and where that is
+    """
+    light, result = world.light, mi.Color3f(0)
+    if not light.dark:
+        even_choice, even_point, evenly = first
+        choice, point = rng.next_float32(), two(rng)
+        choice, point = dr.select(evenly, even_choice, choice), dr.select(evenly, even_point, point)
+        found = light.sample(si.p, choice, point, active)
+        value, chance = bsdf.eval_pdf(context, si, si.to_local(found.direction), active & found.valid)
+        lit = active & found.valid & (dr.max(value) > 0)
+        around = world.beyond(si, found.direction, -ray.d, inside)
+        share = world.arrives(way_to(si, found.direction, found.distance), around, lit, objects)
+        weight = dr.select(found.density > 0, mitigated(found.density, chance), 1)
+        result = dr.select(lit, value * found.weight * weight * share, 0)
+    if world.looks_for_objects and objects:
+        result += from_objects(world, si, bsdf, context, rng, active, ray, inside)
+    return result
+
+
+def _let_through(bsdf: Any, si: Any, sample: Any, active: Any) -> Any:
+    """Whether a path goes on through a hole, which the camera's own rays did already; through thin glass they did not.
+
+    active : paths of the camera's own rays
+    """
+    holes = active & mi.has_flag(sample.sampled_type, mi.BSDFFlags.Null)
+    return holes & (dr.max(bsdf.eval_null_transmission(si, holes)) > 0)
+
+
+def _survivors(throughput: Any, risky: Any, rng: Any, active: Any) -> tuple[Any, Any]:
+    """Russian roulette: those that go on have the weight of those that do not."""
+    most = dr.min(mi.Point2f(dr.max(throughput), 0.95))
+    risky = active & risky
+    survives = rng.next_float32() < most
+    throughput = dr.select(risky, throughput / dr.maximum(most, 1e-6), throughput)
+    return throughput, active & (~risky | survives)
+
+
+def _arriving(
+    world: World, ray: Any, met: Any, inside: Any, begun: tuple[Any, Any], density: Any, dim: Any, lamps: Any,
+    active: Any,
+) -> Any:  # fmt: skip
+    """The light of lamps and of the map that a ray meets by chance.
+
+    begun : where its direction was drawn, and how far before the ray's own beginning
+    """
+    place, gone = begun
+    reached = dr.select(met.is_valid(), met.t, dr.inf) + gone
+    free = active & world.sees(inside)
+    seen = world.light.arriving(
+        place, ray.d, reached, free, density,
+        beyond=gone, dim=dim, passed=world.passing(ray, inside, free), lamps=lamps,
+    )  # fmt: skip
+    return dr.select(free, seen, 0)
 
 
 def _from_between(world: World, ray: Any, way: Any, inside: Any, rng: Any, active: Any) -> Any:
