@@ -138,7 +138,8 @@ def _through_medium(
     surface : where the path met one last, and its normal
     lamps, kept : what the path knows of lamps and of light that was kept; given back as it is after the way
     """
-    media, light, found = world.media, world.light, mi.Color3f(0)
+    media: Any = world.media
+    light, found = world.light, mi.Color3f(0)
     way = world.reach(ray, met.t, inside, active)
     if media.looked_for and objects and not light.dark:
         found += _from_between(world, ray, way, inside, rng, active)
@@ -167,8 +168,9 @@ def _in_the_open(
     world: World, ray: Any, way: Any, onward: Any, inside: Any, scattered: Any, before: tuple[Any, ...]
 ) -> tuple[Any, ...]:  # fmt: skip
     """What a path knows of lamps after a scattering from where they are seen: all of them were looked for there."""
+    media: Any = world.media
     looked, turned, density, begun, gone = before
-    free = scattered & world.media.opens(inside)
+    free = scattered & media.opens(inside)
     drawn = _of_walk(world, ray, way, dr.norm(onward.o - ray.o), onward.d, inside)
     return (
         looked | free, dr.select(free, drawn, turned), dr.select(free, 0, density),
@@ -184,7 +186,8 @@ def _from_photons(
     In bodies once for all that follows; in the open at each scattering, for light that was bent.
     surface : where the path met one last, and its normal
     """
-    media, (entry, facing) = world.media, surface
+    media: Any = world.media
+    entry, facing = surface
     kept = media.keeps(inside)
     deep = scattered & (~known | ~kept)
     depth = dr.select(kept, dr.abs(dr.dot(onward.o - entry, facing)), dr.inf)
