@@ -209,6 +209,7 @@ def _walked(world: World, spheres: Spheres, rng: Any, active: Any, kept: list[An
         flux = flux * world.from_lamp(ray, met, far, active)
     inside, times = mi.UInt32(0), mi.UInt32(0)
     bounces, walked = mi.UInt32(0), mi.UInt32(0)
+    starting = mi.Bool(True)
     spectral = world.dispersion
     hue, own = mi.Float(-1), mi.Float(-1) if spectral is None else rng.next_float32()
     while active:
@@ -245,9 +246,10 @@ def _walked(world: World, spheres: Spheres, rng: Any, active: Any, kept: list[An
         if spectral is not None:
             parted, whole = spectral.met(si, sample, own, going & (hue < 0))
             flux, hue = spectral.sent(flux * whole, own, parted), dr.select(parted, own, hue)
-        inside = dr.select(going, world.beyond(si, ahead, -ray.d, inside), inside)
-        if world.foggy:
-            inside = dr.select(going & (inside == 0), world.outside, inside)
+        # The way to the first surface, which `from_lamp` weighed, counted as empty; what bends light there stands outside.
+        before = dr.select(starting, world.outside, inside)
+        inside = dr.select(going, world.beyond(si, ahead, -ray.d, before), inside)
+        starting = mi.Bool(False)
         walked += dr.select(turned | inner, 1, 0)
         ray = dr.select(turned, onward, dr.select(going, si.spawn_ray(ahead), ray))
         # Russian roulette by what is lost at each step.
