@@ -259,7 +259,7 @@ def _walked(world: World, spheres: Spheres, rng: Any, active: Any, kept: list[An
         active = (going | turned) & (walked < WALK) & survives & (dr.max(flux) > 0)
         flux = dr.select(active, flux / dr.maximum(most, 1e-6), flux)
         met = dr.select(active, world.nearest(ray, active), met)
-        active &= met.is_valid()
+        active &= met.is_valid() | (world.foggy & (inside == world.outside))
     return times
 
 
