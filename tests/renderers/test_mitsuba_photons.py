@@ -128,3 +128,59 @@ def test_what_glass_bends_into_fog_is_what_paths_find():
     error = np.hypot(*errors)
     assert np.all(error < 0.01 * means[1])
     assert np.all(np.abs(means[0] - means[1]) < 4.5 * error), means[0] / means[1]
+
+
+BEAM = Camera.looking_at(np.array([0.0, 0.0, 2.6]), np.array([0, -0.15, 0]), width=8, height=8, focal_length=80)
+GLASS = Material(roughness=0.0, transmission=1.0, ior=1.5)
+DARK = Diffuse((0.0, 0.0, 0.0))
+DARK_FLOOR = Plane(DARK, (6.0, 6.0), height=-1.0)
+
+
+@pytest.mark.parametrize(
+    ("grounds", "others"),
+    [
+        pytest.param((Sphere((3.0, -1.0, 0.0), 0.45, DARK),), (), id="nothing behind"),
+        pytest.param((DARK_FLOOR, Sphere((2.0, -0.9, 0.0), 0.01, DARK)), (), id="a black bead elsewhere"),
+        pytest.param((DARK_FLOOR,), (Sphere((2.0, -0.9, 0.0), 0.01, GLASS),), id="a glass bead elsewhere"),
+    ],
+)
+def test_the_beam_of_a_glass_ball_in_fog_is_what_paths_find(grounds, others):
+    from relume.renderers.mitsuba.transport.plain import Plain
+
+    lamp = SphereLight((0.0, 1.7, 0.0), 0.25, (10.0, 10.0, 10.0))
+    fog = Medium((0.0, 0.0, 0.0), (1.0, 1.0, 1.0), 0.0)
+    ball = Sphere((0.0, 0.5, 0.0), 0.45, GLASS)
+    foggy = Scene(BLACK, grounds, (ball, *others), (lamp,), medium=fog)
+    means, errors = [], []
+    for flooded, samples in ((True, 160), (False, 640)):
+        made = Plain(foggy, BEAM, 8)
+        assert made.floods
+        made.floods = made.world.smooth = flooded
+        found = [made.traced(samples, pass_seed(flooded, index))["radiance"].mean() for index in range(2 * PASSES)]
+        means.append(np.mean(found, dtype=np.float64))
+        errors.append(np.std(found, ddof=1, dtype=np.float64) / np.sqrt(2 * PASSES))
+        if flooded:
+            # Fog ends at clear glass: none of it scatters light inside.
+            kept = np.stack([np.array(axis)[:-1] for axis in made.world.photons.place], axis=1)
+            away = np.linalg.norm(kept - ball.centre, axis=1)
+            assert len(away) > 10_000
+            assert away.min() > 0.449
+    error = np.hypot(*errors)
+    assert error < 0.012 * means[1], (means, errors)
+    assert abs(means[0] - means[1]) < 4 * error, (means, errors)
+
+
+def test_light_on_a_surface_is_counted_over_a_size_of_what_sent_it():
+    # The caustic of a ball, seen in a mirror; a bead beside it has a size of its own.
+    mirror = Material((1.0, 1.0, 1.0), metallic=1.0, roughness=0.0)
+    wall = Polygon(np.array([[-2.0, y, z] for y, z in ((0, -2), (0, 2), (3, 2), (3, -2))], float), mirror)
+    grounds, lamp = (Plane(Diffuse((0.5, 0.5, 0.5)), (6.0, 6.0)), wall), PointLight((1.2, 2.0, 0.0), (10.0,) * 3)
+    eye, at = np.array([-1.0, 1.6, 1.2]), np.array([-3.65, 0.0, 0.0])
+    camera = Camera.looking_at(eye, at, width=24, height=24, focal_length=90)
+    ball, bead = Sphere((0.0, 0.5, 0.0), 0.3, GLASS), Sphere((2.0, 0.02, 2.0), 0.01, GLASS)
+    alone, beside = (
+        Mitsuba(32).render(Scene(BLACK, grounds, objects, (lamp,)), camera, seed=1)
+        for objects in ((ball,), (ball, bead))
+    )
+    np.testing.assert_allclose(beside.radiance.mean(), alone.radiance.mean(), rtol=0.03)
+    assert beside.variance.mean() < 2 * alone.variance.mean()

@@ -14,7 +14,7 @@ from relume.renderers.mitsuba.transport.dispersion import dispersion_of
 from relume.renderers.mitsuba.transport.extent import corners, sticks_out
 from relume.renderers.mitsuba.transport.light import SceneLight
 from relume.renderers.mitsuba.transport.media import Media
-from relume.renderers.mitsuba.transport.passes import Planes, Tracing, built, radii_of, senders
+from relume.renderers.mitsuba.transport.passes import Planes, Tracing, bodies_of, built, senders
 from relume.renderers.mitsuba.transport.paths import followed
 from relume.renderers.mitsuba.transport.sampling import Guide, Numbers
 from relume.renderers.mitsuba.transport.world import World
@@ -53,7 +53,7 @@ class Estimator(Tracing):
             light.map is not None and sticks_out(scene), materials, pierced=pierced,
         )  # fmt: skip
         world.dispersion = dispersion_of((local, scene.local), (objects, scene.objects))
-        super().__init__(world, camera, spheres, pierced, radii_of(scene.objects, objects, world.media))
+        super().__init__(world, camera, spheres, pierced, bodies_of(scene.objects, objects, world.media))
         self.guide = Guide(scene.objects)
         # What is level never meets itself, in however many pieces: no path goes on without the objects.
         heights = [corners(shape)[:, 1] for shape in scene.local]

@@ -14,11 +14,12 @@ from relume.renderers.mitsuba.materials import bsdf, crossed_straight, emission
 from relume.renderers.mitsuba.scene import _shape
 from relume.renderers.mitsuba.transport import opaque
 from relume.renderers.mitsuba.transport.caustics import caustics
+from relume.renderers.mitsuba.transport.cylinders import Body, in_bodies, on_floors
 from relume.renderers.mitsuba.transport.extent import sphere_round
 from relume.renderers.mitsuba.transport.guides import first_scattered
 from relume.renderers.mitsuba.transport.lens import Lens
 from relume.renderers.mitsuba.transport.media import Media
-from relume.renderers.mitsuba.transport.photons import FEWEST_PHOTONS, MOST_PHOTONS, in_media, on_surfaces, sizes_of
+from relume.renderers.mitsuba.transport.photons import FEWEST_PHOTONS, MOST_PHOTONS, in_media, on_surfaces
 from relume.renderers.mitsuba.transport.sampling import Numbers, Spheres, two
 from relume.renderers.mitsuba.transport.world import World
 from relume.scene.cameras.camera import Camera
@@ -28,8 +29,6 @@ RAYS_OF_LIGHT = 8
 """Samples of the picture for each ray that is followed from the light: those few carry its noise easily."""
 SAMPLES_A_PHOTON = 2
 """The same into bodies that scatter light, where paths from the camera walk far longer."""
-LANDED = 0.02
-"""Of the smallest smooth object's radius: about a place, where light is counted that it sent there."""
 MOST_RAYS = 1_000_000
 """Rays of light a pass, at most: in a large picture they lie close enough."""
 BAND = 2_000_000
@@ -47,31 +46,31 @@ class Tracing:
 
     spheres : round the shapes that send light on in one direction
     pierced : whether shapes have holes
-    radii : of bodies, the number of what fills each and its bounding sphere's radius, metres
+    bodies : the shapes, as light meets them
     """
 
     def __init__(
-        self, world: World, camera: Camera, spheres: Spheres, pierced: bool, radii: Sequence[tuple[int, float]] = ()
+        self, world: World, camera: Camera, spheres: Spheres, pierced: bool, bodies: Sequence[Body] = ()
     ) -> None:  # fmt: skip
         self.world, self.spheres, self.pierced = world, spheres, pierced
         self.camera, self.lens = camera, Lens(camera)
         # Whether light is followed to where it is scattered: in bodies, and where it was bent before in smoke or fog.
         media = world.media
         self.floods = media is not None and media.scatters and bool(spheres) and not world.light.even
-        self.sizes = sizes_of(world, radii) if self.floods else np.zeros((0, 2))
-
         # Whether a lamp that no path meets sends light on to surfaces.
         self.lands = world.smooth and bool(world.light.sizeless.any())
+        self.in_bodies = in_bodies(media, bodies) if media is not None and self.floods else None
+        self.on_floors = on_floors(bodies) if self.lands else None
 
     def flooded(self, samples: int, seed: int) -> None:
         """Follow a pass's light to where it is scattered, for the paths of this seed."""
         wanted = self.camera.width * self.camera.height * samples // SAMPLES_A_PHOTON
         count = min(max(wanted, FEWEST_PHOTONS), MOST_PHOTONS)
-        self.world.photons = in_media(self.world, self.spheres, self.sizes, count, seed) if self.floods else None
-        self.world.landed = None
-        if self.lands:
-            sizes = np.full((2, 2), LANDED * min(float(radius.numpy()[0]) for _, radius in self.spheres))
-            self.world.landed = on_surfaces(self.world, self.spheres, sizes * [0.5, 1.0], count, seed)
+        self.world.photons = self.world.landed = None
+        if self.floods and self.in_bodies is not None:
+            self.world.photons = in_media(self.world, self.spheres, self.in_bodies, count, seed)
+        if self.lands and self.on_floors is not None:
+            self.world.landed = on_surfaces(self.world, self.spheres, self.on_floors, count, seed)
 
     def seeing(self, camera: Camera) -> Self:
         """The same scene, seen by another camera."""
@@ -211,19 +210,25 @@ def built(shapes: Sequence[Shape]) -> Any:
     return mi.load_dict({"type": "scene", **parts}, optimize=False)
 
 
-def radii_of(shapes: Sequence[Shape], scene: Any, media: Media | None) -> list[tuple[int, float]]:
-    """Of each body, the number of what fills it and its bounding sphere's radius."""
-    if media is None:
-        return []
-    numbers = np.array(media.number(scene.shapes_dr()))
-    return [(int(number), sphere_round(shape)[1]) for number, shape in zip(numbers, shapes, strict=True)]
+def bodies_of(shapes: Sequence[Shape], scene: Any, media: Media | None) -> list[Body]:
+    """The shapes as light meets them; `scene` as Mitsuba has it, `media` what fills them."""
+    made = scene.shapes_dr()
+    numbers = np.array(dr.reinterpret_array(mi.UInt32, made))
+    filled = np.zeros(len(shapes)) if media is None else np.array(media.number(made))
+    bends = _bending(shapes, scene)
+    return [
+        Body(int(numbers[index]), int(filled[index]), sphere_round(shape)[1], bends[index])
+        for index, shape in enumerate(shapes)
+    ]
 
 
 def senders(shapes: Sequence[Shape], scene: Any) -> Spheres:
     """Spheres round the shapes that send light on in one direction, which bends it there; `scene` as Mitsuba has it."""
+    bends = _bending(shapes, scene)
+    return [opaque.sphere(*sphere_round(shape)) for shape, bent in zip(shapes, bends, strict=True) if bent]
+
+
+def _bending(shapes: Sequence[Shape], scene: Any) -> list[bool]:
+    """Whether each shape sends light on in one direction, and not straight."""
     sent = [bool(mi.has_flag(shape.bsdf().flags(), mi.BSDFFlags.Delta)) for shape in scene.shapes()]
-    return [
-        opaque.sphere(*sphere_round(shape))
-        for shape, bends in zip(shapes, sent, strict=True)
-        if bends and crossed_straight(shape.material) is None
-    ]
+    return [bends and crossed_straight(shape.material) is None for shape, bends in zip(shapes, sent, strict=True)]

@@ -17,7 +17,6 @@ a mirror, through glass, or that lights a fog. Lamps with a size are found there
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from typing import Any
 
 import drjit
@@ -26,6 +25,7 @@ import numpy as np
 
 from relume.renderers.mitsuba.arrays import aligned
 from relume.renderers.mitsuba.limits import FAIR, WALK
+from relume.renderers.mitsuba.transport.cylinders import Cylinders
 from relume.renderers.mitsuba.transport.media import Media
 from relume.renderers.mitsuba.transport.sampling import Spheres, two
 from relume.renderers.mitsuba.transport.world import World
@@ -40,12 +40,6 @@ MOST_PHOTONS = 200_000
 """Rays of light a pass, at most."""
 FEWEST_PHOTONS = 50_000
 """And at least, where a picture is small."""
-HALF, WIDE = 0.15, 1.0
-"""Of a mean free path: half the height and the radius of the cylinder, at most."""
-HALF_BODY, WIDE_BODY = 0.01, 0.02
-"""The same of the radius of the body."""
-BENT = 0.2
-"""Of half the height: how far the surface may bend away from the cylinder's flat side, at most."""
 BUCKETS = 1 << 18
 PRIMES = (73856093, 19349663, 83492791)
 TAGS = (2654435761, 2246822519, 3266489917)
@@ -54,16 +48,19 @@ TAGS = (2654435761, 2246822519, 3266489917)
 class Photons:
     """Light that arrives at places, found by where they are.
 
-    sizes : by the number of what is there, half the height and the radius of what is counted, metres
-    number : (N,) of what each lies in; 0 for none. place, direction, flux : (N, 3)
+    cylinders : what is counted
+    number : (N,) of what each lies in and of what bent it, together (`Cylinders`); 0 for none
+    place, direction, flux : (N, 3)
     """
 
     def __init__(
-        self, sizes: np.ndarray, number: np.ndarray, place: np.ndarray, direction: np.ndarray, flux: np.ndarray
+        self, cylinders: Cylinders, number: np.ndarray, place: np.ndarray, direction: np.ndarray, flux: np.ndarray
     ) -> None:  # fmt: skip
         there = np.flatnonzero(number)
         number, place, direction, flux = (values[there] for values in (number, place, direction, flux))
+        sizes = cylinders.sizes
         self.half, self.wide = (mi.Float(aligned(sizes[:, axis], np.float32)) for axis in range(2))
+        self.step, self.corners = (dr.opaque(mi.UInt32, each) for each in (cylinders.step, 8 * cylinders.levels))
         # Sorted by the cell that each lies in, those of a cell in the order of their rays.
         cells = np.floor(place / (2 * sizes[number, 1:2])).astype(np.int64).astype(np.uint32)
         bucket = _hashed(cells, number, PRIMES) % np.uint32(BUCKETS)
@@ -78,45 +75,27 @@ class Photons:
         )
 
 
-def in_media(world: World, spheres: Spheres, sizes: np.ndarray, count: int, seed: int) -> Photons:
+def in_media(world: World, spheres: Spheres, cylinders: Cylinders, count: int, seed: int) -> Photons:
     """What the bright part of the light leaves in media."""
-    return _kept(_walked, world, spheres, sizes, count, seed + (1 << 41))
+    return _kept(_walked, world, spheres, cylinders, count, seed + (1 << 41))
 
 
-def on_surfaces(world: World, spheres: Spheres, sizes: np.ndarray, count: int, seed: int) -> Photons:
+def on_surfaces(world: World, spheres: Spheres, cylinders: Cylinders, count: int, seed: int) -> Photons:
     """What lamps without size send on to surfaces that scatter it."""
-    return _kept(_landed, world, spheres, sizes, count, seed + (1 << 42))
+    return _kept(_landed, world, spheres, cylinders, count, seed + (1 << 42))
 
 
-def _kept(follow: Any, world: World, spheres: Spheres, sizes: np.ndarray, count: int, seed: int) -> Photons:
+def _kept(follow: Any, world: World, spheres: Spheres, cylinders: Cylinders, count: int, seed: int) -> Photons:
     kept = [dr.zeros(mi.Float, count * SLOTS) for _ in range(9)]
     number = dr.zeros(mi.UInt32, count * SLOTS)
     rng = mi.PCG32(size=count, initstate=dr.opaque(mi.UInt64, seed))
-    times = follow(world, spheres, rng, dr.full(mi.Bool, True, count), [*kept, number])
+    times = follow(world, spheres, cylinders, rng, dr.full(mi.Bool, True, count), [*kept, number])
     dr.eval(times, kept, number)
     # Those that stand for more than themselves.
     weight = np.maximum(np.broadcast_to(np.array(times, np.float64), count) / SLOTS, 1) / count
     columns = [np.array(values) for values in kept]
     place, direction, flux = (np.stack(columns[i : i + 3], axis=1) for i in (0, 3, 6))
-    return Photons(sizes, np.array(number), place, direction, flux * np.repeat(weight, SLOTS)[:, None])
-
-
-def sizes_of(world: World, radii: Sequence[tuple[int, float]]) -> np.ndarray:
-    """Half the height and the radius (N, 2) of what is counted in each medium.
-
-    radii : of each body, the number of what fills it and its bounding sphere's radius, metres
-    """
-    media = world.media
-    assert media is not None
-    numbers = np.arange(len(np.array(media.anisotropy)))
-    densest = np.array(media.extinction(mi.UInt32(numbers))).max(axis=0)
-    sizes = np.ones((len(numbers), 2))
-    smallest = min((radius for _, radius in radii), default=1.0)
-    for number, free in zip(numbers, 1 / np.maximum(densest, 1e-12), strict=True):
-        radius = min((radius for each, radius in radii if each == number), default=smallest)
-        half = min(HALF * free, HALF_BODY * radius)
-        sizes[number] = half, min(WIDE * free, WIDE_BODY * radius, np.sqrt(2 * BENT * half * radius))
-    return sizes
+    return Photons(cylinders, np.array(number), place, direction, flux * np.repeat(weight, SLOTS)[:, None])
 
 
 def _hashed(cells: np.ndarray, medium: np.ndarray, primes: tuple[int, int, int]) -> np.ndarray:
@@ -135,11 +114,10 @@ def counted(
     total = _summed(
         photons, place, normal, inside, active,
         lambda towards, flux, mine: flux * media.phase(inside, along, -towards),
+        lambda half, wide: np.pi * wide * wide * (half + dr.minimum(half, depth)),
     )  # fmt: skip
-    half, wide = dr.gather(mi.Float, photons.half, inside, active), dr.gather(mi.Float, photons.wide, inside, active)
-    volume = np.pi * wide * wide * (half + dr.minimum(half, depth))
     scattering = media.scatterings(inside)
-    return dr.select(scattering > 0, total / (volume * dr.maximum(scattering, 1e-20)), 0)
+    return dr.select(scattering > 0, total / dr.maximum(scattering, 1e-20), 0)
 
 
 def reflected(photons: Photons, context: Any, bsdf: Any, si: Any, active: Any) -> Any:
@@ -150,27 +128,32 @@ def reflected(photons: Photons, context: Any, bsdf: Any, si: Any, active: Any) -
         # The flux over an area has the cosine of its direction already.
         return flux * bsdf.eval(context, si, wo, mine) / dr.maximum(dr.abs(wo.z), 0.02)
 
-    number = mi.UInt32(1)
-    total = _summed(photons, si.p, si.n, number, active, of)
-    return total / (np.pi * dr.square(dr.gather(mi.Float, photons.wide, number)))
+    return _summed(photons, si.p, si.n, mi.UInt32(1), active, of, lambda half, wide: np.pi * wide * wide)
 
 
 @dr.syntax
-def _summed(photons: Photons, place: Any, normal: Any, number: Any, active: Any, value: Any) -> Any:
-    """The sum over what lies in the cylinder about a place of what `value` makes of direction and flux."""
-    half, wide = dr.gather(mi.Float, photons.half, number, active), dr.gather(mi.Float, photons.wide, number, active)
-    # The eight cells about the place that may hold any of it.
-    x, y, z = (mi.Int32(dr.floor(each / (2 * wide) - 0.5)) for each in (place.x, place.y, place.z))
+def _summed(
+    photons: Photons, place: Any, normal: Any, number: Any, active: Any, value: Any, measure: Any
+) -> Any:  # fmt: skip
+    """The sum over what lies in the cylinders about a place of what `value` makes of direction and flux.
+
+    measure : the volume or the area of a cylinder, by half its height and its radius
+    """
     total, corner = mi.Color3f(0), mi.UInt32(0)
     looking = mi.Bool(active)
     while looking:
+        # Of each level the eight cells about the place that may hold any of it.
+        kind = number + (corner >> 3) * photons.step
+        half, wide = dr.gather(mi.Float, photons.half, kind, looking), dr.gather(mi.Float, photons.wide, kind, looking)
+        x, y, z = (mi.Int32(dr.floor(each / (2 * wide) - 0.5)) for each in (place.x, place.y, place.z))
+        share = 1 / measure(half, wide)
         cell = [
             dr.reinterpret_array(mi.UInt32, x + mi.Int32(corner & 1)),
             dr.reinterpret_array(mi.UInt32, y + mi.Int32((corner >> 1) & 1)),
             dr.reinterpret_array(mi.UInt32, z + mi.Int32((corner >> 2) & 1)),
         ]
-        bucket = _of_cell(cell, number, PRIMES) & (BUCKETS - 1)
-        tag = _of_cell(cell, number, TAGS)
+        bucket = _of_cell(cell, kind, PRIMES) & (BUCKETS - 1)
+        tag = _of_cell(cell, kind, TAGS)
         index = dr.gather(mi.UInt32, photons.starts, bucket, looking)
         last = dr.gather(mi.UInt32, photons.starts, bucket + 1, looking)
         more = looking & (index < last)
@@ -181,11 +164,11 @@ def _summed(photons: Photons, place: Any, normal: Any, number: Any, active: Any,
             mine &= (dr.abs(across) <= half) & (dr.squared_norm(offset) - across * across <= wide * wide)
             towards = mi.Vector3f(*(dr.gather(mi.Float, each, index, mine) for each in photons.direction))
             flux = mi.Color3f(*(dr.gather(mi.Float, each, index, mine) for each in photons.flux))
-            total += dr.select(mine, value(towards, flux, mine), 0)
+            total += dr.select(mine, value(towards, flux, mine) * share, 0)
             index += 1
             more &= index < last
         corner += 1
-        looking &= corner < 8
+        looking &= corner < photons.corners
     return total
 
 
@@ -195,7 +178,9 @@ def _of_cell(cell: list[Any], inside: Any, primes: tuple[int, int, int]) -> Any:
 
 
 @dr.syntax
-def _walked(world: World, spheres: Spheres, rng: Any, active: Any, kept: list[Any]) -> Any:
+def _walked(
+    world: World, spheres: Spheres, cylinders: Cylinders, rng: Any, active: Any, kept: list[Any]
+) -> Any:  # fmt: skip
     """Keep where each ray of light is scattered in bodies; how often each was."""
     media: Any = world.media
     context = mi.BSDFContext(mi.TransportMode.Importance)
@@ -209,7 +194,7 @@ def _walked(world: World, spheres: Spheres, rng: Any, active: Any, kept: list[An
         flux = flux * world.from_lamp(ray, met, far, active)
     inside, times = mi.UInt32(0), mi.UInt32(0)
     bounces, walked = mi.UInt32(0), mi.UInt32(0)
-    starting = mi.Bool(True)
+    starting, level = mi.Bool(True), mi.UInt32(cylinders.levels - 1)
     spectral = world.dispersion
     hue, own = mi.Float(-1), mi.Float(-1) if spectral is None else rng.next_float32()
     while active:
@@ -225,7 +210,7 @@ def _walked(world: World, spheres: Spheres, rng: Any, active: Any, kept: list[An
         times += dr.select(stored, 1, 0)
         drawn = mi.UInt32(rng.next_float32() * mi.Float(times))
         slot = dr.select(times <= SLOTS, times - 1, drawn)
-        values = [*onward.o, *ray.d, *flux, inside]
+        values = [*onward.o, *ray.d, *flux, inside + level * cylinders.step]
         for buffer, value in zip(kept, values, strict=True):
             dr.scatter(buffer, value, slots + slot, stored & (slot < SLOTS))
         # At a surface, which sends it on in one direction or ends the ray.
@@ -246,10 +231,10 @@ def _walked(world: World, spheres: Spheres, rng: Any, active: Any, kept: list[An
         if spectral is not None:
             parted, whole = spectral.met(si, sample, own, going & (hue < 0))
             flux, hue = spectral.sent(flux * whole, own, parted), dr.select(parted, own, hue)
-        # The way to the first surface, which `from_lamp` weighed, counted as empty; what bends light there stands outside.
+        # The way to the first surface, which `from_lamp` weighed, counted as empty; light comes there from outside.
         before = dr.select(starting, world.outside, inside)
         inside = dr.select(going, world.beyond(si, ahead, -ray.d, before), inside)
-        starting = mi.Bool(False)
+        starting, level = mi.Bool(False), cylinders.narrowed(level, si.shape, going & ~straight)
         walked += dr.select(turned | inner, 1, 0)
         ray = dr.select(turned, onward, dr.select(going, si.spawn_ray(ahead), ray))
         # Russian roulette by what is lost at each step.
@@ -264,7 +249,9 @@ def _walked(world: World, spheres: Spheres, rng: Any, active: Any, kept: list[An
 
 
 @dr.syntax
-def _landed(world: World, spheres: Spheres, rng: Any, active: Any, kept: list[Any]) -> Any:
+def _landed(
+    world: World, spheres: Spheres, cylinders: Cylinders, rng: Any, active: Any, kept: list[Any]
+) -> Any:  # fmt: skip
     """Keep where each ray of light that smooth objects sent on meets what scatters it; how often each did."""
     context = mi.BSDFContext(mi.TransportMode.Importance)
     slots = dr.arange(mi.UInt32, dr.width(active)) * SLOTS
@@ -275,6 +262,7 @@ def _landed(world: World, spheres: Spheres, rng: Any, active: Any, kept: list[An
     if world.foggy:
         flux = flux * world.from_lamp(ray, met, far, active)
     inside, times, bounces = mi.UInt32(world.outside), mi.UInt32(0), mi.UInt32(0)
+    level = mi.UInt32(cylinders.levels - 1)
     spectral = world.dispersion
     hue, own = mi.Float(-1), mi.Float(-1) if spectral is None else rng.next_float32()
     while active:
@@ -283,7 +271,7 @@ def _landed(world: World, spheres: Spheres, rng: Any, active: Any, kept: list[An
             si.time = spectral.index(si.shape, dr.select(hue < 0, own, hue))
         bsdf = si.bsdf(ray)
         landed = active & (bounces > 0) & mi.has_flag(bsdf.flags(), mi.BSDFFlags.Smooth) & (times < SLOTS)
-        values = [*si.p, *ray.d, *flux, mi.UInt32(1)]
+        values = [*si.p, *ray.d, *flux, 1 + level * cylinders.step]
         for buffer, value in zip(kept, values, strict=True):
             dr.scatter(buffer, value, slots + times, landed)
         times += dr.select(landed, 1, 0)
@@ -294,6 +282,7 @@ def _landed(world: World, spheres: Spheres, rng: Any, active: Any, kept: list[An
         weight = dr.select(straight, tint, weight)
         active &= straight | mi.has_flag(sample.sampled_type, mi.BSDFFlags.Delta)
         bounces += dr.select(active & ~straight, 1, 0)
+        level = cylinders.narrowed(level, si.shape, active & ~straight)
         flux = dr.select(active, flux * weight, flux)
         if spectral is not None:
             parted, whole = spectral.met(si, sample, own, active & (hue < 0))

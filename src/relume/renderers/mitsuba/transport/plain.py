@@ -13,7 +13,7 @@ from relume.renderers.mitsuba.transport.dispersion import dispersion_of
 from relume.renderers.mitsuba.transport.extent import sphere_round_all, sticks_out
 from relume.renderers.mitsuba.transport.light import BRIGHT, SceneLight
 from relume.renderers.mitsuba.transport.media import Media
-from relume.renderers.mitsuba.transport.passes import Planes, Tracing, built, radii_of, senders
+from relume.renderers.mitsuba.transport.passes import Planes, Tracing, bodies_of, built, senders
 from relume.renderers.mitsuba.transport.paths import followed
 from relume.renderers.mitsuba.transport.sampling import Numbers
 from relume.renderers.mitsuba.transport.world import World
@@ -47,7 +47,7 @@ class Plain(Tracing):
             None if scene.medium is None or walls else sphere_round_all(scene), pierced,
         )  # fmt: skip
         world.dispersion = dispersion_of((together, shapes))
-        super().__init__(world, camera, spheres, pierced, radii_of(shapes, together, world.media))
+        super().__init__(world, camera, spheres, pierced, bodies_of(shapes, together, world.media))
         numbers = np.array(dr.reinterpret_array(mi.UInt32, together.shapes_dr()))
         table = np.zeros(int(numbers.max(initial=0)) + 1, np.uint32)
         table[numbers[len(scene.local) :]] = 1
