@@ -144,6 +144,9 @@ def _through_medium(
     if media.looked_for and objects and not light.dark:
         found += _from_between(world, ray, way, inside, rng, active)
     scattered, passed, onward = media.crossed(ray, way, inside, rng, active)
+    # Surfaces that shine are not looked for where a medium scatters light: from there chance alone leads to them.
+    looked, turned, density, begun, gone = lamps
+    lamps = looked, turned, dr.select(scattered, 0, density), begun, gone
     if media.open:
         lamps = _in_the_open(world, ray, way, onward, inside, scattered, lamps)
     if world.photons is not None and objects:

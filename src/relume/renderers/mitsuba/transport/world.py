@@ -53,8 +53,8 @@ class World:
         self.media, self.emitting, self.depth, self.smooth = media, emitting, depth, smooth
         self.outside = 0 if media is None else media.outside
         self.foggy = self.outside > 0
-        # Through a medium the way to a lamp is not straight or not clear; there such lamps are found by chance alone.
-        self.looks_for_objects = emitting and (media is None or media.open)
+        # Else what shines is found by chance alone.
+        self.looks_for_objects = emitting
         self.sticks_out, self.pierced = sticks_out, pierced
         self.fog = None if fog is None else opaque.sphere(*fog)
         numbers = np.array(dr.reinterpret_array(mi.UInt32, objects.shapes_dr()))
@@ -184,7 +184,7 @@ class World:
         """The share of light that reaches a ray's beginning from its end; 0 where anything stands between."""
         if not self.straight or not objects:
             free = active & ~self.hidden(ray, active, objects)
-            if self.media is None or not self.media.open:
+            if self.media is None:
                 return dr.select(free, mi.Color3f(1), 0)
             return dr.select(free, self.media.passed(inside, self.reach(ray, ray.maxt, inside, free)), 0)
         return _arrives(self, ray, inside, active)
