@@ -174,7 +174,7 @@ def test_light_on_a_surface_is_counted_over_a_size_of_what_sent_it():
     # The caustic of a ball, seen in a mirror; a bead beside it has a size of its own.
     mirror = Material((1.0, 1.0, 1.0), metallic=1.0, roughness=0.0)
     wall = Polygon(np.array([[-2.0, y, z] for y, z in ((0, -2), (0, 2), (3, 2), (3, -2))], float), mirror)
-    grounds, lamp = (Plane(Diffuse((0.5, 0.5, 0.5)), (6.0, 6.0)), wall), PointLight((1.2, 2.0, 0.0), (10.0,) * 3)
+    grounds, lamp = (Plane(Diffuse((0.5, 0.5, 0.5)), (6.0, 6.0)), wall), PointLight((1.2, 2.0, 0.0), (10.0, 10.0, 10.0))
     eye, at = np.array([-1.0, 1.6, 1.2]), np.array([-3.65, 0.0, 0.0])
     camera = Camera.looking_at(eye, at, width=24, height=24, focal_length=90)
     ball, bead = Sphere((0.0, 0.5, 0.0), 0.3, GLASS), Sphere((2.0, 0.02, 2.0), 0.01, GLASS)
