@@ -11,7 +11,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import ArrayLike
 
-from relume.errors import warn
+from relume.errors import UnsupportedScene, warn
 from relume.renderers.renderer import Renderer
 from relume.renderers.results import Progress
 from relume.scene.cameras.camera import Camera
@@ -75,6 +75,11 @@ def environment(
         raise ValueError(f"size is {size}; expected at least 2 rows")
     # Refused before six pictures are rendered.
     lamps = arrivals(scene, place)
+    if lamps and scene.medium is not None:
+        raise UnsupportedScene(
+            "points of light and suns are added to an environment map as they shine through clear air, and the scene "
+            "has a medium; leave the medium out, or give the lamps a size (spheres or rectangles of light)"
+        )
     side = _side(mapping, size)
     unfolded = np.zeros((*CubeCross().shape(3 * side), 3), np.float32)
     for face in range(6):

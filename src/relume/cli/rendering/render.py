@@ -235,7 +235,8 @@ def render(
         # Refuse what cannot be written, before any work.
         pictures = {"--frames": moving.frames, "--region": tracing.region, "--plate": plate}
         if instead.brdf is not None:
-            others = {"--light": light, "--size": size, "--cluster": cluster, **pictures}
+            others = {"--light": light, "--size": size, "--cluster": cluster, "--renderer": renderer, **pictures}
+            others |= {"--filter": filter, "--restart": restart or None, "--exposure": exposure or None}
             return print_facts(output, _plot(instead, scene, out, others, transport, dry_run))
         instead.check(out, pictures, cluster)
         require_files([each for each in (scene, light, plate) if each is not None])
@@ -286,7 +287,9 @@ def _plot(
     dry_run: bool,
 ) -> dict[str, object]:  # fmt: skip
     material = instead.brdf or ""
-    _check_alone("--brdf plots one material", {"--tree": instead.tree, "--environment": instead.environment, **others})
+    others |= {"--tree": instead.tree, "--environment": instead.environment, "--noise": transport.noise}
+    others |= {"--denoise": transport.denoise or None, "--depth": transport.depth}
+    _check_alone("--brdf plots one material", others)
     require_suffix(out, ".png", ".svg")
     require_files([] if scene is None else [scene])
     rays = 64 if transport.samples is None else transport.samples

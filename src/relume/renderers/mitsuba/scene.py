@@ -11,13 +11,15 @@ from typing import Any
 
 import numpy as np
 
-from relume.errors import UnsupportedScene
+from relume.errors import UnsupportedScene, warn
 from relume.light.reflection.convolution import as_latlong
 from relume.renderers.mitsuba.arrays import rgb, triangles
 from relume.renderers.mitsuba.distant import distant_shape, require_inside
+from relume.renderers.mitsuba.enclosing import lamp_in_a_body
 from relume.renderers.mitsuba.materials import bsdf, emission, interior
+from relume.renderers.raytrace.alpha_coverage import is_pierced
 from relume.scene.cameras.camera import Camera
-from relume.scene.lights import AmbientLight, Light, PointLight, RectangleLight, SphereLight, SquareLaw
+from relume.scene.lights import AmbientLight, DistantLight, Light, PointLight, RectangleLight, SphereLight, SquareLaw
 from relume.scene.materials.reflective import Reflective
 from relume.scene.materials.whitted import WhittedMaterial
 from relume.scene.scene import Infinite, Scene
@@ -83,7 +85,17 @@ def why_not(scene: Scene) -> str | None:
                 f"Mitsuba cannot shade the reflection maps of {shape.material.name or 'a Reflective surface'!r}; "
                 "use rl.Prefiltered (renderer prefiltered), or a diffuse or pbr material"
             )
-    return None
+    return lamp_in_a_body(scene.lights, (*scene.local, *scene.objects))
+
+
+def warn_of_holes(scene: Scene) -> None:
+    """Warn of the light of lamps without a size where a surface has holes, which shadow rays take as closed."""
+    pierced = [shape.material for shape in (*scene.local, *scene.objects) if is_pierced(shape.material)]
+    if pierced and any(isinstance(light, PointLight | DistantLight) for light in scene.lights):
+        warn(
+            f"material {getattr(pierced[0], 'name', '')!r} has holes: light of points and suns does not go through "
+            "them, nor through glass and off mirrors beside them; lamps that have a size (spheres, rectangles) do"
+        )
 
 
 def matte_dictionary(mi: Any, scene: Scene, camera: Camera) -> dict[str, Any]:
