@@ -79,3 +79,24 @@ def test_holes_under_a_point_of_light_are_warned_of():
     scene = rl.Scene(DARK, (rl.Plane(GREY, (4.0, 4.0), -2.0),), (leaf,), (PointLight((0, 3.0, 0), (1, 1, 1)),))
     with pytest.warns(DoubtWarning, match="material 'leaf' has holes: light of points and suns does not go through"):
         rl.Mitsuba(samples=2).render(scene, CAMERA)
+
+
+@pytest.mark.parametrize("lights", [(), (DistantLight((0, 1.0, 0), (1, 1, 1)),)], ids=["map", "sun"])
+def test_fog_over_a_plane_without_an_edge_is_refused_under_light_from_infinity(lights):
+    light = DARK if lights else rl.EnvironmentMap(np.ones((2, 4, 3), np.float32))
+    scene = rl.Scene(light, (rl.Plane(GREY),), lights=lights, medium=Medium((0.1, 0.1, 0.1)))
+    with pytest.raises(UnsupportedScene, match="give the plane a size"):
+        rl.Mitsuba(samples=2).render(scene, CAMERA)
+
+
+def test_an_image_on_a_sphere_lies_as_a_light_map_does_in_every_renderer():
+    """Seen from +Z its left half is what lies at u from 0 to a quarter, which is towards -X: here the first colour."""
+    image = np.zeros((2, 4, 3), np.float32)
+    image[:, 0], image[:, 3] = (0.8, 0.0, 0.0), (0.0, 0.8, 0.0)
+    ball = Sphere((0.0, 0.0, 0.0), 1.0, rl.Material(image, roughness=1.0, name="halves"))
+    scene = rl.Scene(rl.EnvironmentMap(np.ones((4, 8, 3), np.float32)), objects=(ball,))
+    camera = rl.Camera.looking_at(np.array([0, 0, 6.0]), np.zeros(3), width=8, height=8, focal_length=20.0)
+    for renderer in (rl.Mitsuba(samples=16), rl.Prefiltered(), rl.Whitted()):
+        seen = renderer.render(scene, camera).radiance
+        left, right = seen[3:5, 2:3].mean((0, 1)), seen[3:5, 5:6].mean((0, 1))
+        assert left[0] > left[1] + 0.05 and right[1] > right[0] + 0.05, type(renderer).__name__

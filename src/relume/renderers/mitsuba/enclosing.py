@@ -1,4 +1,4 @@
-"""What lies inside a body: lamps and cameras in what fills one would begin paths in the wrong medium."""
+"""What lies inside what: lamps and cameras in bodies, whose paths would begin in the wrong medium, and fog's end."""
 
 from __future__ import annotations
 
@@ -6,10 +6,12 @@ from collections.abc import Iterable, Sequence
 
 import numpy as np
 
+from relume.errors import UnsupportedScene
 from relume.renderers.mitsuba.materials import crossed_straight, filling
-from relume.scene.lights import Light, PointLight, RectangleLight, SphereLight
+from relume.scene.lights import DistantLight, Light, PointLight, RectangleLight, SphereLight
 from relume.scene.materials.materials import Material
-from relume.scene.shapes.shapes import Mesh, Patches, Shape, Sphere, bounding_sphere
+from relume.scene.scene import Scene
+from relume.scene.shapes.shapes import Mesh, Patches, Plane, Shape, Sphere, bounding_sphere
 from relume.scene.shapes.tessellation import tessellated
 
 PLAIN_NAMES = {PointLight: "point of light", SphereLight: "sphere of light", RectangleLight: "rectangle of light"}
@@ -66,3 +68,14 @@ def camera_in_a_body(position: np.ndarray, shapes: Iterable[Shape]) -> str | Non
                     "traced from outside of them; move it out, or use [medium] for fog about it"
                 )
     return None
+
+
+def require_edges(scene: Scene) -> None:
+    """Raises UnsupportedScene for fog over a plane without an edge under light from infinity, none of which arrives."""
+    endless = any(isinstance(shape, Plane) and shape.size is None for shape in scene.local)
+    far = np.any(scene.light.radiance) or any(isinstance(light, DistantLight) for light in scene.lights)
+    if endless and far:
+        raise UnsupportedScene(
+            "the fog reaches as far as the shapes do, and over a plane without an edge no light from infinity gets "
+            "through it; give the plane a size, or the light walls (distant)"
+        )

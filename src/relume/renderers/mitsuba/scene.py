@@ -6,7 +6,7 @@ Mitsuba's `envmap` is half a turn away from our lat-long and its rows align corn
 
 from __future__ import annotations
 
-from dataclasses import replace
+from dataclasses import fields, replace
 from typing import Any
 
 import numpy as np
@@ -20,10 +20,11 @@ from relume.renderers.mitsuba.materials import bsdf, emission, interior
 from relume.renderers.raytrace.alpha_coverage import is_pierced
 from relume.scene.cameras.camera import Camera
 from relume.scene.lights import AmbientLight, DistantLight, Light, PointLight, RectangleLight, SphereLight, SquareLaw
+from relume.scene.materials.materials import Diffuse, Material, Ward
 from relume.scene.materials.reflective import Reflective
 from relume.scene.materials.whitted import WhittedMaterial
 from relume.scene.scene import Infinite, Scene
-from relume.scene.shapes.shapes import Patches, Plane, Polygon, Shape, Sphere
+from relume.scene.shapes.shapes import AnyMaterial, Patches, Plane, Polygon, Shape, Sphere
 from relume.scene.shapes.tessellation import tessellated, triangulated
 from relume.sphere.bilinear_kernels import padded
 from relume.sphere.environment_map import EnvironmentMap
@@ -56,8 +57,9 @@ def surfaces_dictionary(mi: Any, scene: Scene, camera: Camera, *, media: bool = 
     """Its surfaces without any light: for depth, normals and albedo, which the distant scene has none of."""
     dictionary: dict[str, Any] = {"type": "scene", "sensor": sensor(mi, camera)}
     for index, shape in enumerate((*scene.local, *scene.objects)):
-        surface, inside = bsdf(mi, shape.material, media=media), interior(shape.material) if media else None
-        dictionary[f"shape_{index:04d}"] = _shape(mi, shape, surface, emission(mi, shape.material), inside)
+        material = material_on(shape)
+        surface, inside = bsdf(mi, material, media=media), interior(material) if media else None
+        dictionary[f"shape_{index:04d}"] = _shape(mi, shape, surface, emission(mi, material), inside)
     return dictionary
 
 
@@ -86,6 +88,21 @@ def why_not(scene: Scene) -> str | None:
                 "use rl.Prefiltered (renderer prefiltered), or a diffuse or pbr material"
             )
     return lamp_in_a_body(scene.lights, (*scene.local, *scene.objects))
+
+
+def material_on(shape: Shape) -> AnyMaterial:
+    """A shape's material as Mitsuba's coordinates have it: its sphere's go round the other way than a lat-long map."""
+    material = shape.material
+    if not isinstance(shape, Sphere) or not isinstance(material, Material | Diffuse | Ward):
+        return material
+    turned = {
+        field.name: np.ascontiguousarray(value[:, ::-1])
+        for field in fields(material)
+        if isinstance(value := getattr(material, field.name), np.ndarray) and value.ndim > 1
+    }
+    if "normal" in turned:
+        turned["normal"] *= np.array([-1, 1, 1], turned["normal"].dtype)
+    return replace(material, **turned) if turned else material
 
 
 def warn_of_holes(scene: Scene) -> None:

@@ -9,7 +9,7 @@ import mitsuba as mi
 import numpy as np
 
 from relume.errors import UnsupportedScene
-from relume.renderers.mitsuba.enclosing import camera_in_a_body
+from relume.renderers.mitsuba.enclosing import camera_in_a_body, require_edges
 from relume.renderers.mitsuba.materials import crossed_straight, filling
 from relume.renderers.mitsuba.scene import warn_of_holes
 from relume.renderers.mitsuba.transport.dispersion import dispersion_of
@@ -42,10 +42,12 @@ class Plain(Tracing):
         if pierced:
             warn_of_holes(scene)
         filled = scene.medium is not None or any(medium is not None for medium in media)
-        if filled and (reason := camera_in_a_body(camera.position, shapes)) is not None:
-            raise UnsupportedScene(reason)
         # An infinite distant scene has no walls for its fog to end at, and neither has a dark one.
         walls = light.map is not None and not isinstance(scene.distant, Infinite)
+        if scene.medium is not None and not walls:
+            require_edges(scene)
+        if filled and (reason := camera_in_a_body(camera.position, shapes)) is not None:
+            raise UnsupportedScene(reason)
         world = World(
             None, together, light,
             Media(together.shapes_dr(), media, straight, scene.medium) if filled else None,
