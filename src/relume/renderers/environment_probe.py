@@ -80,6 +80,7 @@ def environment(
             "points of light and suns are added to an environment map as they shine through clear air, and the scene "
             "has a medium; leave the medium out, or give the lamps a size (spheres or rectangles of light)"
         )
+    # Six pictures as one cube, and the lamps put on.
     side = _side(mapping, size)
     unfolded = np.zeros((*CubeCross().shape(3 * side), 3), np.float32)
     for face in range(6):
