@@ -389,6 +389,8 @@ def test_a_material_is_plotted_without_a_scene_and_by_its_name_in_one(folder, ca
         (["--brdf", "lead", "-o", "a.png"], "no preset 'lead'"),
         (["--brdf", "gold", "-o", "a.exr"], "must end in .png or .svg"),
         (["--brdf", "gold", "-o", "a.png", "--frames", "3"], "--brdf plots one material, and --frames"),
+        (["--brdf", "gold", "-o", "a.png", "--noise", "0.1"], "--brdf plots one material, and --noise"),
+        (["--brdf", "gold", "-o", "a.png", "--renderer", "whitted"], "--brdf plots one material, and --renderer"),
         (["-o", "a.png"], "no scene is given"),
     ],
 )

@@ -85,7 +85,7 @@ def test_scratches_take_numbers_and_images(folder):
     [
         ('kind = "measured"', "materials.ball: has neither; give one of file and preset"),
         ('kind = "measured"\nfile = "felt.binary"\npreset = "merl/teflon"', "materials.ball: has both"),
-        ('kind = "measured"\npreset = "gold"', "materials.ball: preset: 'gold' is none of measured surfaces"),
+        ('kind = "measured"\npreset = "gold"', "materials.ball: preset: there is no measured surface 'gold'"),
         ('kind = "measured"\nfile = "map.png"', "map.png: begins with .*, not with 90×90×180"),
         ('kind = "measured"\npreset = "merl/teflon"\nscale = 5', "diffuse of material 'merl/teflon' is"),
         ('kind = "pbr"\nroughness = "none.png"', r"materials.ball.roughness: .*none.png"),

@@ -11,7 +11,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import ArrayLike
 
-from relume.errors import warn
+from relume.errors import UnsupportedScene, warn
 from relume.renderers.renderer import Renderer
 from relume.renderers.results import Progress
 from relume.scene.cameras.camera import Camera
@@ -75,6 +75,8 @@ def environment(
         raise ValueError(f"size is {size}; expected at least 2 rows")
     # Refused before six pictures are rendered.
     lamps = arrivals(scene, place)
+    if lamps:
+        _require_clear_air(scene)
     side = _side(mapping, size)
     unfolded = np.zeros((*CubeCross().shape(3 * side), 3), np.float32)
     for face in range(6):
@@ -87,6 +89,14 @@ def environment(
         raise ValueError(f"the renderer saw values that are not finite from {place.tolist()}; is the point in a shape?")
     seen = EnvironmentMap(np.maximum(unfolded, 0), CubeCross(), scene.light.unit).remapped(mapping, size)
     return seen if not lamps else replace(seen, radiance=seen.radiance + splatted(lamps, mapping, size).radiance)
+
+
+def _require_clear_air(scene: Scene) -> None:
+    if scene.medium is not None:
+        raise UnsupportedScene(
+            "points of light and suns are added to an environment map as they shine through clear air, and the scene "
+            "has a medium; leave the medium out, or give the lamps a size (spheres or rectangles of light)"
+        )
 
 
 def _side(mapping: Mapping, size: int) -> int:

@@ -230,13 +230,14 @@ def render(
     Frames that are there, made from the same, are kept, and an interrupted render is resumed. Beside a picture under
     way its .preview.png shows what there is.
     """
-    environment, tree = instead.environment, instead.tree
+    environment = instead.environment
     with warnings_as_notes(output):
         # Refuse what cannot be written, before any work.
         pictures = {"--frames": moving.frames, "--region": tracing.region, "--plate": plate}
         if instead.brdf is not None:
-            others = {"--light": light, "--size": size, "--cluster": cluster, **pictures}
-            return print_facts(output, _plot(instead, scene, out, others, transport, dry_run))
+            others = {"--light": light, "--size": size, "--cluster": cluster, "--renderer": renderer, **pictures}
+            others |= {"--filter": filter, "--restart": restart or None, "--exposure": exposure or None}
+            return print_facts(output, _plot(instead, scene, out, others | _named(tracing), transport, dry_run))
         instead.check(out, pictures, cluster)
         require_files([each for each in (scene, light, plate) if each is not None])
         # Read what the options name.
@@ -254,8 +255,8 @@ def render(
         # Render one of three things, and print what was done.
         if environment is not None:
             facts = _environment(read, out, environment, settings, size, dry_run, output)
-        elif tree is not None:
-            facts = _tree(read, out, tree, settings, dry_run)
+        elif instead.tree is not None:
+            facts = _tree(read, out, instead.tree, settings, dry_run)
         else:
             facts = _pictures(read, out, settings, None if dry_run else cluster, restart, dry_run, output)
         print_facts(output, {"would write" if dry_run else "written": str(out), **facts})
@@ -281,12 +282,18 @@ def _given(scene: Path | None) -> Path:
     return scene
 
 
+def _named(tracing: TracingOptions) -> dict[str, object]:
+    return {f"--{name}": value for name, value in vars(tracing).items()}
+
+
 def _plot(
     instead: InsteadOptions, scene: Path | None, out: Path, others: dict[str, object], transport: TransportOptions,
     dry_run: bool,
 ) -> dict[str, object]:  # fmt: skip
     material = instead.brdf or ""
-    _check_alone("--brdf plots one material", {"--tree": instead.tree, "--environment": instead.environment, **others})
+    others |= {"--tree": instead.tree, "--environment": instead.environment, "--noise": transport.noise}
+    others |= {"--denoise": transport.denoise or None}
+    _check_alone("--brdf plots one material", others)
     require_suffix(out, ".png", ".svg")
     require_files([] if scene is None else [scene])
     rays = 64 if transport.samples is None else transport.samples

@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING
 
 from numpy.typing import ArrayLike
 
+from relume.errors import warn
 from relume.image import files
 from relume.project.scene_file.frame_plan import frame_plan, require_own_frames
 from relume.project.scene_file.metering import metered_scene
@@ -94,6 +95,11 @@ def render_scene(
         )
     if cluster is not None and one and plan is not None and plan.shutter is not None:
         raise ValueError("cluster: its workers make whole frames of what moves; give a folder, or leave cluster out")
+    if plan is not None and one and len(plan.numbers) > 1:
+        warn(
+            f"frame {plan.numbers[0]} of {len(plan.numbers)} is rendered; give a folder or an .mp4 for all, or "
+            "--frames N for another"
+        )
     if plan is not None and not one and not movie:
         require_own_frames(out, plan, ".png")
     film = metered_scene(read.scene).brighter(settings.exposure)

@@ -76,7 +76,7 @@ class Pictures:
         }.get(self.name, lambda: taught_of(self.name, settings))()
         parts: list[Any] = [
             program(), self.name, without_threads(renderer), settings.seed or 0, settings.region,
-            bool(settings.denoise), None if settings.plate is None else settings.plate.radiance,
+            None if settings.plate is None else settings.plate.radiance,
         ]  # fmt: skip
         if plan is not None and plan.count is not None:
             parts += [read.scene, read.camera, read.orbits, plan.motion]
@@ -94,7 +94,7 @@ def mitsuba_of(settings: RenderSettings) -> Mitsuba:
     from relume.renderers.mitsuba.path_tracer import Mitsuba
 
     given = {name: value for name in ("samples", "depth") if (value := getattr(settings, name)) is not None}
-    return Mitsuba(**given, noise=settings.noise, threads=settings.threads)
+    return Mitsuba(**given, noise=settings.noise, threads=settings.threads, denoise=bool(settings.denoise))
 
 
 def prefiltered_of(settings: RenderSettings) -> Prefiltered:
@@ -164,12 +164,7 @@ def _by_mitsuba(job: Pictures, report: Report, only: Sequence[int], watch: Watch
         def rendering(share: float, done: int = done) -> None:
             report("rendering", (done + share) / len(only))
 
-        picture = renderer.render(scene, camera, seed=seed, progress=rendering, watch=watch(number), **moving)
-        if settings.denoise:
-            from relume.renderers.mitsuba.denoise import denoised_render
-
-            picture = denoised_render(picture)
-        yield picture
+        yield renderer.render(scene, camera, seed=seed, progress=rendering, watch=watch(number), **moving)
 
 
 def _moments(read: SceneFile, plan: FramePlan, number: int) -> Callable[[float], tuple[Scene, Camera]]:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import replace
+from difflib import get_close_matches
 from pathlib import Path
 from typing import Any, Literal
 
@@ -30,7 +31,11 @@ class MeasuredTable(Table):
         if (self.file is None) == (self.preset is None):
             raise ValueError(f"has {'neither' if self.file is None else 'both'}; give one of file and preset")
         if self.preset is not None and self.preset not in MERL_FITS:
-            raise ValueError(f"preset: {self.preset!r} is none of measured surfaces; give {', '.join(MERL_FITS)}")
+            near = get_close_matches(self.preset, MERL_FITS, 3, 0.3) or list(MERL_FITS)[:3]
+            raise ValueError(
+                f"preset: there is no measured surface {self.preset!r}; the nearest of {len(MERL_FITS)} are "
+                f"{', '.join(near)} (all are in rl.scene.MERL_FITS)"
+            )
         return replace(
             MaterialTable(file=self.file, preset=self.preset, scale=self.scale).apply(None, folder), name=name
         )

@@ -110,7 +110,7 @@ def require_inside(distant: Distant, probe: tuple[float, float, float], shapes: 
             where = np.round(points[np.argmax(out)], 3).tolist()
             raise ValueError(
                 f"{getattr(shape, 'name', 'an object')!r} reaches out of the distant scene, to {where}; "
-                "make the distant scene larger or move the object"
+                "what stands on its wall touches it: make the distant scene a millimetre larger, or move the object"
             )
 
 

@@ -140,7 +140,8 @@ class Mitsuba(PathTracing):
         self, scene: Scene, camera: Camera, seed: int, moments: Moments | None, times: np.ndarray
     ) -> dict[str, str]:  # fmt: skip
         """All that a pixel depends on: also every moment that is seen."""
-        key = dict(render_key(scene, camera, self, seed))
+        # What is traced, which cleaning leaves as it is.
+        key = dict(render_key(scene, camera, replace(self, denoise=False), seed))
         if moments is not None:
             key["motion"] = fingerprint([[list(moments(float(time))) for time in sorted(set(times))]])
         return key

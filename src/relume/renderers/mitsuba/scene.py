@@ -6,22 +6,25 @@ Mitsuba's `envmap` is half a turn away from our lat-long and its rows align corn
 
 from __future__ import annotations
 
-from dataclasses import replace
+from dataclasses import fields, replace
 from typing import Any
 
 import numpy as np
 
-from relume.errors import UnsupportedScene
+from relume.errors import UnsupportedScene, warn
 from relume.light.reflection.convolution import as_latlong
 from relume.renderers.mitsuba.arrays import rgb, triangles
 from relume.renderers.mitsuba.distant import distant_shape, require_inside
+from relume.renderers.mitsuba.enclosing import lamp_in_a_body
 from relume.renderers.mitsuba.materials import bsdf, emission, interior
+from relume.renderers.raytrace.alpha_coverage import is_pierced
 from relume.scene.cameras.camera import Camera
-from relume.scene.lights import AmbientLight, Light, PointLight, RectangleLight, SphereLight, SquareLaw
+from relume.scene.lights import AmbientLight, DistantLight, Light, PointLight, RectangleLight, SphereLight, SquareLaw
+from relume.scene.materials.materials import Diffuse, Material, Ward
 from relume.scene.materials.reflective import Reflective
 from relume.scene.materials.whitted import WhittedMaterial
 from relume.scene.scene import Infinite, Scene
-from relume.scene.shapes.shapes import Patches, Plane, Polygon, Shape, Sphere
+from relume.scene.shapes.shapes import AnyMaterial, Patches, Plane, Polygon, Shape, Sphere
 from relume.scene.shapes.tessellation import tessellated, triangulated
 from relume.sphere.bilinear_kernels import padded
 from relume.sphere.environment_map import EnvironmentMap
@@ -54,8 +57,9 @@ def surfaces_dictionary(mi: Any, scene: Scene, camera: Camera, *, media: bool = 
     """Its surfaces without any light: for depth, normals and albedo, which the distant scene has none of."""
     dictionary: dict[str, Any] = {"type": "scene", "sensor": sensor(mi, camera)}
     for index, shape in enumerate((*scene.local, *scene.objects)):
-        surface, inside = bsdf(mi, shape.material, media=media), interior(shape.material) if media else None
-        dictionary[f"shape_{index:04d}"] = _shape(mi, shape, surface, emission(mi, shape.material), inside)
+        material = material_on(shape)
+        surface, inside = bsdf(mi, material, media=media), interior(material) if media else None
+        dictionary[f"shape_{index:04d}"] = _shape(mi, shape, surface, emission(mi, material), inside)
     return dictionary
 
 
@@ -83,7 +87,32 @@ def why_not(scene: Scene) -> str | None:
                 f"Mitsuba cannot shade the reflection maps of {shape.material.name or 'a Reflective surface'!r}; "
                 "use rl.Prefiltered (renderer prefiltered), or a diffuse or pbr material"
             )
-    return None
+    return lamp_in_a_body(scene.lights, (*scene.local, *scene.objects))
+
+
+def material_on(shape: Shape) -> AnyMaterial:
+    """A shape's material as Mitsuba's coordinates have it: its sphere's go round the other way than a lat-long map."""
+    material = shape.material
+    if not isinstance(shape, Sphere) or not isinstance(material, Material | Diffuse | Ward):
+        return material
+    turned = {
+        field.name: np.ascontiguousarray(value[:, ::-1])
+        for field in fields(material)
+        if isinstance(value := getattr(material, field.name), np.ndarray) and value.ndim > 1
+    }
+    if "normal" in turned:
+        turned["normal"] *= np.array([-1, 1, 1], turned["normal"].dtype)
+    return replace(material, **turned) if turned else material
+
+
+def warn_of_holes(scene: Scene) -> None:
+    """Warn of the light of lamps without a size where a surface has holes, which shadow rays take as closed."""
+    pierced = [shape.material for shape in (*scene.local, *scene.objects) if is_pierced(shape.material)]
+    if pierced and any(isinstance(light, PointLight | DistantLight) for light in scene.lights):
+        warn(
+            f"material {getattr(pierced[0], 'name', '')!r} has holes: light of points and suns does not go through "
+            "them, nor through glass and off mirrors beside them; lamps that have a size (spheres, rectangles) do"
+        )
 
 
 def matte_dictionary(mi: Any, scene: Scene, camera: Camera) -> dict[str, Any]:

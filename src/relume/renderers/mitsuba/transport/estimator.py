@@ -9,6 +9,7 @@ import mitsuba as mi
 import numpy as np
 
 from relume.renderers.mitsuba.materials import crossed_straight, filling
+from relume.renderers.mitsuba.scene import warn_of_holes
 from relume.renderers.mitsuba.transport.changes import changed
 from relume.renderers.mitsuba.transport.dispersion import dispersion_of
 from relume.renderers.mitsuba.transport.extent import corners, sticks_out
@@ -46,6 +47,8 @@ class Estimator(Tracing):
         pierced = any(is_pierced(solid.material) for solid in scene.objects)
         # Where there are holes, what is followed from the light could not be seen through them.
         caught = bool(spheres) and not light.even and not pierced
+        if pierced:
+            warn_of_holes(scene)
         world = World(
             local, objects, light,
             Media(objects.shapes_dr(), media, straight) if any(m is not None for m in media) else None,

@@ -11,7 +11,7 @@ import mitsuba as mi
 import numpy as np
 
 from relume.renderers.mitsuba.materials import bsdf, crossed_straight, emission
-from relume.renderers.mitsuba.scene import _shape
+from relume.renderers.mitsuba.scene import _shape, material_on
 from relume.renderers.mitsuba.transport import opaque
 from relume.renderers.mitsuba.transport.caustics import caustics
 from relume.renderers.mitsuba.transport.cylinders import Body, in_bodies, on_floors
@@ -201,12 +201,11 @@ class Tracing:
 
 def built(shapes: Sequence[Shape]) -> Any:
     """A Mitsuba scene of shapes alone."""
-    parts = {
-        f"shape_{index:06d}": _shape(
-            mi, shape, bsdf(mi, shape.material, media=True, dispersion=True), emission(mi, shape.material)
-        )
-        for index, shape in enumerate(shapes)
-    }
+    parts = {}
+    for index, shape in enumerate(shapes):
+        material = material_on(shape)
+        surface, glow = bsdf(mi, material, media=True, dispersion=True), emission(mi, material)
+        parts[f"shape_{index:06d}"] = _shape(mi, shape, surface, glow)
     return mi.load_dict({"type": "scene", **parts}, optimize=False)
 
 

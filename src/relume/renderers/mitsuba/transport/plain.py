@@ -8,7 +8,10 @@ import drjit as dr
 import mitsuba as mi
 import numpy as np
 
+from relume.errors import UnsupportedScene
+from relume.renderers.mitsuba.enclosing import camera_in_a_body, require_edges
 from relume.renderers.mitsuba.materials import crossed_straight, filling
+from relume.renderers.mitsuba.scene import warn_of_holes
 from relume.renderers.mitsuba.transport.dispersion import dispersion_of
 from relume.renderers.mitsuba.transport.extent import sphere_round_all, sticks_out
 from relume.renderers.mitsuba.transport.light import BRIGHT, SceneLight
@@ -36,9 +39,15 @@ class Plain(Tracing):
         light = SceneLight(scene)
         pierced = any(is_pierced(material) for material in materials)
         caught = bool(spheres) and not light.even and not pierced
+        if pierced:
+            warn_of_holes(scene)
         filled = scene.medium is not None or any(medium is not None for medium in media)
         # An infinite distant scene has no walls for its fog to end at, and neither has a dark one.
         walls = light.map is not None and not isinstance(scene.distant, Infinite)
+        if scene.medium is not None and not walls:
+            require_edges(scene)
+        if filled and (reason := camera_in_a_body(camera.position, shapes)) is not None:
+            raise UnsupportedScene(reason)
         world = World(
             None, together, light,
             Media(together.shapes_dr(), media, straight, scene.medium) if filled else None,

@@ -1,0 +1,102 @@
+"""Lamps and cameras inside bodies, holes under lamps without a size: refused or warned of by name, never dark."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+import relume as rl
+from relume.errors import DoubtWarning, UnsupportedScene
+from relume.renderers.environment_probe import environment
+from relume.renderers.mitsuba.enclosing import surrounds
+from relume.scene.lights import DistantLight, PointLight, RectangleLight, SphereLight
+from relume.scene.materials.media import Medium
+from relume.scene.materials.presets import material_preset
+from relume.scene.shapes.shapes import Sphere
+
+DARK = rl.EnvironmentMap(np.zeros((2, 4, 3), np.float32))
+MILK, GREY = material_preset("milk"), rl.Diffuse((0.5, 0.5, 0.5))
+CORNERS = np.array([[x, y, z] for x in (-1, 1) for y in (-1, 1) for z in (-1, 1)], np.float32)
+FACES = np.array(
+    [[0, 1, 3], [0, 3, 2], [4, 6, 7], [4, 7, 5], [0, 4, 5], [0, 5, 1],
+     [2, 3, 7], [2, 7, 6], [0, 2, 6], [0, 6, 4], [1, 5, 7], [1, 7, 3]], np.int32
+)  # fmt: skip
+CUBE = rl.Mesh(CORNERS, FACES, MILK, name="cube")
+CAMERA = rl.Camera.looking_at(np.array([0, 0, 6.0]), np.zeros(3), width=4, height=4, focal_length=4.0)
+LAMPS = (
+    PointLight((0.2, 0.1, 0.0), (1, 1, 1)),
+    SphereLight((0.2, 0.1, 0.0), 0.05, (1, 1, 1)),
+    RectangleLight((0.2, 0.1, 0.0), (0, -1, 0), (0.1, 0.1), (1, 1, 1), up=(0, 0, 1)),
+)
+
+
+@pytest.mark.parametrize(
+    ("point", "inside"), [((0, 0, 0), True), ((0.99, 0.9, -0.9), True), ((1.01, 0, 0), False), ((0.9, 1.2, 0.3), False)]
+)
+def test_a_point_is_inside_a_closed_mesh_by_the_solid_angle_of_its_faces(point, inside):
+    assert surrounds(CUBE, point) is inside
+    turned = rl.Mesh(CORNERS, FACES[:, ::-1].copy(), MILK, name="inside out")
+    assert surrounds(turned, point) is inside
+
+
+def test_a_sphere_surrounds_what_is_nearer_than_its_radius():
+    ball = Sphere((1.0, 0.0, 0.0), 0.5, MILK)
+    assert surrounds(ball, (1.3, 0.3, 0.0)) and not surrounds(ball, (1.4, 0.4, 0.0))
+    assert not surrounds(rl.Plane(GREY), (0.0, -1.0, 0.0))
+
+
+@pytest.mark.parametrize("lamp", LAMPS, ids=lambda lamp: type(lamp).__name__)
+@pytest.mark.parametrize("body", [CUBE, Sphere((0.0, 0.0, 0.0), 1.0, MILK)], ids=["mesh", "sphere"])
+def test_a_lamp_in_what_fills_a_body_is_refused_by_name(lamp, body):
+    with pytest.raises(UnsupportedScene, match=r"at \[0.2, 0.1, 0.0\] stands inside 'milk'"):
+        rl.Mitsuba(samples=2).render(rl.Scene(DARK, objects=(body,), lights=(lamp,)), CAMERA)
+    with pytest.raises(UnsupportedScene, match="stands inside 'milk'"):
+        rl.Differential(samples=2).change(rl.Scene(DARK, objects=(body,), lights=(lamp,)), CAMERA)
+
+
+def test_a_lamp_beside_the_body_or_in_clear_glass_is_not():
+    beside = PointLight((1.5, 0.0, 0.0), (1, 1, 1))
+    glass = Sphere((5.0, 0.0, 0.0), 1.0, material_preset("glass"))
+    inside_glass = PointLight((5.0, 0.0, 0.0), (1, 1, 1))
+    rl.Mitsuba(samples=2).render(rl.Scene(DARK, objects=(CUBE, glass), lights=(beside, inside_glass)), CAMERA)
+
+
+def test_a_camera_in_a_body_is_refused_where_the_scene_has_media():
+    inside = rl.Camera.looking_at(np.zeros(3), np.array([0, 0, -1.0]), width=4, height=4, focal_length=4.0)
+    with pytest.raises(UnsupportedScene, match="the camera stands inside 'milk'"):
+        rl.Mitsuba(samples=2).render(rl.Scene(DARK, objects=(CUBE,), lights=LAMPS[:0]), inside)
+
+
+@pytest.mark.parametrize("lamp", [PointLight((0, 3.0, 0), (1, 1, 1)), DistantLight((0, 1.0, 0), (1, 1, 1))])
+def test_an_environment_of_lamps_without_a_size_in_fog_is_refused(lamp):
+    scene = rl.Scene(DARK, (rl.Plane(GREY, (4.0, 4.0)),), lights=(lamp,), medium=Medium((1.0, 1.0, 1.0)))
+    with pytest.raises(UnsupportedScene, match="the scene has a medium"):
+        environment(scene, (0.0, 1.0, 0.0), rl.Mitsuba(samples=2), size=4)
+
+
+def test_holes_under_a_point_of_light_are_warned_of():
+    leaf = rl.Mesh(CORNERS[:4], FACES[:2], rl.Material(alpha=0.5, name="leaf"), name="leaf")
+    scene = rl.Scene(DARK, (rl.Plane(GREY, (4.0, 4.0), -2.0),), (leaf,), (PointLight((0, 3.0, 0), (1, 1, 1)),))
+    with pytest.warns(DoubtWarning, match="material 'leaf' has holes: light of points and suns does not go through"):
+        rl.Mitsuba(samples=2).render(scene, CAMERA)
+
+
+@pytest.mark.parametrize("lights", [(), (DistantLight((0, 1.0, 0), (1, 1, 1)),)], ids=["map", "sun"])
+def test_fog_over_a_plane_without_an_edge_is_refused_under_light_from_infinity(lights):
+    light = DARK if lights else rl.EnvironmentMap(np.ones((2, 4, 3), np.float32))
+    scene = rl.Scene(light, (rl.Plane(GREY),), lights=lights, medium=Medium((0.1, 0.1, 0.1)))
+    with pytest.raises(UnsupportedScene, match="give the plane a size"):
+        rl.Mitsuba(samples=2).render(scene, CAMERA)
+
+
+def test_an_image_on_a_sphere_lies_as_a_light_map_does_in_every_renderer():
+    """Seen from +Z its left half is what lies at u from 0 to a quarter, which is towards -X: here the first colour."""
+    image = np.zeros((2, 4, 3), np.float32)
+    image[:, 0], image[:, 3] = (0.8, 0.0, 0.0), (0.0, 0.8, 0.0)
+    ball = Sphere((0.0, 0.0, 0.0), 1.0, rl.Material(image, roughness=1.0, name="halves"))
+    scene = rl.Scene(rl.EnvironmentMap(np.ones((4, 8, 3), np.float32)), objects=(ball,))
+    camera = rl.Camera.looking_at(np.array([0, 0, 6.0]), np.zeros(3), width=8, height=8, focal_length=20.0)
+    for renderer in (rl.Mitsuba(samples=16), rl.Prefiltered(), rl.Whitted()):
+        seen = renderer.render(scene, camera).radiance
+        left, right = seen[3:5, 2:3].mean((0, 1)), seen[3:5, 5:6].mean((0, 1))
+        assert left[0] > left[1] + 0.05 and right[1] > right[0] + 0.05, type(renderer).__name__
