@@ -118,10 +118,12 @@ def test_a_diffuse_material_of_gltf_is_not_refused():
 @pytest.mark.parametrize("renderer", BOTH, ids=["radiosity", "cache"])
 def test_other_scenes_and_lenses_are_refused_in_one_line(renderer: rl.Renderer):
     sphere = rl.scene.SphereLight((0, 1, 0), 0.1, (1, 1, 1))
+    ambient = rl.scene.AmbientLight((1, 1, 1))
     lens = rl.Camera(4, 4, 4.0, CAMERA.position, CAMERA.rotation, aperture=0.01, focus=2.0)
     for scene, camera, why in [
         (Scene(BLACK, (GROUND,)), CAMERA, "nothing shines"),
-        (Scene(EVEN, (GROUND,), lights=(sphere,)), CAMERA, "has no SphereLight"),
+        (Scene(EVEN, (GROUND,), lights=(sphere,)), CAMERA, "no place for a sphere of light; use rl.Mitsuba"),
+        (Scene(EVEN, (GROUND,), lights=(ambient,)), CAMERA, "no place for ambient light; use rl.Whitted"),
         (Scene(EVEN, (GROUND,), medium=Medium((0.1, 0.1, 0.1))), CAMERA, "a medium fills"),
         (Scene(EVEN, (GROUND,), distant=rl.scene.Dome(9.0)), CAMERA, "at infinity"),
         (Scene(EVEN, (GROUND,)), lens, "aperture"),

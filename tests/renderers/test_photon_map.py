@@ -14,7 +14,7 @@ import relume as rl
 from cornell_box import cornell_box, cornell_camera
 from relume.errors import UnsupportedScene
 from relume.renderers import PhotonMap, PhotonStep, drawn_discs, drawn_photons
-from relume.scene.lights import AmbientLight, DistantLight, PointLight, RectangleLight, SphereLight
+from relume.scene.lights import AmbientLight, DistantLight, Linear, PointLight, RectangleLight, SphereLight
 from relume.scene.materials.materials import Diffuse, Material, Ward
 from relume.scene.materials.media import Medium
 from relume.scene.scene import Dome, Scene
@@ -377,7 +377,11 @@ REFUSED = [
         "what fills the body of the material 'milk'",
     ),
     ({"objects": (Sphere((0, 0, 0), 1, replace(GLASS, thin=True)),)}, "thinness of the material 'glass'"),
-    ({"lights": (AmbientLight((1.0, 1.0, 1.0)),)}, "AmbientLight"),
+    ({"lights": (AmbientLight((1.0, 1.0, 1.0)),)}, "no place for ambient light; use rl.Whitted"),
+    (
+        {"lights": (PointLight((0.0, 2.0, 0.0), (1.0, 1.0, 1.0), Linear(3.0)),)},
+        "no place for a point of light that does not fall by the square law; use rl.Whitted",
+    ),
     ({"light": DARK}, "nothing shines"),
     ({"distant": Dome(5.0)}, "at infinity"),
     ({"local": (Plane(GREY),)}, "give it a size"),

@@ -17,7 +17,8 @@ from relume.errors import UnsupportedScene
 from relume.renderers.raytrace.alpha_coverage import repeated
 from relume.renderers.raytrace.raycast import RayCaster
 from relume.renderers.raytrace.surface import Surfaces
-from relume.renderers.unsupported_features import unsupported_features
+from relume.renderers.unsupported_features import renderer_of, unsupported_features
+from relume.renderers.unsupported_lights import refused_light
 from relume.scene.lights import DistantLight, PointLight
 from relume.scene.materials.materials import Diffuse, Material
 from relume.scene.scene import Infinite, Scene
@@ -98,16 +99,13 @@ class DiffuseScene:
             )
         for light in scene.lights:
             if not isinstance(light, PointLight | DistantLight):
-                raise UnsupportedScene(
-                    f"{whose} has no {type(light).__name__}; use rl.Mitsuba (--renderer mitsuba), or a surface with "
-                    "emission"
-                )
+                raise refused_light(light, scene.lights, whose)
         shapes = (*scene.local, *scene.objects)
         for shape in shapes:
             if (why := not_diffuse(shape.material)) is not None:
                 raise UnsupportedScene(
-                    f"{whose} shows diffuse surfaces alone, and the material of {_name(shape)!r} has {why}; use "
-                    "rl.Mitsuba (--renderer mitsuba), or a diffuse material (of pbr: specular = 0)"
+                    f"{whose} shows diffuse surfaces alone, and the material of {_name(shape)!r} has {why}; "
+                    f"{renderer_of(shape.material)}, or a diffuse material (of pbr: specular = 0)"
                 )
         lit = bool(np.any(scene.light.radiance))
         if not lit and not scene.lights and not any(shines(shape.material) for shape in shapes):
