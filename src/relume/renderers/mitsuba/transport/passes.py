@@ -14,13 +14,13 @@ from relume.renderers.mitsuba.materials import bsdf, crossed_straight, emission
 from relume.renderers.mitsuba.scene import _shape
 from relume.renderers.mitsuba.transport import opaque
 from relume.renderers.mitsuba.transport.caustics import caustics
-from relume.renderers.mitsuba.transport.extent import sphere_round
 from relume.renderers.mitsuba.transport.guides import first_scattered
 from relume.renderers.mitsuba.transport.lens import Lens
 from relume.renderers.mitsuba.transport.media import Media
 from relume.renderers.mitsuba.transport.photons import FEWEST_PHOTONS, MOST_PHOTONS, in_media, on_surfaces, sizes_of
 from relume.renderers.mitsuba.transport.sampling import Numbers, Spheres, two
 from relume.renderers.mitsuba.transport.world import World
+from relume.renderers.raytrace.extent import sphere_round
 from relume.scene.cameras.camera import Camera
 from relume.scene.shapes.shapes import Shape
 
