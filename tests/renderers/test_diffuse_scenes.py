@@ -7,12 +7,12 @@ import pytest
 
 import relume as rl
 from relume.renderers.diffuse.direct_light import DirectLight
-from relume.renderers.diffuse.random_numbers import cosine_directions, spread, within_triangles
-from relume.renderers.diffuse.scenes import DiffuseScene, as_mesh, not_diffuse
+from relume.renderers.diffuse.scenes import DiffuseScene, not_diffuse
 from relume.scene.materials.materials import Diffuse, Material, Ward
 from relume.scene.materials.media import Medium
 from relume.scene.scene import Scene
 from relume.scene.shapes.shapes import AnyMaterial, Mesh, Sphere
+from relume.scene.shapes.tessellation import as_mesh
 from relume.sphere.environment_map import EnvironmentMap
 from solids import quad
 
@@ -72,25 +72,6 @@ def test_points_fall_by_the_square_law_and_suns_by_the_cosine():
     sun = rl.scene.DistantLight((0, 1, 1), (1.0, 1.0, 1.0))
     got = irradiance(Scene(BLACK, (GROUND,), lights=(point, sun)))
     np.testing.assert_allclose(got, np.array([1, 2, 3]) + np.sqrt(0.5), rtol=1e-9)
-
-
-def test_spread_numbers_fill_the_square_evenly():
-    points = spread(np.random.default_rng(2), 4096, 2, sets=3)
-    counts = [np.histogram2d(*each.T, bins=8, range=[[0, 1]] * 2)[0] for each in points]
-    # 64 to a cell; those of chance alone would scatter by 8.
-    assert np.abs(np.array(counts) - 64).max() <= 8
-    assert np.std(counts) < 3
-
-
-def test_directions_have_the_cosines_density_and_points_the_areas():
-    u = spread(np.random.default_rng(3), 1 << 14, 2)[0]
-    normal = np.array([0.36, -0.48, 0.8])
-    directions = cosine_directions(u, np.tile(normal, (len(u), 1)))
-    np.testing.assert_allclose(directions.mean(axis=0), 2 / 3 * normal, atol=2e-3)
-    corners = np.array([[0, 0, 0], [3, 0, 0], [0, 0, 6.0]])
-    points, weights = within_triangles(u, np.tile(corners, (len(u), 1, 1)))
-    np.testing.assert_allclose(points.mean(axis=0), [1, 0, 2], atol=5e-3)
-    np.testing.assert_allclose(weights.sum(axis=1), 1)
 
 
 @pytest.mark.parametrize(

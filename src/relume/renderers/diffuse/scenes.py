@@ -14,22 +14,23 @@ from typing import NamedTuple
 import numpy as np
 
 from relume.errors import UnsupportedScene
-from relume.renderers.raytrace.alpha_coverage import repeated
+from relume.light.reflection.convolution import as_latlong
+from relume.renderers.raytrace.lamps import Distant, Environment, Point, Surface, painted
 from relume.renderers.raytrace.raycast import RayCaster
 from relume.renderers.raytrace.surface import Surfaces
 from relume.renderers.unsupported_features import renderer_of, unsupported_features
 from relume.renderers.unsupported_lights import refused_light
 from relume.scene.lights import DistantLight, PointLight
+from relume.scene.materials.checks import Colour
 from relume.scene.materials.materials import Diffuse, Material
 from relume.scene.scene import Infinite, Scene
-from relume.scene.shapes.shapes import AnyMaterial, Mesh, Patches, Plane, Polygon, Shape, Sphere
-from relume.scene.shapes.tessellation import tessellated, triangulated
+from relume.scene.shapes.shapes import AnyMaterial, Patches, Plane, Shape, Sphere
+from relume.scene.shapes.tessellation import as_mesh
 from relume.sphere.environment_map import EnvironmentMap
+from relume.sphere.sampling import BrightDirections
 
 NEAR = 1e-6
 """Share of the scene's size: a ray that starts on a surface does not meet it again before that."""
-ROUND = 4
-"""How often the 20 triangles of a ball are quartered: its outline is then off by a thousandth of its radius."""
 
 
 class Seen(NamedTuple):
@@ -136,6 +137,22 @@ class DiffuseScene:
         return (corners.min(axis=0), corners.max(axis=0)) if len(corners) else (np.zeros(3), np.ones(3))
 
     @cached_property
+    def shining(self) -> tuple[Surface, ...]:
+        """All surfaces that shine, as lamps."""
+        lamps = [Surface(shape, emission_of(shape.material)) for shape in self.shapes if shines(shape.material)]
+        return tuple(lamp for lamp in lamps if lamp.flux > 0)
+
+    @cached_property
+    def sizeless(self) -> tuple[Point | Distant, ...]:
+        """Points and distant lights as lamps."""
+        return tuple(Point(light) if isinstance(light, PointLight) else Distant(light) for light in self.lights)
+
+    @cached_property
+    def sky_lamp(self) -> Environment | None:
+        """The environment map as a lamp."""
+        return None if self.sky is None else Environment(BrightDirections.of(as_latlong(self.sky)))
+
+    @cached_property
     def _surfaces(self) -> Surfaces:
         return Surfaces.of(self.shapes)
 
@@ -150,9 +167,9 @@ class DiffuseScene:
         for index in np.unique(hits.shape[hits.shape >= 0]):
             here = np.flatnonzero(hits.shape == index)
             material = self.shapes[index].material
-            reflectance[here] = looked_up(reflectance_of(material), there.uv[here])
+            reflectance[here] = painted(reflectance_of(material))(there.uv[here])
             if shines(material):
-                emission[here] = looked_up(emission_of(material), there.uv[here]) * front[here, None]
+                emission[here] = painted(emission_of(material))(there.uv[here]) * front[here, None]
         return Seen(
             hits.shape >= 0, hits.shape, hits.primitive, hits.barycentric, hits.distance, front, there.point,
             side * there.shading_normal, side * there.geometric_normal, reflectance, emission,
@@ -196,48 +213,9 @@ def reflectance_of(material: AnyMaterial) -> object:
     return material.base_color
 
 
-def emission_of(material: AnyMaterial) -> object:
+def emission_of(material: AnyMaterial) -> Colour | np.ndarray:
     """The radiance that a surface sends out: a colour or an image."""
     return material.emission if isinstance(material, Material) else (0.0, 0.0, 0.0)
-
-
-def looked_up(value: object, uv: np.ndarray) -> np.ndarray:
-    """A colour, or an image of them, at texture coordinates (N, 2): (N, 3) or (3,)."""
-    colours = np.asarray(value, np.float64)
-    return colours if colours.ndim == 1 else repeated(colours)(uv)
-
-
-def as_mesh(shape: Shape, quartered: int = ROUND) -> Mesh:
-    """Any shape as triangles; a plane as the rectangle of its extent, a ball as 20 triangles `quartered` so often."""
-    if isinstance(shape, Mesh):
-        return shape
-    if isinstance(shape, Patches):
-        return tessellated(shape)
-    if isinstance(shape, Polygon):
-        return triangulated(shape)
-    if isinstance(shape, Sphere):
-        return _ball(shape, quartered)
-    x, z = np.array(shape.extent) / 2
-    corners = np.array([[-x, shape.height, z], [x, shape.height, z], [x, shape.height, -z], [-x, shape.height, -z]])
-    uv = np.array([[0, 0], [1, 0], [1, 1], [0, 1]], np.float32)
-    faces = np.array([[0, 1, 2], [0, 2, 3]], np.int32)
-    return Mesh(corners.astype(np.float32), faces, shape.material, uv=uv, name="plane")
-
-
-def _ball(sphere: Sphere, quartered: int) -> Mesh:
-    """A sphere as the quartered faces of an icosahedron, with its own normals and lat-long texture coordinates."""
-    import trimesh
-
-    ball = trimesh.creation.icosphere(subdivisions=quartered)
-    normals = np.asarray(ball.vertices, np.float64)
-    u = 0.5 + np.arctan2(normals[:, 0], -normals[:, 2]) / (2 * np.pi)
-    uv = np.stack([u, 1 - np.arccos(np.clip(normals[:, 1], -1, 1)) / np.pi], axis=-1)
-    vertices = np.asarray(sphere.centre) + sphere.radius * normals
-    faces = np.asarray(ball.faces, np.int32)
-    return Mesh(
-        vertices.astype(np.float32), faces, sphere.material, normals.astype(np.float32), uv.astype(np.float32),
-        sphere.name,
-    )  # fmt: skip
 
 
 def _name(shape: Shape) -> str:
