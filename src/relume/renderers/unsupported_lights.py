@@ -40,10 +40,7 @@ def renderer_for(lights: Sequence[Light]) -> str:
 
 
 def refused_light(light: Light, lights: Sequence[Light], whose: str) -> UnsupportedScene:
-    """The error for one of a scene's lights that `whose` renderer does not have."""
-    instead = "a surface with emission"
-    if isinstance(light, AmbientLight):
-        instead = "an even light map, as light.colour makes it"
-    elif is_whitteds(light):
-        instead = "the square law"
+    """The error for one of a scene's lights, ambient or without the square law, that `whose` renderer lacks."""
+    ambient = isinstance(light, AmbientLight)
+    instead = "an even light map, as light.colour makes it" if ambient else "the square law"
     return UnsupportedScene(f"{whose} has no place for {light_name(light)}; {renderer_for(lights)}, or {instead}")

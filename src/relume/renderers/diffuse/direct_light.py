@@ -30,7 +30,7 @@ class DirectLight:
 
         at : where, and on which side
         samples : shadow rays to lamps, and as many to the map, for each place
-        lamps : False leaves out surfaces that shine
+        lamps : False leaves out surfaces that shine; lamps without a body stay
         """
         total = np.zeros((len(at.point), 3))
         for begin in range(0, len(total), max(AT_ONCE // samples, 1)):
@@ -41,9 +41,10 @@ class DirectLight:
 
     def _sources(self, at: Seen, samples: int, random: np.random.Generator, lamps: bool) -> Iterator[np.ndarray]:
         count, scene = len(at.point), self.scene
-        if lamps and scene.shining:
+        surfaces = scene.shining + scene.free if lamps else scene.free
+        if surfaces:
             u = sequences(random, samples, Surface.numbers, count).reshape(-1, Surface.numbers)
-            yield self._arriving(at, samples, _from_one_of(scene.shining, u, np.repeat(at.point, samples, axis=0)))
+            yield self._arriving(at, samples, _from_one_of(surfaces, u, np.repeat(at.point, samples, axis=0)))
         if scene.sky_lamp is not None:
             u = sequences(random, samples, scene.sky_lamp.numbers, count).reshape(-1, scene.sky_lamp.numbers)
             yield self._arriving(at, samples, scene.sky_lamp.reaching(u, np.repeat(at.point, samples, axis=0)))

@@ -15,12 +15,12 @@ import numpy as np
 
 from relume.errors import UnsupportedScene
 from relume.light.reflection.convolution import as_latlong
-from relume.renderers.raytrace.lamps import Distant, Environment, Point, Surface, painted
+from relume.renderers.raytrace.lamps import Distant, Environment, Point, Surface, lamp_of, painted
 from relume.renderers.raytrace.raycast import RayCaster
 from relume.renderers.raytrace.surface import Surfaces
 from relume.renderers.unsupported_features import renderer_of, unsupported_features
 from relume.renderers.unsupported_lights import refused_light
-from relume.scene.lights import DistantLight, PointLight
+from relume.scene.lights import AmbientLight, DistantLight, PointLight
 from relume.scene.materials.checks import Colour
 from relume.scene.materials.materials import Diffuse, Material
 from relume.scene.scene import Infinite, Scene
@@ -77,6 +77,7 @@ class DiffuseScene:
     sky : the environment map; None where it is black
     lights : points and distant lights
     threads : all cores for None
+    free : spheres and rectangles of light, which take no light and hide nothing, as lamps
     """
 
     shapes: tuple[Shape, ...]
@@ -84,6 +85,7 @@ class DiffuseScene:
     sky: EnvironmentMap | None
     lights: tuple[PointLight | DistantLight, ...]
     threads: int | None = None
+    free: tuple[Surface, ...] = ()
 
     @staticmethod
     def of(scene: Scene, whose: str, threads: int | None = None) -> DiffuseScene:
@@ -99,7 +101,7 @@ class DiffuseScene:
                 "(--renderer mitsuba), or leave the medium out"
             )
         for light in scene.lights:
-            if not isinstance(light, PointLight | DistantLight):
+            if isinstance(light, AmbientLight):
                 raise refused_light(light, scene.lights, whose)
         shapes = (*scene.local, *scene.objects)
         for shape in shapes:
@@ -116,7 +118,9 @@ class DiffuseScene:
         # What shines is sampled by its triangles, so that rays have to meet the same ones.
         ready = tuple(as_mesh(shape) if shines(shape.material) else shape for shape in shapes)
         lights = tuple(light for light in scene.lights if isinstance(light, PointLight | DistantLight))
-        return DiffuseScene(ready, len(scene.local), scene.light if lit else None, lights, threads)
+        lamps = (lamp_of(light) for light in scene.lights)
+        free = tuple(lamp for lamp in lamps if isinstance(lamp, Surface) and lamp.flux > 0)
+        return DiffuseScene(ready, len(scene.local), scene.light if lit else None, lights, threads, free)
 
     @cached_property
     def caster(self) -> RayCaster:
@@ -153,11 +157,18 @@ class DiffuseScene:
         return None if self.sky is None else Environment(BrightDirections.of(as_latlong(self.sky)))
 
     @cached_property
+    def _lit(self) -> RayCaster | None:
+        return RayCaster.of(tuple(lamp.shape for lamp in self.free)) if self.free else None
+
+    @cached_property
     def _surfaces(self) -> Surfaces:
         return Surfaces.of(self.shapes)
 
     def look(self, origins: np.ndarray, directions: np.ndarray, *, leaving: bool = True) -> Seen:
-        """What rays (N, 3) meet; `leaving` says that they start on a surface, which they do not meet again."""
+        """What rays (N, 3) meet; `leaving` says that they start on a surface, which they do not meet again.
+
+        Rays that do not, from an eye, see free lamps too: their light is added to the emission of what lies behind.
+        """
         beyond = NEAR * self.size if leaving else 0.0
         hits = self.caster.nearest(origins, directions, beyond=beyond, threads=self.threads)
         there = self._surfaces.at(origins, directions, hits, threads=self.threads)
@@ -170,6 +181,14 @@ class DiffuseScene:
             reflectance[here] = painted(reflectance_of(material))(there.uv[here])
             if shines(material):
                 emission[here] = painted(emission_of(material))(there.uv[here]) * front[here, None]
+        if self._lit is not None and not leaving:
+            lamp = self._lit.nearest(origins, directions, threads=self.threads)
+            at = Surfaces.of(tuple(lamp.shape for lamp in self.free)).at(
+                origins, directions, lamp, threads=self.threads
+            )
+            faces = np.einsum("ij,ij->i", at.geometric_normal, directions) < 0
+            for index, each in enumerate(self.free):
+                emission[(lamp.shape == index) & (lamp.distance < hits.distance) & faces] += each.emission
         return Seen(
             hits.shape >= 0, hits.shape, hits.primitive, hits.barycentric, hits.distance, front, there.point,
             side * there.shading_normal, side * there.geometric_normal, reflectance, emission,

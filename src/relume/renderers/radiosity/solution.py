@@ -108,9 +108,9 @@ class Shooting:
         return np.stack(sums, axis=-1), where
 
     def _from_outside(self) -> np.ndarray:
-        """Irradiance (2T, 3) from the environment map, points and distant lights, at the elements' middles."""
+        """Irradiance (2T, 3) from the environment map and lamps without a body, at the elements' middles."""
         elements, count = self.elements, len(self.elements.area)
-        if self.scene.sky is None and not self.scene.lights:
+        if self.scene.sky is None and not self.scene.lights and not self.scene.free:
             return np.zeros((2 * count, 3))
         random = np.random.default_rng([self.seed, 0x736B79])
         points = np.tile(elements.corners.mean(axis=1), (2, 1))
