@@ -251,4 +251,4 @@ def test_an_environment_of_a_scene_file_is_written(tmp_path, capsys):
     assert facts["irradiance from above"] == pytest.approx([1e-5] * 3, rel=1e-2)
     assert "twice as wide as high" in refused([*start, "--size", "64x48"], capsys)
     line = refused([*start, "--frames", "3"], capsys)
-    assert "--environment shows all directions" in line and "--frames is for pictures" in line
+    assert "--environment shows all directions" in line and "--frames is of something else" in line

@@ -7,19 +7,24 @@ import pytest
 
 import relume as rl
 from relume.renderers.diffuse.direct_light import DirectLight
-from relume.renderers.diffuse.random_numbers import cosine_directions, spread, within_triangles
-from relume.renderers.diffuse.scenes import DiffuseScene, as_mesh, not_diffuse
+from relume.renderers.diffuse.scenes import DiffuseScene, not_diffuse
 from relume.scene.materials.materials import Diffuse, Material, Ward
 from relume.scene.materials.media import Medium
 from relume.scene.scene import Scene
 from relume.scene.shapes.shapes import AnyMaterial, Mesh, Sphere
+from relume.scene.shapes.tessellation import as_mesh
 from relume.sphere.environment_map import EnvironmentMap
-from solids import quad
+from solids import quad, room
 
 BLACK, EVEN = (EnvironmentMap(np.full((8, 16, 3), value, np.float32)) for value in (0.0, 2.0))
 GREY = Diffuse((0.5, 0.5, 0.5))
 GROUND = quad([[-1, 0, 1], [1, 0, 1], [1, 0, -1], [-1, 0, -1]], GREY)
 CAMERA = rl.Camera.looking_at(np.array([0, 2.0, 0.1]), np.zeros(3), width=4, height=4, focal_length=4)
+LOOKED = [
+    rl.renderers.Radiosity(rays=50_000, samples=16),
+    rl.renderers.Radiosity(rays=20_000, refinements=0, samples=16, gather=16),
+    rl.renderers.IrradianceCache(samples=16, shadow_rays=4, rays=256),
+]
 BOTH = [rl.renderers.Radiosity(rays=64), rl.renderers.IrradianceCache(rays=8)]
 
 
@@ -74,23 +79,45 @@ def test_points_fall_by_the_square_law_and_suns_by_the_cosine():
     np.testing.assert_allclose(got, np.array([1, 2, 3]) + np.sqrt(0.5), rtol=1e-9)
 
 
-def test_spread_numbers_fill_the_square_evenly():
-    points = spread(np.random.default_rng(2), 4096, 2, sets=3)
-    counts = [np.histogram2d(*each.T, bins=8, range=[[0, 1]] * 2)[0] for each in points]
-    # 64 to a cell; those of chance alone would scatter by 8.
-    assert np.abs(np.array(counts) - 64).max() <= 8
-    assert np.std(counts) < 3
+def test_spheres_and_rectangles_of_light_give_closed_forms_and_throw_no_shadow():
+    ball = rl.scene.SphereLight((0, 1.0, 0), 0.25, (3.0, 2.0, 1.0))
+    # π L (r/d)².
+    expected = np.pi / 16 * np.array([3.0, 2.0, 1.0])
+    np.testing.assert_allclose(irradiance(Scene(BLACK, (GROUND,), lights=(ball,))), expected, rtol=2e-3)
+    down, up = (rl.scene.RectangleLight((0, 1.0, 0), (0, y, 0), (1.0, 1.0), (3.0, 2.0, 1.0)) for y in (-1, 1))
+    square = np.pi * towards_square(0.5, 1.0) * np.array([3.0, 2.0, 1.0])
+    np.testing.assert_allclose(irradiance(Scene(BLACK, (GROUND,), lights=(down,))), square, rtol=2e-3)
+    assert not irradiance(Scene(BLACK, (GROUND,), lights=(up,)), 64).any()
+    # The point of light stands behind the others.
+    point = rl.scene.PointLight((0, 2.0, 0), (4.0, 4.0, 4.0))
+    together = irradiance(Scene(BLACK, (GROUND,), lights=(ball, down, up, point)))
+    np.testing.assert_allclose(together, expected + square + 1, rtol=5e-3)
 
 
-def test_directions_have_the_cosines_density_and_points_the_areas():
-    u = spread(np.random.default_rng(3), 1 << 14, 2)[0]
-    normal = np.array([0.36, -0.48, 0.8])
-    directions = cosine_directions(u, np.tile(normal, (len(u), 1)))
-    np.testing.assert_allclose(directions.mean(axis=0), 2 / 3 * normal, atol=2e-3)
-    corners = np.array([[0, 0, 0], [3, 0, 0], [0, 0, 6.0]])
-    points, weights = within_triangles(u, np.tile(corners, (len(u), 1, 1)))
-    np.testing.assert_allclose(points.mean(axis=0), [1, 0, 2], atol=5e-3)
-    np.testing.assert_allclose(weights.sum(axis=1), 1)
+def test_an_eye_sees_lamps_without_a_body_from_their_front_and_what_lies_behind():
+    down, up = (rl.scene.RectangleLight((0, 1.0, 0), (0, y, 0), (1.0, 1.0), (3.0, 2.0, 1.0)) for y in (-1, 1))
+    shining = quad([[-1, 0, 1], [1, 0, 1], [1, 0, -1], [-1, 0, -1]], Material(specular=0.0, emission=(0.5, 0.5, 0.5)))
+    for light, seen in ((down, 0.5), (up, [3.5, 2.5, 1.5])):
+        ready = DiffuseScene.of(Scene(BLACK, (shining,), lights=(light,)), "the test")
+        eye, way = np.array([[0.0, 3.0, 0.0]]), np.array([[0.0, -1.0, 0.0]])
+        np.testing.assert_allclose(ready.look(eye, way, leaving=False).emission[0], seen)
+        # Rays from surfaces find lamps by shadow rays.
+        np.testing.assert_allclose(ready.look(eye, way).emission[0], 0.5)
+
+
+@pytest.mark.parametrize("renderer", LOOKED, ids=["radiosity", "gathered", "cache"])
+def test_a_room_under_lamps_without_a_body_is_as_bright_as_mitsubas(renderer: rl.Renderer):
+    lights = (
+        rl.scene.SphereLight((0.3, 0.6, 0.4), 0.1, (6.0, 4.0, 3.0)),
+        rl.scene.RectangleLight((0.6, 0.9, 0.4), (0.2, -1, 0), (0.3, 0.2), (5.0, 6.0, 8.0)),
+    )
+    scene = Scene(BLACK, room(GREY), lights=lights)
+    eye = rl.Camera.looking_at(np.array([0.5, 0.5, 0.9]), np.array([0.5, 0.3, 0]), width=8, height=8, focal_length=5)
+    truth = rl.Mitsuba(samples=256).render(scene, eye).radiance
+    found = rl.render(scene, eye, renderer).radiance
+    np.testing.assert_allclose(found.mean((0, 1)), truth.mean((0, 1)), rtol=0.03)
+    # Where no lamp is seen, and no edge is.
+    np.testing.assert_allclose(found[4:, 2:6].mean((0, 1)), truth[4:, 2:6].mean((0, 1)), rtol=0.03)
 
 
 @pytest.mark.parametrize(
@@ -117,11 +144,11 @@ def test_a_diffuse_material_of_gltf_is_not_refused():
 
 @pytest.mark.parametrize("renderer", BOTH, ids=["radiosity", "cache"])
 def test_other_scenes_and_lenses_are_refused_in_one_line(renderer: rl.Renderer):
-    sphere = rl.scene.SphereLight((0, 1, 0), 0.1, (1, 1, 1))
+    ambient = rl.scene.AmbientLight((1, 1, 1))
     lens = rl.Camera(4, 4, 4.0, CAMERA.position, CAMERA.rotation, aperture=0.01, focus=2.0)
     for scene, camera, why in [
         (Scene(BLACK, (GROUND,)), CAMERA, "nothing shines"),
-        (Scene(EVEN, (GROUND,), lights=(sphere,)), CAMERA, "has no SphereLight"),
+        (Scene(EVEN, (GROUND,), lights=(ambient,)), CAMERA, "no place for ambient light; use rl.Whitted"),
         (Scene(EVEN, (GROUND,), medium=Medium((0.1, 0.1, 0.1))), CAMERA, "a medium fills"),
         (Scene(EVEN, (GROUND,), distant=rl.scene.Dome(9.0)), CAMERA, "at infinity"),
         (Scene(EVEN, (GROUND,)), lens, "aperture"),

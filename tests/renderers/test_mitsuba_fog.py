@@ -93,7 +93,7 @@ def test_a_thin_fog_shows_the_light_of_a_lamp_as_the_integral_along_the_ray_has_
 
 def entry(scene: Scene, eye: np.ndarray, ahead: np.ndarray) -> float:
     """Where a ray enters a scene's fog."""
-    from relume.renderers.mitsuba.transport.extent import sphere_round_all
+    from relume.renderers.raytrace.extent import sphere_round_all
 
     centre, radius = sphere_round_all(scene)
     along = (centre - eye) @ ahead

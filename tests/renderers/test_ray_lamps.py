@@ -10,7 +10,7 @@ from relume.scene.lights import AmbientLight, DistantLight, Linear, PointLight, 
 from relume.scene.materials.materials import Material
 from relume.scene.shapes.shapes import Mesh, Plane, Polygon, Sphere
 from relume.sphere.environment_map import EnvironmentMap
-from relume.sphere.sampling import BrightDirections
+from relume.sphere.sampling import BrightDirections, shuffled
 
 COUNT = 20_000
 L = (3.0, 2.0, 1.0)
@@ -82,11 +82,13 @@ def test_light_that_reaches_a_point_is_that_of_closed_forms():
         (Surface(quad(0.01, 2.0), L), 1e-4 / 4),
     ]
     for each, irradiance in cases:
-        light = each.reaching(np.random.default_rng(3), points)
+        light = each.reaching(shuffled(np.random.default_rng(3), COUNT, 3), points)
         found = (light.irradiance * light.directions[:, 1:2]).mean(0)
         np.testing.assert_allclose(found, irradiance * np.array(L), rtol=0.02)
     # One-sided: from behind there is nothing.
-    above = Surface(quad(0.5, 2.0), L).reaching(np.random.default_rng(3), points + np.array([0, 4, 0]))
+    above = Surface(quad(0.5, 2.0), L).reaching(
+        shuffled(np.random.default_rng(3), COUNT, 3), points + np.array([0, 4, 0])
+    )
     assert not above.irradiance.any()
 
 

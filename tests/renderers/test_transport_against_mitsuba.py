@@ -128,7 +128,7 @@ def test_fog_round_everything_is_that_of_a_ball_of_it(mi):
     lamp = SphereLight((0.4, 1.4, 0.2), 0.2, (30.0, 25.0, 20.0))
     scene = Scene(BLACK, BOX, (MATT,), (lamp,), medium=fog)
     from relume.renderers.mitsuba.materials import rgb
-    from relume.renderers.mitsuba.transport.extent import sphere_round_all
+    from relume.renderers.raytrace.extent import sphere_round_all
 
     def filled(dictionary: dict[str, Any]) -> None:
         centre, radius = sphere_round_all(scene)

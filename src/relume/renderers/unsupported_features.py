@@ -6,6 +6,7 @@ import numpy as np
 
 from relume.errors import warn
 from relume.scene.materials.materials import Material
+from relume.scene.materials.whitted import WhittedMaterial
 
 
 def warn_of_unsupported(material: Material, whose: str) -> None:
@@ -18,6 +19,13 @@ def warn_of_unsupported(material: Material, whose: str) -> None:
             f"{whose} not show {', '.join(found)} of {material.name or 'a material'!r}; "
             "use rl.Mitsuba (--renderer mitsuba)"
         )
+
+
+def renderer_of(material: object) -> str:
+    """What to use for a material that a teaching renderer does not show, as the end of a line."""
+    if isinstance(material, WhittedMaterial):
+        return "use rl.Whitted (--renderer whitted)"
+    return "use rl.Mitsuba (--renderer mitsuba)"
 
 
 def extra_lobes(material: Material) -> dict[str, bool]:

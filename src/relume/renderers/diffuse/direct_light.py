@@ -1,45 +1,22 @@
 """Light that reaches a surface straight from its source: irradiance from lamps, the environment map, points and suns.
 
-Every source is sampled by itself, lamps by their triangles in proportion to power, the map in proportion to its
-brightness; a shadow ray says whether the surface sees it. Without bias.
+Of the surfaces that shine each sample takes one, in proportion to its power; the map is drawn in proportion to its
+brightness. A shadow ray says whether the surface sees it. Without bias.
 """
 
 from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import dataclass
-from functools import cached_property
 
 import numpy as np
 
-from relume.image.colour import luminance
-from relume.light.sampling import EnvironmentSampler
-from relume.renderers.diffuse.random_numbers import spread, within_triangles
-from relume.renderers.diffuse.scenes import DiffuseScene, Seen, as_mesh, emission_of, looked_up, shines
-from relume.scene.lights import DistantLight, PointLight
+from relume.renderers.diffuse.scenes import DiffuseScene, Seen
+from relume.renderers.raytrace.lamps import Reaching, Surface
+from relume.sphere.sampling import chosen, sequences
 
 AT_ONCE = 1 << 18
 """Shadow rays that are followed together: what is known of them takes some tens of megabytes."""
-
-LEAST = 0.01
-"""Share of a map's mean that is drawn of a black pixel too."""
-
-
-@dataclass(frozen=True, eq=False)
-class LampTriangles:
-    """The L triangles of all that shines.
-
-    corners : (L, 3, 3) metres; normal : (L, 3) to the side that shines; area : (L,) m²
-    uv : (L, 3, 2); shape : (L,) which of the scene's
-    share : (L,) of all lamps' power, by luminance
-    """
-
-    corners: np.ndarray
-    normal: np.ndarray
-    area: np.ndarray
-    uv: np.ndarray
-    shape: np.ndarray
-    share: np.ndarray
 
 
 @dataclass(frozen=True, eq=False)
@@ -53,7 +30,7 @@ class DirectLight:
 
         at : where, and on which side
         samples : shadow rays to lamps, and as many to the map, for each place
-        lamps : False leaves out surfaces that shine
+        lamps : False leaves out surfaces that shine; lamps without a body stay
         """
         total = np.zeros((len(at.point), 3))
         for begin in range(0, len(total), max(AT_ONCE // samples, 1)):
@@ -63,101 +40,50 @@ class DirectLight:
         return total
 
     def _sources(self, at: Seen, samples: int, random: np.random.Generator, lamps: bool) -> Iterator[np.ndarray]:
-        if lamps and len(self.lamps.area):
-            yield self._from_lamps(at, spread(random, samples, 3, len(at.point)))
-        if self._sampler is not None:
-            yield self._from_sky(at, spread(random, samples, 2, len(at.point)))
-        yield from (self._from_light(at, light) for light in self.scene.lights)
+        count, scene = len(at.point), self.scene
+        surfaces = scene.shining + scene.free if lamps else scene.free
+        if surfaces:
+            u = sequences(random, samples, Surface.numbers, count).reshape(-1, Surface.numbers)
+            yield self._arriving(at, samples, _from_one_of(surfaces, u, np.repeat(at.point, samples, axis=0)))
+        if scene.sky_lamp is not None:
+            u = sequences(random, samples, scene.sky_lamp.numbers, count).reshape(-1, scene.sky_lamp.numbers)
+            yield self._arriving(at, samples, scene.sky_lamp.reaching(u, np.repeat(at.point, samples, axis=0)))
+        for light in scene.sizeless:
+            yield self._arriving(at, 1, light.reaching(np.empty((count, 0)), at.point))
 
-    @cached_property
-    def lamps(self) -> LampTriangles:
-        """All surfaces that shine, as triangles with an area."""
-        rows: list[tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]] = []
-        for index, shape in enumerate(self.scene.shapes):
-            if not shines(shape.material):
-                continue
-            mesh = as_mesh(shape)
-            corners = np.asarray(mesh.vertices, np.float64)[mesh.faces]
-            uv = np.zeros((len(corners), 3, 2)) if mesh.uv is None else np.asarray(mesh.uv, np.float64)[mesh.faces]
-            emission = np.asarray(emission_of(shape.material), np.float64).reshape(-1, 3).mean(axis=0)
-            rows.append((corners, uv, np.full(len(corners), index), np.full(len(corners), luminance(emission))))
-        empty = (np.zeros((0, 3, 3)), np.zeros((0, 3, 2)), np.zeros(0, np.int64), np.zeros(0))
-        corners, uv, shape, bright = (np.concatenate(part) for part in zip(empty, *rows, strict=True))
-        across = 0.5 * np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
-        area = np.linalg.norm(across, axis=-1)
-        there = area > 0
-        power = (area * bright)[there]
-        return LampTriangles(
-            corners[there], across[there] / area[there, None], area[there], uv[there], shape[there],
-            power / max(power.sum(), 1e-300),
-        )  # fmt: skip
+    def _arriving(self, at: Seen, samples: int, light: Reaching) -> np.ndarray:
+        """The irradiance (N, 3) of S samples each, (N·S, …), where nothing hides them from the surface."""
+        cosine = np.einsum("ij,ij->i", light.directions, np.repeat(at.normal, samples, axis=0))
+        free = self._unhidden(at, samples, light, np.maximum(cosine, 0))
+        return (free[:, None] * light.irradiance).reshape(len(at.point), samples, 3).mean(axis=1)
 
-    @cached_property
-    def _sampler(self) -> EnvironmentSampler | None:
-        return None if self.scene.sky is None else EnvironmentSampler(self.scene.sky, _brightness)
-
-    def _from_lamps(self, at: Seen, u: np.ndarray) -> np.ndarray:
-        """∫ L cos θ cos θ′ / r² dA by S points of the lamps each; u : (N, S, 3)."""
-        count, samples = u.shape[:2]
-        lamps, flat = self.lamps, u.reshape(-1, 3)
-        which = np.minimum(np.searchsorted(np.cumsum(lamps.share), flat[:, 0], side="right"), len(lamps.share) - 1)
-        points, weights = within_triangles(flat[:, 1:], lamps.corners[which])
-        way = points - np.repeat(at.point, samples, axis=0)
-        squared = np.maximum(np.einsum("ij,ij->i", way, way), 1e-300)
-        direction = way / np.sqrt(squared)[:, None]
-        here = np.einsum("ij,ij->i", direction, np.repeat(at.normal, samples, axis=0))
-        there = -np.einsum("ij,ij->i", direction, lamps.normal[which])
-        weight = np.maximum(here, 0) * np.maximum(there, 0) / squared * lamps.area[which] / lamps.share[which]
-        arriving = self._unhidden(at, samples, direction, np.sqrt(squared), weight)
-        uv = np.einsum("nk,nkx->nx", weights, lamps.uv[which])
-        radiance = np.zeros((len(which), 3))
-        for index in np.unique(lamps.shape):
-            mine = lamps.shape[which] == index
-            radiance[mine] = looked_up(emission_of(self.scene.shapes[index].material), uv[mine])
-        return (arriving[:, None] * radiance).reshape(count, samples, 3).mean(axis=1)
-
-    def _from_sky(self, at: Seen, u: np.ndarray) -> np.ndarray:
-        """∫ L cos θ dω over the environment map, by S directions each; u : (N, S, 2)."""
-        count, samples = u.shape[:2]
-        assert self._sampler is not None
-        assert self.scene.sky is not None
-        direction, density = self._sampler.sample(u.reshape(-1, 2))
-        here = np.einsum("ij,ij->i", direction, np.repeat(at.normal, samples, axis=0))
-        weight = np.maximum(here, 0) / density
-        arriving = self._unhidden(at, samples, direction, np.inf, weight)
-        radiance = self.scene.sky.lookup(direction)
-        return (arriving[:, None] * radiance).reshape(count, samples, 3).mean(axis=1)
-
-    def _from_light(self, at: Seen, light: PointLight | DistantLight) -> np.ndarray:
-        """Irradiance from a point or a distant light, which has no size."""
-        if isinstance(light, DistantLight):
-            towards = np.array(light.towards, np.float64)
-            direction = np.broadcast_to(towards / np.linalg.norm(towards), at.point.shape)
-            distance, arriving = np.full(len(at.point), np.inf), np.broadcast_to(light.irradiance, at.point.shape)
-        else:
-            way = np.asarray(light.position) - at.point
-            distance = np.maximum(np.linalg.norm(way, axis=-1), 1e-150)
-            direction = way / distance[:, None]
-            arriving = light.falloff.at(distance)[:, None] * light.intensity
-        cosine = np.maximum(np.einsum("ij,ij->i", direction, at.normal), 0)
-        return self._unhidden(at, 1, direction, distance, cosine)[:, None] * arriving
-
-    def _unhidden(
-        self, at: Seen, samples: int, direction: np.ndarray, distance: np.ndarray | float, weight: np.ndarray
-    ) -> np.ndarray:
+    def _unhidden(self, at: Seen, samples: int, light: Reaching, weight: np.ndarray) -> np.ndarray:
         """The weights (N·S,) of ways that nothing hides; 0 of the others, and of those below the surface itself."""
         origin, normal = np.repeat(at.point, samples, axis=0), np.repeat(at.geometric, samples, axis=0)
-        above = np.einsum("ij,ij->i", direction, normal) > 0
-        asked = np.flatnonzero(above & (weight > 0) & np.repeat(at.hit, samples))
-        limits = np.broadcast_to(distance, weight.shape)[asked]
+        above = np.einsum("ij,ij->i", light.directions, normal) > 0
+        shines = np.any(light.irradiance > 0, axis=1)
+        asked = np.flatnonzero(above & shines & (weight > 0) & np.repeat(at.hit, samples))
         kept = np.zeros(len(weight))
         if asked.size:
-            free = ~self.scene.blocked(origin[asked], normal[asked], np.ascontiguousarray(direction[asked]), limits)
-            kept[asked] = weight[asked] * free
+            directions = np.ascontiguousarray(light.directions[asked])
+            kept[asked] = weight[asked] * ~self.scene.blocked(
+                origin[asked], normal[asked], directions, light.distance[asked]
+            )
         return kept
 
 
-def _brightness(radiance: np.ndarray) -> np.ndarray:
-    """What pixels of a map are drawn in proportion to: nowhere 0, for the light between two pixels belongs to both."""
-    channels = radiance.astype(np.float64).sum(axis=-1)
-    return channels + LEAST * channels.mean()
+def _from_one_of(lamps: tuple[Surface, ...], u: np.ndarray, points: np.ndarray) -> Reaching:
+    """Light at points (N, 3) by a sample of one lamp each, as often as its flux says; u : (N, 3)."""
+    steps = np.cumsum([lamp.flux for lamp in lamps])
+    which = chosen(u[:, 0], steps)
+    share = np.diff(steps, prepend=0.0) / steps[-1]
+    # What is left of the number that chose the lamp is as good as new.
+    low = (steps[which] / steps[-1]) - share[which]
+    again = np.column_stack([np.clip((u[:, 0] - low) / share[which], 0, 1 - 2.0**-53), u[:, 1:]])
+    found = Reaching(np.zeros((len(u), 3)), np.full(len(u), np.inf), np.zeros((len(u), 3)))
+    for index in np.unique(which):
+        mine = np.flatnonzero(which == index)
+        light = lamps[index].reaching(again[mine], points[mine])
+        found.directions[mine], found.distance[mine] = light.directions, light.distance
+        found.irradiance[mine] = light.irradiance / share[index]
+    return found

@@ -7,10 +7,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from relume.renderers.diffuse.random_numbers import cosine_directions, spread
 from relume.renderers.diffuse.scenes import DiffuseScene, Seen
 from relume.renderers.results import Progress, Render
 from relume.scene.cameras.camera import Camera
+from relume.sphere.sampling import by_cosine, sequences
 
 Shade = Callable[[Seen, np.random.Generator], np.ndarray]
 """Radiance (N, 3) of what rays met, without their emission; with numbers of that cell's own."""
@@ -46,8 +46,8 @@ def gathered(
     arriving : irradiance where the rays end
     """
     total = np.zeros((len(seen.point), 3))
-    for ray in np.moveaxis(spread(random, rays, 2, len(total)), 1, 0):
-        found = scene.look(seen.point, cosine_directions(ray, seen.normal))
+    for ray in np.moveaxis(sequences(random, rays, 2, len(total)), 1, 0):
+        found = scene.look(seen.point, by_cosine(ray, seen.normal))
         there = np.flatnonzero(found.hit)
         met = found.only(there)
         total[there] += met.reflectance * arriving(met) / rays

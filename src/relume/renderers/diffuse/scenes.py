@@ -14,21 +14,23 @@ from typing import NamedTuple
 import numpy as np
 
 from relume.errors import UnsupportedScene
-from relume.renderers.raytrace.alpha_coverage import repeated
+from relume.light.reflection.convolution import as_latlong
+from relume.renderers.raytrace.lamps import Distant, Environment, Point, Surface, lamp_of, painted
 from relume.renderers.raytrace.raycast import RayCaster
 from relume.renderers.raytrace.surface import Surfaces
-from relume.renderers.unsupported_features import unsupported_features
-from relume.scene.lights import DistantLight, PointLight
+from relume.renderers.unsupported_features import renderer_of, unsupported_features
+from relume.renderers.unsupported_lights import refused_light
+from relume.scene.lights import AmbientLight, DistantLight, PointLight
+from relume.scene.materials.checks import Colour
 from relume.scene.materials.materials import Diffuse, Material
 from relume.scene.scene import Infinite, Scene
-from relume.scene.shapes.shapes import AnyMaterial, Mesh, Patches, Plane, Polygon, Shape, Sphere
-from relume.scene.shapes.tessellation import tessellated, triangulated
+from relume.scene.shapes.shapes import AnyMaterial, Patches, Plane, Shape, Sphere
+from relume.scene.shapes.tessellation import as_mesh
 from relume.sphere.environment_map import EnvironmentMap
+from relume.sphere.sampling import BrightDirections
 
 NEAR = 1e-6
 """Share of the scene's size: a ray that starts on a surface does not meet it again before that."""
-ROUND = 4
-"""How often the 20 triangles of a ball are quartered: its outline is then off by a thousandth of its radius."""
 
 
 class Seen(NamedTuple):
@@ -75,6 +77,7 @@ class DiffuseScene:
     sky : the environment map; None where it is black
     lights : points and distant lights
     threads : all cores for None
+    free : spheres and rectangles of light, which take no light and hide nothing, as lamps
     """
 
     shapes: tuple[Shape, ...]
@@ -82,6 +85,7 @@ class DiffuseScene:
     sky: EnvironmentMap | None
     lights: tuple[PointLight | DistantLight, ...]
     threads: int | None = None
+    free: tuple[Surface, ...] = ()
 
     @staticmethod
     def of(scene: Scene, whose: str, threads: int | None = None) -> DiffuseScene:
@@ -97,17 +101,14 @@ class DiffuseScene:
                 "(--renderer mitsuba), or leave the medium out"
             )
         for light in scene.lights:
-            if not isinstance(light, PointLight | DistantLight):
-                raise UnsupportedScene(
-                    f"{whose} has no {type(light).__name__}; use rl.Mitsuba (--renderer mitsuba), or a surface with "
-                    "emission"
-                )
+            if isinstance(light, AmbientLight):
+                raise refused_light(light, scene.lights, whose)
         shapes = (*scene.local, *scene.objects)
         for shape in shapes:
             if (why := not_diffuse(shape.material)) is not None:
                 raise UnsupportedScene(
-                    f"{whose} shows diffuse surfaces alone, and the material of {_name(shape)!r} has {why}; use "
-                    "rl.Mitsuba (--renderer mitsuba), or a diffuse material (of pbr: specular = 0)"
+                    f"{whose} shows diffuse surfaces alone, and the material of {_name(shape)!r} has {why}; "
+                    f"{renderer_of(shape.material)}, or a diffuse material (of pbr: specular = 0)"
                 )
         lit = bool(np.any(scene.light.radiance))
         if not lit and not scene.lights and not any(shines(shape.material) for shape in shapes):
@@ -117,7 +118,9 @@ class DiffuseScene:
         # What shines is sampled by its triangles, so that rays have to meet the same ones.
         ready = tuple(as_mesh(shape) if shines(shape.material) else shape for shape in shapes)
         lights = tuple(light for light in scene.lights if isinstance(light, PointLight | DistantLight))
-        return DiffuseScene(ready, len(scene.local), scene.light if lit else None, lights, threads)
+        lamps = (lamp_of(light) for light in scene.lights)
+        free = tuple(lamp for lamp in lamps if isinstance(lamp, Surface) and lamp.flux > 0)
+        return DiffuseScene(ready, len(scene.local), scene.light if lit else None, lights, threads, free)
 
     @cached_property
     def caster(self) -> RayCaster:
@@ -138,11 +141,34 @@ class DiffuseScene:
         return (corners.min(axis=0), corners.max(axis=0)) if len(corners) else (np.zeros(3), np.ones(3))
 
     @cached_property
+    def shining(self) -> tuple[Surface, ...]:
+        """All surfaces that shine, as lamps."""
+        lamps = [Surface(shape, emission_of(shape.material)) for shape in self.shapes if shines(shape.material)]
+        return tuple(lamp for lamp in lamps if lamp.flux > 0)
+
+    @cached_property
+    def sizeless(self) -> tuple[Point | Distant, ...]:
+        """Points and distant lights as lamps."""
+        return tuple(Point(light) if isinstance(light, PointLight) else Distant(light) for light in self.lights)
+
+    @cached_property
+    def sky_lamp(self) -> Environment | None:
+        """The environment map as a lamp."""
+        return None if self.sky is None else Environment(BrightDirections.of(as_latlong(self.sky)))
+
+    @cached_property
+    def _lit(self) -> RayCaster | None:
+        return RayCaster.of(tuple(lamp.shape for lamp in self.free)) if self.free else None
+
+    @cached_property
     def _surfaces(self) -> Surfaces:
         return Surfaces.of(self.shapes)
 
     def look(self, origins: np.ndarray, directions: np.ndarray, *, leaving: bool = True) -> Seen:
-        """What rays (N, 3) meet; `leaving` says that they start on a surface, which they do not meet again."""
+        """What rays (N, 3) meet; `leaving` says that they start on a surface, which they do not meet again.
+
+        Rays that do not, from an eye, see free lamps too: their light is added to the emission of what lies behind.
+        """
         beyond = NEAR * self.size if leaving else 0.0
         hits = self.caster.nearest(origins, directions, beyond=beyond, threads=self.threads)
         there = self._surfaces.at(origins, directions, hits, threads=self.threads)
@@ -152,9 +178,17 @@ class DiffuseScene:
         for index in np.unique(hits.shape[hits.shape >= 0]):
             here = np.flatnonzero(hits.shape == index)
             material = self.shapes[index].material
-            reflectance[here] = looked_up(reflectance_of(material), there.uv[here])
+            reflectance[here] = painted(reflectance_of(material))(there.uv[here])
             if shines(material):
-                emission[here] = looked_up(emission_of(material), there.uv[here]) * front[here, None]
+                emission[here] = painted(emission_of(material))(there.uv[here]) * front[here, None]
+        if self._lit is not None and not leaving:
+            lamp = self._lit.nearest(origins, directions, threads=self.threads)
+            at = Surfaces.of(tuple(lamp.shape for lamp in self.free)).at(
+                origins, directions, lamp, threads=self.threads
+            )
+            faces = np.einsum("ij,ij->i", at.geometric_normal, directions) < 0
+            for index, each in enumerate(self.free):
+                emission[(lamp.shape == index) & (lamp.distance < hits.distance) & faces] += each.emission
         return Seen(
             hits.shape >= 0, hits.shape, hits.primitive, hits.barycentric, hits.distance, front, there.point,
             side * there.shading_normal, side * there.geometric_normal, reflectance, emission,
@@ -198,48 +232,9 @@ def reflectance_of(material: AnyMaterial) -> object:
     return material.base_color
 
 
-def emission_of(material: AnyMaterial) -> object:
+def emission_of(material: AnyMaterial) -> Colour | np.ndarray:
     """The radiance that a surface sends out: a colour or an image."""
     return material.emission if isinstance(material, Material) else (0.0, 0.0, 0.0)
-
-
-def looked_up(value: object, uv: np.ndarray) -> np.ndarray:
-    """A colour, or an image of them, at texture coordinates (N, 2): (N, 3) or (3,)."""
-    colours = np.asarray(value, np.float64)
-    return colours if colours.ndim == 1 else repeated(colours)(uv)
-
-
-def as_mesh(shape: Shape, quartered: int = ROUND) -> Mesh:
-    """Any shape as triangles; a plane as the rectangle of its extent, a ball as 20 triangles `quartered` so often."""
-    if isinstance(shape, Mesh):
-        return shape
-    if isinstance(shape, Patches):
-        return tessellated(shape)
-    if isinstance(shape, Polygon):
-        return triangulated(shape)
-    if isinstance(shape, Sphere):
-        return _ball(shape, quartered)
-    x, z = np.array(shape.extent) / 2
-    corners = np.array([[-x, shape.height, z], [x, shape.height, z], [x, shape.height, -z], [-x, shape.height, -z]])
-    uv = np.array([[0, 0], [1, 0], [1, 1], [0, 1]], np.float32)
-    faces = np.array([[0, 1, 2], [0, 2, 3]], np.int32)
-    return Mesh(corners.astype(np.float32), faces, shape.material, uv=uv, name="plane")
-
-
-def _ball(sphere: Sphere, quartered: int) -> Mesh:
-    """A sphere as the quartered faces of an icosahedron, with its own normals and lat-long texture coordinates."""
-    import trimesh
-
-    ball = trimesh.creation.icosphere(subdivisions=quartered)
-    normals = np.asarray(ball.vertices, np.float64)
-    u = 0.5 + np.arctan2(normals[:, 0], -normals[:, 2]) / (2 * np.pi)
-    uv = np.stack([u, 1 - np.arccos(np.clip(normals[:, 1], -1, 1)) / np.pi], axis=-1)
-    vertices = np.asarray(sphere.centre) + sphere.radius * normals
-    faces = np.asarray(ball.faces, np.int32)
-    return Mesh(
-        vertices.astype(np.float32), faces, sphere.material, normals.astype(np.float32), uv.astype(np.float32),
-        sphere.name,
-    )  # fmt: skip
 
 
 def _name(shape: Shape) -> str:

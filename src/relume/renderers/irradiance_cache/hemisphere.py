@@ -10,7 +10,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from relume.renderers.diffuse.random_numbers import frames
+from relume.sphere.sampling import frames
 
 
 @dataclass(frozen=True)

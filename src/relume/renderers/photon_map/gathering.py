@@ -18,7 +18,7 @@ from relume.renderers.photon_map.stage import EVEN, NOTHING, Met, Stage
 from relume.renderers.photon_map.tracing import encounter
 from relume.renderers.raytrace.lamps import Lamp
 from relume.sphere.environment_map import EnvironmentMap
-from relume.sphere.sampling import by_cosine
+from relume.sphere.sampling import by_cosine, shuffled
 
 
 class Way(NamedTuple):
@@ -111,7 +111,7 @@ class Gathering:
         """By shadow rays from points that lie on `side` (N, 3) of a surface: directions to lamps, and irradiance."""
         for lamp, times in self.lamps:
             for _ in range(times):
-                light = lamp.reaching(random, points)
+                light = lamp.reaching(shuffled(random, len(points), lamp.numbers), points)
                 there = self.stage.sees(points, side, light.directions, light.distance)
                 _, haze = self.stage.hazy(points, light.directions, light.distance)
                 yield light.directions, self.stage.left(haze) * light.irradiance * there[:, None] / times
@@ -134,7 +134,7 @@ class Gathering:
         if self.maps.everywhere is None:
             return found
         for _ in range(self.rays):
-            directions = by_cosine(random, normals)
+            directions = by_cosine(shuffled(random, len(normals), 2), normals)
             out = np.einsum("ij,ij->i", directions, true) > 0
             way = self.went(points, directions, random, seen=False)
             at = np.flatnonzero(out & (way.met.kind == EVEN))

@@ -12,11 +12,11 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from relume.errors import UnsupportedScene, warn
-from relume.renderers.mitsuba.transport.extent import sphere_round_all
 from relume.renderers.photon_map.density import Maps
 from relume.renderers.photon_map.gathering import Gathering
 from relume.renderers.photon_map.stage import EVEN, FOR_ALL, Stage, lamps_of
 from relume.renderers.photon_map.tracing import Flight, followed
+from relume.renderers.raytrace.extent import sphere_round_all
 from relume.renderers.raytrace.lamps import Ball, Environment, Lamp, Point, Sent, Surface
 from relume.renderers.renderer import Renderer
 from relume.renderers.results import Progress, Render

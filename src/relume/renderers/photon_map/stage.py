@@ -18,7 +18,8 @@ from relume.light.reflection.weights import Fresnel
 from relume.renderers.raytrace.lamps import Ball, Distant, Environment, Lamp, Surface, lamp_of, painted
 from relume.renderers.raytrace.raycast import RayCaster
 from relume.renderers.raytrace.surface import Surfaces
-from relume.renderers.unsupported_features import unsupported_features
+from relume.renderers.unsupported_features import renderer_of, unsupported_features
+from relume.renderers.unsupported_lights import refused_light
 from relume.scene.materials.materials import Diffuse, Material, is_image
 from relume.scene.materials.media import Medium
 from relume.scene.scene import Infinite, Scene
@@ -174,7 +175,10 @@ def _kind(material: AnyMaterial) -> int:
     if isinstance(material, Diffuse):
         return EVEN
     if not isinstance(material, Material):
-        raise _refused(f"the {type(material).__name__} material {name!r}")
+        raise UnsupportedScene(
+            f"a photon map has no place for the {type(material).__name__} material {name!r}; {renderer_of(material)}, "
+            "or diffuse surfaces"
+        )
     left_out = {*unsupported_features(material)} - {"emission"}
     if not np.any(material.through):
         left_out -= {"specular"}
@@ -207,7 +211,7 @@ def lamps_of(scene: Scene) -> tuple[Lamp, ...]:
     lamps: list[Lamp] = [Surface(s, m.emission) for s, m in shining if isinstance(m, Material) and m.emits]
     for light in scene.lights:
         if (lamp := lamp_of(light)) is None:
-            raise _refused(f"a light of the kind {light}", "lamps by the square law and ")
+            raise refused_light(light, scene.lights, "a photon map")
         lamps.append(lamp)
     if not isinstance(scene.distant, Infinite):
         raise UnsupportedScene(f"a photon map has its light map at infinity, and this scene's is near; {FOR_ALL}")

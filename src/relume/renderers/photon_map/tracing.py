@@ -13,7 +13,7 @@ import numpy as np
 
 from relume.renderers.photon_map.stage import EVEN, NOTHING, Met, Stage
 from relume.renderers.raytrace.lamps import Sent
-from relume.sphere.sampling import by_cosine, turned_evenly
+from relume.sphere.sampling import by_cosine, shuffled, turned_evenly
 
 
 class Photons(NamedTuple):
@@ -85,10 +85,12 @@ def followed(stage: Stage, sent: Sent, random: np.random.Generator, depth: int, 
         surface.append(at.only(landed & ~direct if caustics else landed))
         # Where each goes from here, and with what power.
         ways, glanced, _ = stage.glanced(directions, met, random)
-        ways = np.where(landed[:, None], by_cosine(random, met.normal), ways)
+        ways = np.where(landed[:, None], by_cosine(shuffled(random, len(power), 2), met.normal), ways)
         if stage.medium is not None:
             cosine = stage.medium.scattered_cosine(random.random(len(power)))
-            ways = np.where(stopped[:, None], turned_evenly(random, directions, cosine), ways)
+            ways = np.where(
+                stopped[:, None], turned_evenly(shuffled(random, len(power), 1)[:, 0], directions, cosine), ways
+            )
         share = np.where(landed[:, None], met.colour, np.where(stopped[:, None], 1.0, glanced))
         absorbed += (power * (1 - share))[~gone].sum(0)
         brightest = np.maximum(power.max(1), 1e-300)

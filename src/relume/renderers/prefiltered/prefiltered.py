@@ -26,7 +26,9 @@ from relume.renderers.prefiltered.shading_inputs import GBuffer, Samples, Term, 
 from relume.renderers.raytrace.visibility import Seen, Stage
 from relume.renderers.renderer import Renderer
 from relume.renderers.results import Progress, Render
+from relume.renderers.unsupported_lights import light_name, renderer_for
 from relume.scene.cameras.camera import Camera
+from relume.scene.lights import RectangleLight, SphereLight
 from relume.scene.materials.abc_facets import ABCFacets
 from relume.scene.materials.materials import Diffuse, Material, Ward
 from relume.scene.materials.measured import MeasuredBRDF
@@ -233,11 +235,6 @@ class Prepared:
 
 def _mappable(scene: Scene) -> list[Material | Diffuse | Reflective]:
     """The materials of all shapes; raises UnsupportedScene for what no reflection map holds."""
-    if scene.lights:
-        raise UnsupportedScene(
-            "reflection maps hold light from infinity alone, and this scene has lights of its own; "
-            "use rl.Whitted (--renderer whitted)"
-        )
     if not isinstance(scene.distant, Infinite):
         raise UnsupportedScene(
             "reflection maps hold light from infinity alone, and this scene's is on walls; use rl.Mitsuba "
@@ -247,6 +244,14 @@ def _mappable(scene: Scene) -> list[Material | Diffuse | Reflective]:
         raise UnsupportedScene(
             "reflection maps hold light that meets nothing on its way, and a medium fills this scene; use rl.Mitsuba "
             "(--renderer mitsuba), or leave the medium out"
+        )
+    if scene.lights:
+        # Where it can, the one that is as fast.
+        sized = any(isinstance(light, SphereLight | RectangleLight) for light in scene.lights)
+        use = renderer_for(scene.lights) if sized else "use rl.Whitted (--renderer whitted)"
+        raise UnsupportedScene(
+            "reflection maps hold light from infinity alone, and this scene has lights of its own "
+            f"({light_name(scene.lights[0])}); {use}"
         )
     materials = []
     for shape in (*scene.local, *scene.objects):

@@ -10,8 +10,10 @@ from functools import cached_property
 
 import numpy as np
 
-from relume.renderers.diffuse.scenes import DiffuseScene, as_mesh, emission_of, looked_up, reflectance_of
+from relume.renderers.diffuse.scenes import DiffuseScene, emission_of, reflectance_of
+from relume.renderers.raytrace.lamps import painted
 from relume.scene.shapes.shapes import Mesh
+from relume.scene.shapes.tessellation import as_mesh
 
 MOST = 2_000_000
 """Triangles: more than that hold no light in some gigabytes of memory."""
@@ -184,4 +186,4 @@ class Elements:
 def _at_middles(mesh: Mesh, value: object) -> np.ndarray:
     """A colour, or an image of them, at the middle of each triangle: (F, 3)."""
     uv = np.zeros((len(mesh.faces), 2)) if mesh.uv is None else mesh.uv[mesh.faces].mean(axis=1)
-    return np.broadcast_to(looked_up(value, uv), (len(mesh.faces), 3))
+    return painted(value)(uv)

@@ -6,10 +6,11 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from relume.renderers.diffuse.random_numbers import cosine_directions, spread, within_triangles
-from relume.renderers.diffuse.scenes import NEAR, as_mesh
+from relume.renderers.diffuse.scenes import NEAR
 from relume.renderers.raytrace.raycast import RayCaster
 from relume.scene.scene import Scene
+from relume.scene.shapes.tessellation import as_mesh
+from relume.sphere.sampling import by_cosine, chosen, sequences, within_triangles
 
 
 @dataclass(frozen=True, eq=False)
@@ -46,10 +47,10 @@ def form_factors(scene: Scene, *, rays: int = 1 << 16, seed: int = 0) -> FormFac
         areas = np.linalg.norm(normals, axis=-1)
         area[index] = areas.sum()
         # The first number chooses the triangle, two the place in it, two the direction.
-        u = spread(np.random.default_rng([seed, index]), rays, 5)[0]
-        which = np.minimum(np.searchsorted(np.cumsum(areas) / areas.sum(), u[:, 0], side="right"), len(areas) - 1)
+        u = sequences(np.random.default_rng([seed, index]), rays, 5)[0]
+        which = chosen(u[:, 0], np.cumsum(areas))
         points, _ = within_triangles(u[:, 1:3], triangles[which])
-        directions = cosine_directions(u[:, 3:], normals[which] / areas[which, None])
+        directions = by_cosine(u[:, 3:], normals[which] / areas[which, None])
         hits = caster.nearest(points, directions, beyond=NEAR * size)
         there = np.flatnonzero(hits.shape >= 0)
         for other in range(len(meshes)):

@@ -16,10 +16,10 @@ import numpy as np
 
 from relume.image.colour import luminance
 from relume.renderers.diffuse.direct_light import DirectLight
-from relume.renderers.diffuse.random_numbers import cosine_directions, spread, within_triangles
 from relume.renderers.diffuse.scenes import NEAR, DiffuseScene, Seen
 from relume.renderers.radiosity.elements import Elements
 from relume.renderers.raytrace.raycast import RayCaster
+from relume.sphere.sampling import by_cosine, sequences, within_triangles
 
 FEWEST = 16
 """Rays of a shot, at least: so many that a dim patch too sends light to more than its neighbour."""
@@ -94,11 +94,11 @@ class Shooting:
     ) -> tuple[np.ndarray, np.ndarray]:
         """The flux (K, 3) that K elements' sides get from rays of elements' sides `origin` (N,), and their numbers."""
         elements = self.elements
-        u = spread(random, len(origin), 4)[0]
+        u = sequences(random, len(origin), 4)[0]
         triangle, front = np.divmod(origin, len(elements.area))[1], origin < len(elements.area)
         normal = elements.normal[triangle] * np.where(front, 1.0, -1.0)[:, None]
         points, _ = within_triangles(u[:, :2], elements.corners[triangle])
-        directions = cosine_directions(u[:, 2:], normal)
+        directions = by_cosine(u[:, 2:], normal)
         hits = caster.nearest(points, directions, beyond=NEAR * self.scene.size, threads=self.scene.threads)
         there = np.flatnonzero(hits.shape >= 0)
         met = elements.first[hits.shape[there]] + hits.primitive[there]
@@ -108,9 +108,9 @@ class Shooting:
         return np.stack(sums, axis=-1), where
 
     def _from_outside(self) -> np.ndarray:
-        """Irradiance (2T, 3) from the environment map, points and distant lights, at the elements' middles."""
+        """Irradiance (2T, 3) from the environment map and lamps without a body, at the elements' middles."""
         elements, count = self.elements, len(self.elements.area)
-        if self.scene.sky is None and not self.scene.lights:
+        if self.scene.sky is None and not self.scene.lights and not self.scene.free:
             return np.zeros((2 * count, 3))
         random = np.random.default_rng([self.seed, 0x736B79])
         points = np.tile(elements.corners.mean(axis=1), (2, 1))

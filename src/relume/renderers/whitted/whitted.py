@@ -382,7 +382,7 @@ def view_of(camera: Camera) -> np.ndarray:
     if camera.distortion is not None or camera.aperture > 0:
         what = "distorts" if camera.distortion is not None else "has an aperture"
         raise UnsupportedScene(
-            f"Whitted's camera is a pinhole, and this one's lens {what}; use rl.Differential (relume insert), or a "
+            f"Whitted's camera is a pinhole, and this one's lens {what}; use rl.Mitsuba (--renderer mitsuba), or a "
             "camera without"
         )
     point = camera.principal_point

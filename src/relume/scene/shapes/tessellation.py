@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from relume.scene.shapes.shapes import Mesh, Patches, Polygon
+from relume.scene.shapes.shapes import Mesh, Patches, Polygon, Shape, Sphere
 
 CELLS = 32
 """Along each side of a patch: a quarter of a circle is followed to 0.0003 of its radius."""
@@ -12,6 +12,8 @@ NUDGE = 1e-5
 """How far into a patch, in u and v, the normal is taken where the patch has none: at a side that is a single point."""
 NOTHING = 1e-12
 """Areas to u and v below this share of the patch's size squared are what rounding leaves of none."""
+ROUND = 4
+"""How often the 20 triangles of a ball are quartered: its outline is then off by a thousandth of its radius."""
 
 
 def tessellated(patches: Patches, cells: int = CELLS) -> Mesh:
@@ -54,6 +56,39 @@ def triangulated(polygon: Polygon) -> Mesh:
     uv = (flat - flat.min(axis=0)) / np.ptp(flat, axis=0)
     vertices = polygon.vertices.astype(np.float32)
     return Mesh(vertices, faces, polygon.material, None, uv.astype(np.float32), polygon.name)
+
+
+def as_mesh(shape: Shape, quartered: int = ROUND) -> Mesh:
+    """Any shape as triangles; a plane as the rectangle of its extent, a ball as 20 triangles `quartered` so often."""
+    if isinstance(shape, Mesh):
+        return shape
+    if isinstance(shape, Patches):
+        return tessellated(shape)
+    if isinstance(shape, Polygon):
+        return triangulated(shape)
+    if isinstance(shape, Sphere):
+        return _ball(shape, quartered)
+    x, z = np.array(shape.extent) / 2
+    corners = np.array([[-x, shape.height, z], [x, shape.height, z], [x, shape.height, -z], [-x, shape.height, -z]])
+    uv = np.array([[0, 0], [1, 0], [1, 1], [0, 1]], np.float32)
+    faces = np.array([[0, 1, 2], [0, 2, 3]], np.int32)
+    return Mesh(corners.astype(np.float32), faces, shape.material, uv=uv, name="plane")
+
+
+def _ball(sphere: Sphere, quartered: int) -> Mesh:
+    """A sphere as the quartered faces of an icosahedron, with its own normals and lat-long texture coordinates."""
+    import trimesh
+
+    ball = trimesh.creation.icosphere(subdivisions=quartered)
+    normals = np.asarray(ball.vertices, np.float64)
+    u = 0.5 + np.arctan2(normals[:, 0], -normals[:, 2]) / (2 * np.pi)
+    uv = np.stack([u, 1 - np.arccos(np.clip(normals[:, 1], -1, 1)) / np.pi], axis=-1)
+    vertices = np.asarray(sphere.centre) + sphere.radius * normals
+    faces = np.asarray(ball.faces, np.int32)
+    return Mesh(
+        vertices.astype(np.float32), faces, sphere.material, normals.astype(np.float32), uv.astype(np.float32),
+        sphere.name,
+    )  # fmt: skip
 
 
 def _points(control: np.ndarray, along: np.ndarray) -> np.ndarray:

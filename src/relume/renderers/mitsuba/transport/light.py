@@ -10,10 +10,10 @@ import mitsuba as mi
 import numpy as np
 
 from relume.renderers.mitsuba.transport import opaque
-from relume.renderers.mitsuba.transport.extent import sphere_round
 from relume.renderers.mitsuba.transport.lamps import PointLamp, RectangleLamp, SphereLamp, Sun
 from relume.renderers.mitsuba.transport.light_map import LightMap
 from relume.renderers.mitsuba.transport.sampling import Sample, Spheres
+from relume.renderers.raytrace.extent import sphere_round
 from relume.scene.lights import DistantLight, PointLight, RectangleLight, SphereLight
 from relume.scene.scene import Scene
 

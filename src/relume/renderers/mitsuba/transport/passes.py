@@ -15,13 +15,13 @@ from relume.renderers.mitsuba.scene import _shape, material_on
 from relume.renderers.mitsuba.transport import opaque
 from relume.renderers.mitsuba.transport.caustics import caustics
 from relume.renderers.mitsuba.transport.cylinders import Body, in_bodies, on_floors
-from relume.renderers.mitsuba.transport.extent import sphere_round
 from relume.renderers.mitsuba.transport.guides import first_scattered
 from relume.renderers.mitsuba.transport.lens import Lens
 from relume.renderers.mitsuba.transport.media import Media
 from relume.renderers.mitsuba.transport.photons import FEWEST_PHOTONS, MOST_PHOTONS, in_media, on_surfaces
 from relume.renderers.mitsuba.transport.sampling import Numbers, Spheres, two
 from relume.renderers.mitsuba.transport.world import World
+from relume.renderers.raytrace.extent import sphere_round
 from relume.scene.cameras.camera import Camera
 from relume.scene.shapes.shapes import Shape
 

@@ -13,7 +13,6 @@ from relume.renderers.mitsuba.enclosing import camera_in_a_body, require_edges
 from relume.renderers.mitsuba.materials import crossed_straight, filling
 from relume.renderers.mitsuba.scene import warn_of_holes
 from relume.renderers.mitsuba.transport.dispersion import dispersion_of
-from relume.renderers.mitsuba.transport.extent import sphere_round_all, sticks_out
 from relume.renderers.mitsuba.transport.light import BRIGHT, SceneLight
 from relume.renderers.mitsuba.transport.media import Media
 from relume.renderers.mitsuba.transport.passes import Planes, Tracing, bodies_of, built, senders
@@ -21,6 +20,7 @@ from relume.renderers.mitsuba.transport.paths import followed
 from relume.renderers.mitsuba.transport.sampling import Numbers
 from relume.renderers.mitsuba.transport.world import World
 from relume.renderers.raytrace.alpha_coverage import is_pierced
+from relume.renderers.raytrace.extent import sphere_round_all, sticks_out
 from relume.scene.cameras.camera import Camera
 from relume.scene.materials.materials import Material
 from relume.scene.scene import Infinite, Scene
