@@ -105,8 +105,8 @@ def join_maps(
     """
     if first.unit != second.unit:
         raise ValueError(
-            f"one map is in {first.unit} and the other in {second.unit}; bring both to one scale first, by edit "
-            "--gain or by a spot of known luminance"
+            f"one map is in {first.unit} and the other in {second.unit}; bring both to one scale first, by a "
+            "gain or by a spot of known luminance"
         )
     whole = abs(float(first.mapping.solid_angles(64).sum()) / (4 * np.pi) - 1) < 1e-2
     wanted = mapping or (first.mapping if whole else LatLong())
