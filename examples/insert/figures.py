@@ -93,7 +93,7 @@ def main(out: Path, images: Path) -> None:
     """Write the pictures."""
     shot = read_shot(ROOM)
     distant, ball = distant_scene(shot.light.distant, shot.folder), shot.light.ball
-    assert isinstance(distant, Box) and ball is not None  # as the room's file has them
+    assert isinstance(distant, Box) and ball is not None and ball.centre is not None  # as the room's file has them
     light = as_environment(files.read_radiance(out / "light.exr"))
     for name, path in (("before", shot.files(shot.plate.photographs)[SITS_IN]), ("after", out / "composite.png")):
         Image.fromarray(files.read_photograph(path).pixels).save(images / f"insert_{name}.jpg", quality=90)

@@ -117,7 +117,7 @@ def test_a_measured_surface_takes_the_place_of_the_meshs_own(tmp_path):
         ({"scale": 2.0}, "scale: is of measured surfaces"),
     ):
         with pytest.raises(ValueError, match=line):
-            MaterialTable(**table).apply(TIN, tmp_path)
+            MaterialTable.model_validate(table).apply(TIN, tmp_path)
     with pytest.raises(UnreadableFile, match=r"felt\.binary: no such file"):
         MaterialTable(file="felt.binary").apply(TIN, tmp_path / "elsewhere")
 

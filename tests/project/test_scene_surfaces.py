@@ -51,7 +51,8 @@ def test_a_measured_surface_is_read_from_its_file_or_taken_from_a_fit(folder):
     np.testing.assert_allclose(felt.values[40, 40, 40], 0.25, rtol=1e-6)
     teflon = material_of(folder, 'kind = "measured"\npreset = "merl/teflon"')
     assert isinstance(teflon, ABCFacets) and teflon.diffuse == (0.321152, 0.313597, 0.305526)
-    assert material_of(folder, 'kind = "pbr"\npreset = "merl/teflon"').b == teflon.b
+    by_pbr = material_of(folder, 'kind = "pbr"\npreset = "merl/teflon"')
+    assert isinstance(by_pbr, ABCFacets) and by_pbr.b == teflon.b
 
 
 def test_a_gloss_map_is_linear_from_black_to_white(folder):
@@ -77,6 +78,7 @@ def test_scratches_take_numbers_and_images(folder):
     plain = material_of(
         folder, 'kind = "ward"\nreflectance = [0.3, 0.2, 0.1]\nalpha_x = 0.1\nalpha_y = 0.2\nrotation = 90'
     )
+    assert isinstance(plain, Ward)
     assert np.degrees(plain.rotation) == pytest.approx(90) and np.degrees(plain.crossing) == pytest.approx(90)
 
 
