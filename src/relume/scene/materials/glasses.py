@@ -5,6 +5,7 @@ Wavelengths are in nm, in air as the catalogues have them; coefficients in micro
 
 from __future__ import annotations
 
+from abc import ABC, abstractmethod
 from collections.abc import Mapping
 from dataclasses import dataclass
 from types import MappingProxyType
@@ -18,12 +19,12 @@ VISIBLE = (380.0, 780.0)
 
 
 @dataclass(frozen=True)
-class _Glass:
+class _Glass(ABC):
     """What has an index of refraction at each wavelength."""
 
+    @abstractmethod
     def index(self, wavelengths: np.ndarray | float) -> np.ndarray:
         """n at wavelengths of any shape, nm."""
-        raise NotImplementedError
 
     @property
     def n_d(self) -> float:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from abc import ABC, abstractmethod
 from collections.abc import Callable, Sequence
 from copy import copy
 from typing import Any, Self
@@ -41,7 +42,7 @@ STEP = 1e-4
 Planes = dict[str, np.ndarray]
 
 
-class Tracing:
+class Tracing(ABC):
     """A world and a camera, made ready for passes.
 
     spheres : round the shapes that send light on in one direction
@@ -101,9 +102,9 @@ class Tracing:
         pixels = np.arange(self.camera.width * self.camera.height)
         return self.on_picture(pixels, self._over(samples, seed, self._seen, pixels))
 
+    @abstractmethod
     def _first(self, numbers: Numbers) -> tuple[Any, Any]:
         """Rays from the camera, and what they meet first."""
-        raise NotImplementedError
 
     def _seen(self, numbers: Numbers) -> dict[str, Any]:
         ray, met = self._first(numbers)
