@@ -95,7 +95,7 @@ def render_scene(
         )
     if cluster is not None and one and plan is not None and plan.shutter is not None:
         raise ValueError("cluster: its workers make whole frames of what moves; give a folder, or leave cluster out")
-    if plan is not None and one and len(plan.numbers) > 1:
+    if plan is not None and one and plan.numbers[1:]:
         warn(
             f"frame {plan.numbers[0]} of {len(plan.numbers)} is rendered; give a folder or an .mp4 for all, or "
             "--frames N for another"
