@@ -17,6 +17,8 @@ from relume.scene.shapes.shapes import Shape
 GREY = Diffuse((0.5, 0.5, 0.5))
 """What a surface is made of until its reflectance is recovered."""
 
+Light = Annotated[float, Field(ge=0)]
+
 
 class GlossTable(Table):
     """A gloss that is known: its reflectance at normal incidence, 0.04 of most things that are not metals."""
@@ -31,11 +33,13 @@ class LocalTable(SurfaceShape):
     reflectance : "recover" for every pixel of the plate, "recover even" for one colour, or a colour that is known
     gloss : "recover" to find it from what plate and probe show of the same places; a known one; false where matte
     mirror : it is a mirror of this reflectance
+    emission : the radiance that it sends out itself, in the plate's unit, evenly in all directions
     """
 
     reflectance: Literal["recover", "recover even"] | tuple[Share, Share, Share] = "recover"
     gloss: Literal[False, "recover"] | GlossTable = False
     mirror: bool = False
+    emission: tuple[Light, Light, Light] | None = None
 
     @model_validator(mode="after")
     def _what_the_mirror_needs(self) -> LocalTable:
@@ -43,6 +47,12 @@ class LocalTable(SurfaceShape):
             raise ValueError("a mirror's reflectance is given, not recovered, like [0.9, 0.9, 0.9]")
         if self.mirror and self.gloss:
             raise ValueError("a mirror has no gloss beside; leave gloss out")
+        if self.emission is not None and isinstance(self.reflectance, str):
+            raise ValueError(
+                "of a surface that shines the reflectance is given, not recovered, like [0, 0, 0] of a lamp"
+            )
+        if self.emission is not None and (self.mirror or self.gloss):
+            raise ValueError("a surface that shines is matte here; leave mirror and gloss out, or the emission")
         return self
 
     def shapes(self, folder: Path) -> tuple[Shape, ...]:
@@ -60,6 +70,8 @@ class LocalTable(SurfaceShape):
     def _material(self) -> Diffuse | Material:
         if isinstance(self.reflectance, str):
             return GREY
+        if self.emission is not None:
+            return Material(self.reflectance, roughness=1.0, specular=0.0, emission=self.emission, name="light")
         if self.mirror:
             return Material(self.reflectance, metallic=1.0, roughness=0.0, name="mirror")
         if isinstance(self.gloss, GlossTable):

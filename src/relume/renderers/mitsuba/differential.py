@@ -30,7 +30,6 @@ from relume.renderers.progressive.pass_workers import Parts, WholePasses
 from relume.renderers.renderer import Moments, subtracted
 from relume.renderers.results import Change, Progress, Render
 from relume.scene.cameras.camera import Camera
-from relume.scene.materials.materials import Material
 from relume.scene.motion.keyframes import Shutter
 from relume.scene.scene import Scene
 
@@ -110,12 +109,6 @@ class Differential(PathTracing):
                 "medium to a body of index 1, or render the scene by rl.Mitsuba"
             )
         require_inside(scene.distant, scene.probe, scene.objects)
-        shining = [m.name for shape in scene.local if isinstance(m := shape.material, Material) and m.emits]
-        if shining:
-            warn(
-                f"the light that the real surface {shining[0]!r} sends out itself is not found on objects; put a lamp "
-                "(rl.scene.RectangleLight, SphereLight) in its place"
-            )
         if not scene.objects:
             return _nothing(camera)
         with _mitsuba(self.variant, self.threads) as mi, ExitStack() as stack:

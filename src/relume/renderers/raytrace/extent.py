@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 import numpy as np
 
 from relume.scene.lights import PointLight, RectangleLight, SphereLight
@@ -23,6 +25,14 @@ def sphere_round(shape: Shape) -> tuple[np.ndarray, float]:
     if isinstance(shape, Plane):
         return np.array([0.0, shape.height, 0.0]), float(np.hypot(*shape.extent)) / 2
     return bounding_sphere(shape)
+
+
+def sphere_round_shapes(shapes: Sequence[Shape]) -> tuple[np.ndarray, float]:
+    """The same around several shapes, of which there is at least one, about the middle of their box."""
+    spheres = [sphere_round(shape) for shape in shapes]
+    every = np.concatenate([corners(shape) for shape in shapes])
+    middle = (every.min(axis=0) + every.max(axis=0)) / 2
+    return middle, max(float(np.linalg.norm(centre - middle)) + radius for centre, radius in spheres)
 
 
 def sphere_round_all(scene: Scene) -> tuple[np.ndarray, float]:

@@ -22,19 +22,21 @@ SEEN = 4
 
 
 @dr.syntax
-def caustics(world: World, spheres: Spheres, lens: Lens, rng: Any, active: Any) -> list[tuple[Any, Any, Any]]:
+def caustics(
+    world: World, spheres: Spheres, lens: Lens, rng: Any, active: Any, objects: bool = True
+) -> list[tuple[Any, Any, Any]]:  # fmt: skip
     """Of each ray of light, for each surface that scatters it: where it is seen, its flux, whether on an object.
 
-    spheres : that bound the objects which send light on in one direction
+    spheres : that bound what sends light on in one direction
     lens : the camera
-    The flux is 0 where nothing is seen.
+    objects : whether the added objects are there
+    The flux is 0 where nothing is seen, and where it is the same with the objects as without.
     """
-    # Rays from the light that meet an object first.
     context = mi.BSDFContext(mi.TransportMode.Importance)
     ray, flux, active, far = world.light.emitted(spheres, rng, active)
-    first = world.objects.ray_intersect_preliminary(ray, active=active)
-    met = world.nearest(ray, active)
-    active &= first.is_valid() & (met.t == first.t)
+    met = world.nearest(ray, active, objects)
+    active &= met.is_valid()
+    parted = world.parts(ray, met, active, objects)
     inside, bounces = mi.UInt32(world.outside), mi.UInt32(0)
     spectral = world.dispersion
     hue, own = mi.Float(-1), mi.Float(-1) if spectral is None else rng.next_float32()
@@ -58,7 +60,13 @@ def caustics(world: World, spheres: Spheres, lens: Lens, rng: Any, active: Any) 
         value = bsdf.eval(context, si, si.to_local(back.d), seen)
         seen &= dr.max(value) > 0
         around = world.beyond(si, back.d, -ray.d, inside)
-        arrived = world.arrives(back, around, seen)
+        arrived = world.arrives(back, around, seen, objects)
+        if objects:
+            # Through smoke that is an object light is seen that it does not meet otherwise.
+            differs = parted | world.objects.ray_test(back, active=seen & ~parted) if world.straight else parted
+        else:
+            differs = parted & ~world.objects.ray_test(back, active=seen & parted)
+        arrived = dr.select(differs, arrived, 0)
         for index in range(SEEN):
             here = seen & (seen_so_far == index)
             points[index] = dr.select(here, at, points[index])
@@ -71,10 +79,10 @@ def caustics(world: World, spheres: Spheres, lens: Lens, rng: Any, active: Any) 
         delta = mi.has_flag(sample.sampled_type, mi.BSDFFlags.Delta)
         straight, tint = world.tint(si.shape, active)
         onward, weight = dr.select(straight, ray.d, onward), dr.select(straight, tint, weight)
-        # A smooth object is the first to send light on; up to what scatters it, any smooth surface may.
         scattered = seen_so_far > 0
-        active &= (delta & (on_object | sent_on)) | scattered | straight
-        sent_on |= active & delta & on_object & ~straight
+        sends = world.sends(si) | sent_on
+        active &= (delta & sends) | scattered | straight
+        sent_on |= active & delta & sends & ~straight
         flux = dr.select(active, flux * weight, flux)
         if spectral is not None:
             bent, whole = spectral.met(si, sample, own, active & (hue < 0))
@@ -91,8 +99,9 @@ def caustics(world: World, spheres: Spheres, lens: Lens, rng: Any, active: Any) 
             inside = dr.select(active, world.beyond(si, onward, -ray.d, inside), inside)
         # On to what the ray meets next.
         ray = dr.select(active, si.spawn_ray(onward), ray)
-        met = dr.select(active, world.nearest(ray, active), met)
+        met = dr.select(active, world.nearest(ray, active, objects), met)
         active &= met.is_valid()
+        parted |= world.parts(ray, met, active, objects)
         if world.media is not None:
             way = world.reach(ray, met.t, inside, active)
             flux = dr.select(active, flux * world.media.passed(inside, way), flux)

@@ -7,7 +7,8 @@ from typing import Any
 import drjit
 import mitsuba
 
-from relume.renderers.mitsuba.transport.paths import from_objects, mitigated, way_to
+from relume.renderers.mitsuba.transport.paths import from_objects, hidden_real, mitigated, way_to
+from relume.renderers.mitsuba.transport.photons import reflected
 from relume.renderers.mitsuba.transport.sampling import Guide, Numbers, two
 from relume.renderers.mitsuba.transport.world import World
 
@@ -37,6 +38,8 @@ def changed(
     throughput = mi.Color3f(1)
     bounces, bounces_parted = mi.UInt32(0), mi.UInt32(0)
     first_scatters, ray = mi.Bool(False), mi.Ray3f(ray)
+    # Whether the light of lamps that a ray meets is followed from those.
+    sent_on, sent_parted = mi.Bool(False), mi.Bool(False)
     parted = dr.zeros(mi.Ray3f, dr.width(active))
     added_parted = dr.zeros(mi.PreliminaryIntersection3f, dr.width(active))
     added_parted.t = dr.inf
@@ -76,6 +79,12 @@ def changed(
             added_light += throughput * from_objects(
                 world, si, bsdf, context, rng, smooth, ray, mi.UInt32(0), guide, cones, guided
             )
+        if world.shines:
+            taken += throughput * hidden_real(world, si, bsdf, context, rng, smooth, guide, cones, guided)
+        if world.landed_added is not None:
+            unseen = smooth & (bounces > 0) & ~first_scatters
+            added_light += dr.select(unseen, throughput * reflected(world.landed_added, context, bsdf, si, unseen), 0)
+            taken += dr.select(unseen, throughput * reflected(world.landed_taken, context, bsdf, si, unseen), 0)
         # A direction by the surface's reflectance or towards an object.
         towards = active & (rng.next_float32() < guided)
         sample, mirrored = bsdf.sample(context, si, rng.next_float32(), two(rng), active & ~towards)
@@ -87,6 +96,8 @@ def changed(
         weight = dr.select(delta, mirrored / dr.maximum(1 - guided, 1e-6), dr.select(density > 0, value / density, 0))
         density = dr.select(delta, 0, density)
         first_scatters = dr.select(active & (bounces == 0), ~delta, first_scatters)
+        if world.smooth and world.mirrors:
+            sent_on = active & delta & first_scatters & world.sends(si)
         throughput = dr.select(active, throughput * weight, throughput)
         if world.dispersion is not None:
             bent, whole = world.dispersion.met(si, sample, own, active & ~towards & (hue < 0))
@@ -100,7 +111,7 @@ def changed(
         near = dr.select(added.is_valid(), added.t, dr.inf)
         parting = going & (near < far)
         # What the object hides of the light; a lamp before it is seen in both scenes.
-        hidden = light.arriving(ray.o, ray.d, far, parting, density, looks, beyond=near)
+        hidden = light.arriving(ray.o, ray.d, far, parting, density, looks, beyond=near, dim=sent_on)
         taken += dr.select(parting, throughput * hidden, 0)
         parted = dr.select(parting, ray, parted)
         added_parted = dr.select(parting, added, added_parted)
@@ -108,12 +119,12 @@ def changed(
         weight_parted = dr.select(parting, throughput, weight_parted)
         density_parted = dr.select(parting, density, density_parted)
         bounces_parted = dr.select(parting, bounces, bounces_parted)
-        hue_parted = dr.select(parting, hue, hue_parted)
+        hue_parted, sent_parted = dr.select(parting, hue, hue_parted), dr.select(parting, sent_on, sent_parted)
         met = dr.select(going & ~parting, real, met)
         active = going & ~parting & real.is_valid()
         # What is changed of a change is faint: such paths end early.
         survives = rng.next_float32() < 0.5
         throughput = dr.select(active, throughput * 2, throughput)
         active &= survives
-    way = (parted, weight_parted, density_parted, bounces_parted, first_scatters, hue_parted)
+    way = (parted, weight_parted, density_parted, bounces_parted, first_scatters, hue_parted, sent_parted)
     return (added_light, taken), way, (added_parted, real_parted)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from typing import Any
 
 import drjit as dr
@@ -14,7 +15,7 @@ from relume.renderers.mitsuba.transport.changes import changed
 from relume.renderers.mitsuba.transport.dispersion import dispersion_of
 from relume.renderers.mitsuba.transport.light import SceneLight
 from relume.renderers.mitsuba.transport.media import Media
-from relume.renderers.mitsuba.transport.passes import Planes, Tracing, bodies_of, built, senders
+from relume.renderers.mitsuba.transport.passes import Planes, Tracing, bodies_of, built, real_senders, senders
 from relume.renderers.mitsuba.transport.paths import followed
 from relume.renderers.mitsuba.transport.sampling import Guide, Numbers
 from relume.renderers.mitsuba.transport.world import World
@@ -41,8 +42,10 @@ class Estimator(Tracing):
         materials = [solid.material for solid in scene.objects]
         media = [filling(material) for material in materials]
         straight = [crossed_straight(material) is not None for material in materials]
-        # Which of them send light on in one direction.
+        # What sends light on in one direction.
         spheres = senders(scene.objects, objects)
+        mirrors, clipped = real_senders(scene, local)
+        spheres += mirrors
         light = SceneLight(scene)
         pierced = any(is_pierced(solid.material) for solid in scene.objects)
         # Where there are holes, what is followed from the light could not be seen through them.
@@ -55,8 +58,16 @@ class Estimator(Tracing):
             any(isinstance(m, Material) and m.emits for m in materials), depth, caught,
             light.map is not None and sticks_out(scene), materials, pierced=pierced,
         )  # fmt: skip
+        world.shines = any(isinstance(m := shape.material, Material) and m.emits for shape in scene.local)
+        world.mirrors, world.clipped = bool(mirrors), clipped
         world.dispersion = dispersion_of((local, scene.local), (objects, scene.objects))
-        super().__init__(world, camera, spheres, pierced, bodies_of(scene.objects, objects, world.media))
+        bodies = bodies_of(scene.objects, objects, world.media)
+        if mirrors:
+            # What objects change of their light is no wider than the objects.
+            widest = max(body.radius for body in bodies)
+            real = bodies_of(scene.local, local, None)
+            bodies += [replace(body, radius=min(body.radius, widest)) for body in real if body.bends]
+        super().__init__(world, camera, spheres, pierced, bodies)
         self.guide = Guide(scene.objects)
         # What is level never meets itself, in however many pieces: no path goes on without the objects.
         heights = [corners(shape)[:, 1] for shape in scene.local]
@@ -94,24 +105,25 @@ class Estimator(Tracing):
         more, taken = mi.Color3f(0), mi.Color3f(0)
         met, weight = added, self._solid(ray, added)
         density, bounces, parted = mi.Float(0), mi.UInt32(0), mi.Bool(False)
-        begun, before = on_object, mi.Float(-1)
+        begun, before, sent_on = on_object, mi.Float(-1), mi.Bool(False)
         if world.local is not None:
             on_real = real.is_valid() & ~on_object
-            (more, taken), (way, share, drawn, so_far, first, hue), (hit, missed) = changed(
+            (more, taken), (way, share, drawn, so_far, first, hue, sent), (hit, missed) = changed(
                 world, self.guide, ray, real, numbers, on_real, LOOKS
             )
             if not self.alone:
                 taken += followed(
                     world, way, missed, mi.Color3f(share), mi.Float(drawn), mi.UInt32(so_far), numbers,
-                    missed.is_valid(), False, mi.Bool(False), hue,
+                    missed.is_valid(), False, first, hue, sent,
                 )  # fmt: skip
             ray, met = dr.select(on_object, ray, way), dr.select(on_object, added, hit)
             weight, density = dr.select(on_object, weight, share), dr.select(on_object, density, drawn)
             bounces, parted = dr.select(on_object, bounces, so_far), ~on_object & first
             begun, before = on_object | hit.is_valid(), dr.select(on_object, -1, hue)
+            sent_on = ~on_object & sent
         found = followed(
             world, ray, met, mi.Color3f(weight), mi.Float(density), mi.UInt32(bounces), numbers, begun, True, parted,
-            before,
+            before, sent_on,
         )  # fmt: skip
         objects = dr.select(on_object, found, 0)
         more += dr.select(on_object, 0, found)

@@ -22,9 +22,10 @@ from relume.renderers.mitsuba.transport.media import Media
 from relume.renderers.mitsuba.transport.photons import FEWEST_PHOTONS, MOST_PHOTONS, in_media, on_surfaces
 from relume.renderers.mitsuba.transport.sampling import Numbers, Spheres, two
 from relume.renderers.mitsuba.transport.world import World
-from relume.renderers.raytrace.extent import sphere_round
+from relume.renderers.raytrace.extent import sphere_round, sphere_round_shapes
 from relume.scene.cameras.camera import Camera
-from relume.scene.shapes.shapes import Shape
+from relume.scene.scene import Scene
+from relume.scene.shapes.shapes import Plane, Shape
 
 RAYS_OF_LIGHT = 8
 """Samples of the picture for each ray that is followed from the light: those few carry its noise easily."""
@@ -32,10 +33,15 @@ SAMPLES_A_PHOTON = 2
 """The same into bodies that scatter light, where paths from the camera walk far longer."""
 MOST_RAYS = 1_000_000
 """Rays of light a pass, at most: in a large picture they lie close enough."""
+FEWEST_RAYS = 50_000
+"""And at least, where real surfaces send light on."""
 BAND = 2_000_000
 """Samples traced at once, whose values take about a quarter of a gigabyte."""
 HOLES = 16
 """Surfaces with holes that a ray from the camera is looked through one behind the other: leaves of a tree."""
+MIRRORED = 16.0
+"""Of the radius about all objects: how much of an endless mirror about them lamps send light to. What farther parts of
+it send on is found by chance, and of lamps without size not at all."""
 STEP = 1e-4
 """Metres from one of them to where the next is looked for."""
 
@@ -67,11 +73,21 @@ class Tracing(ABC):
         """Follow a pass's light to where it is scattered, for the paths of this seed."""
         wanted = self.camera.width * self.camera.height * samples // SAMPLES_A_PHOTON
         count = min(max(wanted, FEWEST_PHOTONS), MOST_PHOTONS)
-        self.world.photons = self.world.landed = None
+        self.world.photons = self.world.landed = self.world.landed_without = None
+        self.world.landed_added = self.world.landed_taken = None
         if self.floods and self.in_bodies is not None:
             self.world.photons = in_media(self.world, self.spheres, self.in_bodies, count, seed)
         if self.lands and self.on_floors is not None:
-            self.world.landed = on_surfaces(self.world, self.spheres, self.on_floors, count, seed)
+            self._landed(count, seed)
+
+    def _landed(self, count: int, seed: int) -> None:
+        """Follow the light of lamps without size to surfaces, and what objects change of it where real ones send it."""
+        world, made = self.world, (self.world, self.spheres, self.on_floors, count, seed)
+        if not world.mirrors:
+            world.landed = on_surfaces(*made)[0]
+            return
+        world.landed, world.landed_added = on_surfaces(*made)
+        world.landed_without, world.landed_taken = on_surfaces(*made, objects=False)
 
     def seeing(self, camera: Camera) -> Self:
         """The same scene, seen by another camera."""
@@ -82,6 +98,9 @@ class Tracing(ABC):
     def lit(self, samples: int, seed: int) -> Planes:
         """What a pass of so many samples a pixel follows from the light, for `with_light`; of the whole picture."""
         count = max(self.camera.width * self.camera.height * samples // RAYS_OF_LIGHT, 1)
+        if self.world.mirrors:
+            # Of a real mirror the objects are a small part.
+            count = max(count, FEWEST_RAYS)
         return self._lit(min(count, MOST_RAYS), seed)
 
     def on_picture(self, pixels: np.ndarray, planes: Planes) -> Planes:
@@ -183,8 +202,16 @@ class Tracing(ABC):
 
     def _lit(self, count: int, seed: int) -> Planes:
         """Light followed from the lamps through the smooth objects, added up on the picture in a fixed order."""
+        planes = self._sent(count, seed, True)
+        if self.world.mirrors:
+            # What it would be without the objects; both follow the same rays until one meets an object.
+            taken = self._sent(count, seed, False)["difference"]
+            planes |= {"difference": planes["difference"] - taken, "taken": taken}
+        return planes
+
+    def _sent(self, count: int, seed: int, objects: bool) -> Planes:
         rng = mi.PCG32(size=count, initstate=dr.opaque(mi.UInt64, seed + (1 << 40)))  # pyright: ignore[reportCallIssue]
-        found = caustics(self.world, self.spheres, self.lens, rng, dr.full(mi.Bool, True, count))
+        found = caustics(self.world, self.spheres, self.lens, rng, dr.full(mi.Bool, True, count), objects)
         dr.eval(found)
         height, width = self.camera.height, self.camera.width
         planes = {name: np.zeros((height * width, 3)) for name in ("objects", "difference")}
@@ -226,6 +253,33 @@ def senders(shapes: Sequence[Shape], scene: Any) -> Spheres:
     """Spheres round the shapes that send light on in one direction, which bends it there; `scene` as Mitsuba has it."""
     bends = _bending(shapes, scene)
     return [opaque.sphere(*sphere_round(shape)) for shape, bent in zip(shapes, bends, strict=True) if bent]
+
+
+def real_senders(scene: Scene, local: Any) -> tuple[Spheres, list[tuple[int, Any, Any]]]:
+    """The same round real surfaces; and which planes reach farther, by number, with their sphere.
+
+    local : the real surfaces as Mitsuba has them; None for none
+    """
+    if local is None:
+        return [], []
+    spheres, clipped = [], []
+    around, widest = sphere_round_shapes(scene.objects)
+    numbers = np.array(dr.reinterpret_array(mi.UInt32, local.shapes_dr()))
+    for shape, bent, number in zip(scene.local, _bending(scene.local, local), numbers, strict=True):
+        if not bent:
+            continue
+        centre, radius = sphere_round(shape)
+        if isinstance(shape, Plane):
+            side = np.array(shape.extent) / 2
+            foot = np.array(
+                [np.clip(around[0], -side[0], side[0]), shape.height, np.clip(around[2], -side[1], side[1])]
+            )
+            reach = MIRRORED * widest + 2 * float(np.linalg.norm(around - foot))
+            if reach < radius:
+                centre, radius = foot, reach
+                clipped.append((int(number), *opaque.sphere(centre, radius)))
+        spheres.append(opaque.sphere(centre, radius))
+    return spheres, clipped
 
 
 def _bending(shapes: Sequence[Shape], scene: Any) -> list[bool]:

@@ -29,7 +29,7 @@ def mitigated(a: Any, b: Any) -> Any:
 @dr.syntax
 def followed(
     world: World, ray: Any, met: Any, throughput: Any, density: Any, bounces: Any, numbers: Numbers, active: Any,
-    objects: bool, parted: Any, hue: Any = -1.0,
+    objects: bool, parted: Any, hue: Any = -1.0, sent: Any = False,
 ) -> Any:  # fmt: skip
     """Radiance that comes back along rays.
 
@@ -38,16 +38,18 @@ def followed(
     objects : whether the added objects are there
     parted : whether the ray comes from a surface that scatters light, seen by the camera itself
     hue : the wavelength that a ray has already, as a place (`Dispersion`)
+    sent : whether it comes from a smooth surface whose light `caustics` follows
     """
     spectral = world.dispersion
     hue, own = mi.Float(hue), mi.Float(-1) if spectral is None else numbers.wavelength()
     before, spread, dispersed = mi.Color3f(0), mi.Color3f(1), mi.Bool(False)
     # Whether the light that `caustics` follows from the lamps would be counted twice.
-    scattered_first, on_surface, sent_on = mi.Bool(parted), mi.Bool(True), mi.Bool(False)
+    scattered_first, on_surface, sent_on = mi.Bool(parted), mi.Bool(True), mi.Bool(sent)
+    landed = world.landed if objects else world.landed_without
     # Whether lamps were looked for where a medium scattered the light, and then the direction's density for the map's.
     looked, turned = mi.Bool(False), mi.Float(0)
     # Whether kept light was counted, for all that follows in a body or for what is bent; the surface met last.
-    known, gathered, last_added = mi.Bool(False), mi.Bool(False), mi.Bool(False)
+    known, gathered, last_sent = mi.Bool(False), mi.Bool(False), mi.Bool(False)
     entry, facing = mi.Point3f(0), mi.Normal3f(0, 1, 0)
     context = mi.BSDFContext()
     result = mi.Color3f(0)
@@ -61,11 +63,11 @@ def followed(
     while active:
         scattered = mi.Bool(False)
         if world.media is not None:
-            lamps, kept = (looked, turned, density, begun, gone), (known, gathered, last_added)
+            lamps, kept = (looked, turned, density, begun, gone), (known, gathered, last_sent)
             scattered, passed, ray, found, lamps, kept = _through_medium(
                 world, ray, met, inside, rng, objects, (entry, facing), lamps, kept, active
             )
-            (looked, turned, density, begun, gone), (known, gathered, last_added) = lamps, kept
+            (looked, turned, density, begun, gone), (known, gathered, last_sent) = lamps, kept
             result += throughput * found
             throughput, walked = dr.select(active, throughput * passed, throughput), walked + dr.select(scattered, 1, 0)
         si = met.compute_surface_interaction(ray, mi.RayFlags.All, active & ~scattered)
@@ -73,7 +75,7 @@ def followed(
             si.time = spectral.index(si.shape, dr.select(hue < 0, own, hue))
         on = active & ~scattered & si.is_valid()
         bsdf = si.bsdf(ray)
-        if world.emitting and objects:
+        if (world.emitting and objects) or world.shines:
             result += dr.select(on, throughput * _emitted(world, begun, si, density, on), 0)
         straight, tint = world.tint(si.shape, on)
         bent = on & ~straight
@@ -81,9 +83,9 @@ def followed(
         smooth = bent & mi.has_flag(bsdf.flags(), mi.BSDFFlags.Smooth) & (bounces < world.depth)
         first = (even_choice, even_point, bounces == 0)
         found = _from_lamps(world, si, bsdf, context, rng, first, smooth, ray, inside, objects)
-        if world.landed is not None and objects:
+        if landed is not None:
             unseen = smooth & (((bounces > 0) & ~scattered_first) | ~on_surface)
-            found += dr.select(unseen, reflected(world.landed, context, bsdf, si, unseen), 0)
+            found += dr.select(unseen, reflected(landed, context, bsdf, si, unseen), 0)
         result += throughput * found
         # The next direction.
         sample, value = bsdf.sample(context, si, rng.next_float32(), two(rng), bent & (bounces < world.depth))
@@ -98,15 +100,15 @@ def followed(
         density = dr.select(bent, dr.select(delta, 0, sample.pdf), density)
         looked &= ~bent
         if world.smooth:
-            # Camera, a surface that scatters, any others, no medium that does, and at last none but smooth objects.
+            # Camera, a surface that scatters, any others, no medium that does, and a smooth one before the lamp.
             scattered_first, on_surface = (
                 dr.select(bent & (bounces == 0), ~delta, scattered_first),
                 on_surface & ~scattered,
             )
-            sent_on = (bent & delta & world.is_object(si.shape) & scattered_first & on_surface) | (straight & sent_on)
+            sent_on = (bent & delta & world.sends(si) & scattered_first & on_surface) | (straight & sent_on)
         if world.photons is not None:
-            kept = (known, gathered, entry, facing, last_added)
-            known, gathered, entry, facing, last_added = _met(world, si, bent, delta, kept)
+            kept = (known, gathered, entry, facing, last_sent)
+            known, gathered, entry, facing, last_sent = _met(world, si, bent, delta, kept)
         if world.pierced:
             going &= ~_let_through(bsdf, si, sample, on & (bounces == 0))
         if world.straight:
@@ -123,7 +125,7 @@ def followed(
         throughput, active = _survivors(throughput, (bounces > ROULETTE_FROM) | (walked > FAIR), rng, active)
         met = dr.select(active, world.nearest(ray, active, objects), met)
         place = begun if world.straight else ray.o
-        dim, drawn = sent_on | (gathered & last_added), dr.select(looked, turned, density)
+        dim, drawn = sent_on | (gathered & last_sent), dr.select(looked, turned, density)
         result += throughput * _arriving(world, ray, met, inside, (place, gone), drawn, dim, ~looked, active)
         active &= met.is_valid() | (world.foggy & (inside == world.outside))
     return joined(before, spread, result, dispersed)
@@ -150,20 +152,20 @@ def _through_medium(
     if media.open:
         lamps = _in_the_open(world, ray, way, onward, inside, scattered, lamps)
     if world.photons is not None and objects:
-        known, gathered, last_added = kept
+        known, gathered, last_sent = kept
         sent, known, deep = _from_photons(world, ray, onward, inside, scattered, known, surface)
         found += dr.select(deep, passed * sent, 0)
-        kept = known, gathered | deep, last_added & ~deep
+        kept = known, gathered | deep, last_sent & ~deep
     return scattered, passed, dr.select(scattered, onward, ray), found, lamps, kept
 
 
 def _met(world: World, si: Any, bent: Any, delta: Any, before: tuple[Any, ...]) -> tuple[Any, ...]:
     """What a path knows of light that was kept after a surface, which ends that where it scatters."""
-    known, gathered, entry, facing, last_added = before
+    known, gathered, entry, facing, last_sent = before
     rough = bent & ~delta
     return (
         known & ~rough, gathered & ~rough, dr.select(bent, si.p, entry), dr.select(bent, si.n, facing),
-        dr.select(bent, world.is_object(si.shape), last_added),
+        dr.select(bent, world.sends(si), last_sent),
     )  # fmt: skip
 
 
@@ -220,6 +222,8 @@ def _from_lamps(
         result = dr.select(lit, value * found.weight * weight * share, 0)
     if world.looks_for_objects and objects:
         result += from_objects(world, si, bsdf, context, rng, active, ray, inside)
+    if world.shines:
+        result += from_real(world, si, bsdf, context, rng, active, ray, inside, objects)
     return result
 
 
@@ -304,12 +308,18 @@ def _emitted(world: World, before: Any, si: Any, density: Any, active: Any) -> A
     """What a surface shines itself, weighed against having looked for it from `before`."""
     emitter = si.shape.emitter()
     radiance = emitter.eval(si, active)
-    if not world.looks_for_objects:
+    if not world.looks_for_objects and not world.shines:
         return radiance
     place = dr.zeros(mi.SurfaceInteraction3f)
     place.p = before
-    direction = mi.DirectionSample3f(world.objects, si, place)
-    chance = world.objects.pdf_emitter_direction(place, direction, active & (density > 0) & (dr.max(radiance) > 0))
+    looked = active & (density > 0) & (dr.max(radiance) > 0)
+    chance, added = mi.Float(0), world.is_object(si.shape)
+    if world.looks_for_objects:
+        direction = mi.DirectionSample3f(world.objects, si, place)
+        chance += world.objects.pdf_emitter_direction(place, direction, looked & added)
+    if world.shines:
+        direction = mi.DirectionSample3f(world.local, si, place)
+        chance += world.local.pdf_emitter_direction(place, direction, looked & ~added)
     return dr.select(density > 0, mitigated(density, chance), 1) * radiance
 
 
@@ -321,12 +331,50 @@ def from_objects(
 
     ray : that met the surface, inside of what the number `inside` says
     """
-    direction, weight = world.objects.sample_emitter_direction(si, two(rng), False, active)
+    return _from_shining(
+        world.objects, si, bsdf, context, rng, active,
+        lambda way, lit: world.arrives(way, world.beyond(si, way.d, -ray.d, inside), lit), guide, cones, guided,
+    )  # fmt: skip
+
+
+def from_real(
+    world: World, si: Any, bsdf: Any, context: Any, rng: Any, active: Any, ray: Any, inside: Any, objects: bool
+) -> Any:  # fmt: skip
+    """The same from real surfaces that shine, past objects or as if there were none."""
+    return _from_shining(
+        world.local, si, bsdf, context, rng, active,
+        lambda way, lit: world.arrives(way, world.beyond(si, way.d, -ray.d, inside), lit, objects),
+    )  # fmt: skip
+
+
+def hidden_real(
+    world: World, si: Any, bsdf: Any, context: Any, rng: Any, active: Any,
+    guide: Guide | None = None, cones: Any = None, guided: Any = 0,
+) -> Any:  # fmt: skip
+    """What objects hide of the light of real surfaces that shine, at a real surface between empty space."""
+
+    def hidden(way: Any, lit: Any) -> Any:
+        lit &= world.objects.ray_test(way, active=lit)
+        none = mi.UInt32(world.outside)
+        return world.arrives(way, none, lit, False) - world.arrives(way, none, lit)
+
+    return _from_shining(world.local, si, bsdf, context, rng, active, hidden, guide, cones, guided)
+
+
+def _from_shining(
+    shapes: Any, si: Any, bsdf: Any, context: Any, rng: Any, active: Any, arrives: Any,
+    guide: Guide | None = None, cones: Any = None, guided: Any = 0,
+) -> Any:  # fmt: skip
+    """Light of a scene of Mitsuba's whose shapes shine.
+
+    arrives : of a ray to one and where it is wanted: the share of its light that counts
+    """
+    direction, weight = shapes.sample_emitter_direction(si, two(rng), False, active)
     wo = si.to_local(direction.d)
     value, chance = bsdf.eval_pdf(context, si, wo, active & (direction.pdf > 0))
     lit = active & (direction.pdf > 0) & (dr.max(value) > 0)
     # Mitsuba's own way to a point ends far enough before the surface that shines.
-    share = world.arrives(si.spawn_ray_to(direction.p), world.beyond(si, direction.d, -ray.d, inside), lit)
+    share = arrives(si.spawn_ray_to(direction.p), lit)
     if guide is not None:
         chance = (1 - guided) * chance + guided * guide.density(cones, direction.d)
     return dr.select(lit, value * weight * mitigated(direction.pdf, chance) * share, 0)

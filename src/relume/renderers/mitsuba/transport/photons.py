@@ -17,6 +17,7 @@ a mirror, through glass, or that lights a fog. Lamps with a size are found there
 
 from __future__ import annotations
 
+from functools import partial
 from typing import Any
 
 import drjit
@@ -42,6 +43,8 @@ FEWEST_PHOTONS = 50_000
 """And at least, where a picture is small."""
 BUCKETS = 1 << 18
 PRIMES = (73856093, 19349663, 83492791)
+PARTED = np.uint32(1 << 30)
+"""Added to the number of light that is another one with the objects than without."""
 TAGS = (2654435761, 2246822519, 3266489917)
 
 
@@ -77,15 +80,28 @@ class Photons:
 
 def in_media(world: World, spheres: Spheres, cylinders: Cylinders, count: int, seed: int) -> Photons:
     """What the bright part of the light leaves in media."""
-    return _kept(_walked, world, spheres, cylinders, count, seed + (1 << 41))
+    return Photons(cylinders, *_kept(_walked, world, spheres, cylinders, count, seed + (1 << 41)))
 
 
-def on_surfaces(world: World, spheres: Spheres, cylinders: Cylinders, count: int, seed: int) -> Photons:
-    """What lamps without size send on to surfaces that scatter it."""
-    return _kept(_landed, world, spheres, cylinders, count, seed + (1 << 42))
+def on_surfaces(
+    world: World, spheres: Spheres, cylinders: Cylinders, count: int, seed: int, objects: bool = True
+) -> tuple[Photons, Photons]:  # fmt: skip
+    """What lamps without size send on to surfaces that scatter it: all, and what is another without the objects.
+
+    objects : whether they are there; else all of the light without them, and what is another with them
+    """
+    follow = partial(_landed, objects=objects)
+    number, place, direction, flux = _kept(follow, world, spheres, cylinders, count, seed + (1 << 42))
+    parted = number >= PARTED
+    number = number % PARTED
+    every = Photons(cylinders, number, place, direction, flux)
+    return every, Photons(cylinders, number * parted, place, direction, flux) if world.mirrors else every
 
 
-def _kept(follow: Any, world: World, spheres: Spheres, cylinders: Cylinders, count: int, seed: int) -> Photons:
+def _kept(
+    follow: Any, world: World, spheres: Spheres, cylinders: Cylinders, count: int, seed: int
+) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:  # fmt: skip
+    """Number, place, direction and flux of what is kept."""
     kept = [dr.zeros(mi.Float, count * SLOTS) for _ in range(9)]
     number = dr.zeros(mi.UInt32, count * SLOTS)
     rng = mi.PCG32(size=count, initstate=dr.opaque(mi.UInt64, seed))
@@ -95,7 +111,7 @@ def _kept(follow: Any, world: World, spheres: Spheres, cylinders: Cylinders, cou
     weight = np.maximum(np.broadcast_to(np.array(times, np.float64), count) / SLOTS, 1) / count
     columns = [np.array(values) for values in kept]
     place, direction, flux = (np.stack(columns[i : i + 3], axis=1) for i in (0, 3, 6))
-    return Photons(cylinders, np.array(number), place, direction, flux * np.repeat(weight, SLOTS)[:, None])
+    return np.array(number), place, direction, flux * np.repeat(weight, SLOTS)[:, None]
 
 
 def _hashed(cells: np.ndarray, medium: np.ndarray, primes: tuple[int, int, int]) -> np.ndarray:
@@ -185,11 +201,9 @@ def _walked(
     media: Any = world.media
     context = mi.BSDFContext(mi.TransportMode.Importance)
     slots = dr.arange(mi.UInt32, dr.width(active)) * SLOTS
-    # Rays from the light that meet an object first.
     ray, flux, active, far = world.light.emitted(spheres, rng, active)
-    first = world.objects.ray_intersect_preliminary(ray, active=active)
     met = world.nearest(ray, active)
-    active &= first.is_valid() & (met.t == first.t)
+    active &= met.is_valid()
     if world.foggy:
         flux = flux * world.from_lamp(ray, met, far, active)
     inside, times = mi.UInt32(0), mi.UInt32(0)
@@ -224,6 +238,7 @@ def _walked(
         ahead = dr.select(straight, ray.d, si.to_world(sample.wo))
         weight = dr.select(straight, tint, weight)
         going = on & (straight | mi.has_flag(sample.sampled_type, mi.BSDFFlags.Delta))
+        going &= world.sends(si) | (bounces > 0) | straight
         inner = going & media.keeps(inside)
         bounces += dr.select(going & ~inner & ~straight, 1, 0)
         going &= bounces < world.depth
@@ -250,15 +265,15 @@ def _walked(
 
 @dr.syntax
 def _landed(
-    world: World, spheres: Spheres, cylinders: Cylinders, rng: Any, active: Any, kept: list[Any]
+    world: World, spheres: Spheres, cylinders: Cylinders, rng: Any, active: Any, kept: list[Any], objects: bool = True
 ) -> Any:  # fmt: skip
-    """Keep where each ray of light that smooth objects sent on meets what scatters it; how often each did."""
+    """Keep where each ray of light that smooth surfaces sent on meets what scatters it; how often each did."""
     context = mi.BSDFContext(mi.TransportMode.Importance)
     slots = dr.arange(mi.UInt32, dr.width(active)) * SLOTS
     ray, flux, active, far = world.light.emitted(spheres, rng, active, True)
-    first = world.objects.ray_intersect_preliminary(ray, active=active)
-    met = world.nearest(ray, active)
-    active &= first.is_valid() & (met.t == first.t)
+    met = world.nearest(ray, active, objects)
+    active &= met.is_valid()
+    parted = world.parts(ray, met, active, objects)
     if world.foggy:
         flux = flux * world.from_lamp(ray, met, far, active)
     inside, times, bounces = mi.UInt32(world.outside), mi.UInt32(0), mi.UInt32(0)
@@ -271,7 +286,7 @@ def _landed(
             si.time = spectral.index(si.shape, dr.select(hue < 0, own, hue))
         bsdf = si.bsdf(ray)
         landed = active & (bounces > 0) & mi.has_flag(bsdf.flags(), mi.BSDFFlags.Smooth) & (times < SLOTS)
-        values = [*si.p, *ray.d, *flux, 1 + level * cylinders.step]
+        values = [*si.p, *ray.d, *flux, 1 + level * cylinders.step + dr.select(parted, mi.UInt32(PARTED), 0)]
         for buffer, value in zip(kept, values, strict=True):
             dr.scatter(buffer, value, slots + times, landed)
         times += dr.select(landed, 1, 0)
@@ -280,7 +295,8 @@ def _landed(
         straight, tint = world.tint(si.shape, active)
         ahead = dr.select(straight, ray.d, si.to_world(sample.wo))
         weight = dr.select(straight, tint, weight)
-        active &= straight | mi.has_flag(sample.sampled_type, mi.BSDFFlags.Delta)
+        delta = mi.has_flag(sample.sampled_type, mi.BSDFFlags.Delta)
+        active &= straight | (delta & (world.sends(si) | (bounces > 0)))
         bounces += dr.select(active & ~straight, 1, 0)
         level = cylinders.narrowed(level, si.shape, active & ~straight)
         flux = dr.select(active, flux * weight, flux)
@@ -290,8 +306,9 @@ def _landed(
         active &= (bounces < world.depth) & (dr.max(flux) > 0)
         inside = dr.select(active, world.beyond(si, ahead, -ray.d, inside), inside)
         ray = dr.select(active, si.spawn_ray(ahead), ray)
-        met = dr.select(active, world.nearest(ray, active), met)
+        met = dr.select(active, world.nearest(ray, active, objects), met)
         active &= met.is_valid()
+        parted |= world.parts(ray, met, active, objects)
         if world.media is not None:
             flux = dr.select(active, flux * world.media.passed(inside, world.reach(ray, met.t, inside, active)), flux)
     return times

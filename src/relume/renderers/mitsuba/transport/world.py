@@ -38,10 +38,16 @@ class World:
     materials : of the objects, in order
     dispersion : what bends light by its wavelength; None where nothing does
     pierced : whether any of them has holes, which the camera's rays are let through by chance
+    mirrors : whether real surfaces send light on in one direction, apart from objects
+    shines : whether any real surface does, apart from objects
+    clipped : of endless ones the number, and the centre and radius of the sphere within which `caustics` follows light
     fog : the centre and the radius of the sphere that the medium between bodies ends at; None for the distant scene
     """
 
     dispersion: Dispersion | None = None
+    mirrors: bool = False
+    shines: bool = False
+    clipped: Sequence[tuple[int, Any, Any]] = ()
 
     # Not a dataclass: Dr.Jit's loops would take its fields for state and rewrite them.
     def __init__(
@@ -64,6 +70,10 @@ class World:
         # What the light of a pass leaves in media and on surfaces; see `photons`.
         self.photons: Any = None
         self.landed: Any = None
+        # Without the objects, and what is only with them and only without.
+        self.landed_without: Any = None
+        self.landed_added: Any = None
+        self.landed_taken: Any = None
         # What light goes straight through, and its colour.
         tints = [crossed_straight(material) for material in materials]
         self.straight = any(tint is not None for tint in tints)
@@ -79,6 +89,26 @@ class World:
         number = dr.reinterpret_array(mi.UInt32, shape)
         known = number < dr.width(self.added)
         return dr.gather(mi.UInt32, self.added, dr.select(known, number, 0), known) == 1
+
+    def sends(self, si: Any) -> Any:
+        """Whether light that a smooth surface sends on there is followed from the lamps."""
+        near = mi.Bool(True)
+        if self.clipped:
+            shape = dr.reinterpret_array(mi.UInt32, si.shape)
+            for number, centre, radius in self.clipped:
+                near &= (shape != number) | (dr.squared_norm(si.p - centre) <= dr.square(radius))
+        return near
+
+    def parts(self, ray: Any, met: Any, active: Any, objects: bool) -> Any:
+        """Whether a ray to what it meets is another one with the objects than without.
+
+        objects : whether it is that with the objects
+        """
+        if objects:
+            return active & self.is_object(met.shape)
+        way = mi.Ray3f(ray)
+        way.maxt = met.t
+        return active & self.objects.ray_test(way, active=active)
 
     def tint(self, shape: Any, active: Any) -> tuple[Any, Any]:
         """Whether light goes straight through a shape's surface, and the share that does."""
