@@ -109,3 +109,27 @@ def test_numbers_and_words_that_are_none_are_refused(probe: Path):
         LightSequence((probe,), 0.0)
     with pytest.raises(ValueError, match="smooth"):
         LightSequence((probe,), 1.0, "smooth")  # type: ignore[arg-type]
+
+
+@pytest.mark.parametrize(
+    ("begin", "end", "expected"),
+    [
+        (0.0, 2.0, [0.25, 0.5, 0.25]),
+        (0.5, 1.0, [0.25, 0.75]),
+        (-1.0, 1.0, [0.75, 0.25]),
+        (1.25, 1.25, [0.0, 0.75, 0.25]),
+        (5.0, 6.0, [0.0, 0.0, 1.0]),
+    ],
+)
+def test_the_mean_of_an_open_shutter_weighs_each_map_exactly(begin, end, expected):
+    maps = LightSequence(tuple(Path(f"m_{number}.exr") for number in range(3)), 1.0)
+    found = maps.weights(begin, end)
+    np.testing.assert_allclose([found.get(path, 0.0) for path in maps.paths[: len(expected)]], expected, atol=1e-12)
+    assert sum(found.values()) == pytest.approx(1, abs=1e-12)
+    steps = LightSequence(maps.paths, 1.0, "none")
+    assert list(steps.weights(0.5, 2.0).values()) == pytest.approx([1 / 3, 2 / 3])
+
+
+def test_times_of_a_shutter_that_fall_are_refused():
+    with pytest.raises(ValueError, match="expected seconds that rise"):
+        LightSequence((Path("a.exr"),)).weights(1.0, 0.5)

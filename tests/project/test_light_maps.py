@@ -12,7 +12,7 @@ from gltf_files import square_glb
 from relume.errors import InvalidShot, UnreadableFile
 from relume.image.files import read_radiance, write
 from relume.image.radiance import RadianceMap
-from relume.project.insertion.frame_shots import at_frame, frames_of
+from relume.project.insertion.frame_shots import at_frame, at_moment, frames_of
 from relume.project.insertion.insert_frames import insert_frames
 from relume.project.insertion.photographs import finished_light
 from relume.project.insertion.sequence import frame_key
@@ -60,6 +60,49 @@ def test_a_frame_has_the_map_of_its_time(folder: Path):
     assert [lit(folder, steps, frame) for frame in (1, 2, 3, 4, 5)] == [1, 1, 3, 3, 2]
     late = slow.replace("rate = 2", "rate = 2\ntime = 0.5")
     assert [lit(folder, late, frame) for frame in (1, 3)] == [3, 2]
+
+
+def test_a_frame_with_a_shutter_has_the_mean_light_of_its_time(folder: Path):
+    # Maps at 0, 1/4 and 1/2 s, a frame each; from half a frame before to half a frame after.
+    shot = SHOT.replace("rate = 4", "rate = 4\nshutter = [-0.5, 0.5]")
+    # Frame 1 begins before the first map, which holds; 2 goes up from 2 to 3 and down to 2.5; 3 ends behind the last.
+    found = [lit(folder, shot, frame) for frame in (1, 2, 3, 4)]
+    np.testing.assert_allclose(found, [(1 + 1.5) / 2, (2.5 + 2.75) / 2, (2.25 + 2) / 2, 2], rtol=1e-6)
+    # At a moment the light is that moment's.
+    moment = at_moment(shot_of(folder, shot), 2.5)
+    assert float(finished_light(moment).light.radiance[3, 3, 1]) == 2.5
+    # A straight rise: the mean is that of the middle, for any shutter within.
+    rise = SHOT.replace("rate = 4", "rate = 8\nshutter = [-0.1, 0.7]").replace('exr"\n[seq', 'exr"\nrate = 4\n[seq')
+    assert lit(folder, rise, 2) == pytest.approx(1 + 2 * (1 + 0.3) / 2, rel=1e-6)
+    steps = shot.replace('exr"\n[seq', 'exr"\ninterpolation = "none"\n[seq')
+    np.testing.assert_allclose([lit(folder, steps, frame) for frame in (1, 2, 3)], [1, 2, 2.5], rtol=1e-6)
+
+
+def test_objects_that_move_are_lit_by_each_moments_map(folder: Path):
+    ball = trimesh.creation.icosphere(1, 0.4).apply_translation([0, 0.2, 0])
+    (folder / "ball.glb").write_bytes(bytes(ball.export(file_type="glb")))
+    write(folder / "plate.exr", RadianceMap(np.ones((16, 24, 3), np.float32)))
+    text = "local = []\n" + SHOT.replace('exr"\n[seq', 'exr"\nscale = 2.0\n[seq').replace('"1-5"', '"2"')
+    text = text.replace("rate = 4", "rate = 4\nshutter = [0, 0.5]")
+    text += "[match]\ngrain = false\nsharpness = false\n[render]\nsamples = 64\npreview = false\n"
+    found = []
+    # From its first map, 3, to half-way to the second; at rest, and moved by as good as nothing.
+    for name, keys in (
+        ("still", ""),
+        ("moved", "keyframes = [{ frame = 2, scale = 1 }, { frame = 3, scale = 1.0001 }]"),
+    ):
+        shot = shot_of(
+            folder,
+            text.replace('maps = "probe', 'time = 0.25\nmaps = "probe').replace(
+                'mesh = "ball.glb"', f'mesh = "ball.glb"\n{keys}'
+            ),
+        )
+        made = insert_frames(shot, folder / name, threads=1)
+        found.append(read_radiance(made.frames[0].folder / "composite.exr").radiance[8, 12, 1])
+    dim = shot_of(folder, text.replace("shutter = [0, 0.5]", "").replace('maps = "probe', 'time = 0.25\nmaps = "probe'))
+    whole = read_radiance(insert_frames(dim, folder / "at once", threads=1).frames[0].folder / "composite.exr")
+    assert found[0] / whole.radiance[8, 12, 1] == pytest.approx((3 + 2.5) / 2 / 3, rel=1e-3)
+    assert found[1] == pytest.approx(found[0], rel=0.02)
 
 
 def test_a_frame_depends_on_the_maps_round_it_alone(folder: Path):

@@ -91,7 +91,7 @@ def test_while_the_shutter_is_open_the_light_goes_on(folder: Path):
     read = scene_of(folder, matte)
     out = folder / "open.hdr"
     render_scene(read, out, RenderSettings(renderer="mitsuba", frames="2", samples=64, threads=1))
-    np.testing.assert_allclose(read_radiance(out).radiance[0, 0], (2.5 + 2.75) / 2, rtol=0.01)
+    np.testing.assert_allclose(read_radiance(out).radiance[0, 0], (2.5 + 2.75) / 2, rtol=1e-3)
 
 
 def test_a_sky_is_the_light_of_a_scene(folder: Path):

@@ -10,7 +10,7 @@ from __future__ import annotations
 import os
 import re
 from collections.abc import Iterable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import lru_cache
 from glob import escape, glob
 from itertools import pairwise
@@ -122,6 +122,50 @@ class LightSequence:
         share = np.float32(moment.share)
         radiance = (1 - share) * first.radiance + share * second.radiance
         return EnvironmentMap(radiance, first.mapping, first.unit, _marks(first, second), first.attributes)
+
+    def weights(self, begin: float, end: float) -> dict[Path, float]:
+        """The share of each map in the mean light from one second to another, exactly; together 1.
+
+        Raises ValueError for times that are none, or that fall.
+        """
+        if not (np.isfinite(begin) and np.isfinite(end) and begin <= end):
+            raise ValueError(f"from {begin} to {end} s; expected seconds that rise")
+        first, last = begin * self.rate, end * self.rate
+        if last - first < 1e-9:
+            moment = self.moment(begin)
+            return (
+                {moment.before: 1.0}
+                if not moment.share
+                else {moment.before: 1 - moment.share, moment.after: moment.share}
+            )
+        shares = np.zeros(len(self.paths))
+        # Each stretch between two maps by itself; before the first and after the last the ends hold.
+        cuts = [first, *range(int(np.ceil(first)), int(np.floor(last)) + 1), last]
+        for low, high in pairwise(cuts):
+            place = min(max((low + high) / 2, 0.0), len(shares) - 1.0)
+            index = min(int(place), len(shares) - 1)
+            share = place - index if self.interpolation == "linear" else 0.0
+            shares[index] += (1 - share) * (high - low)
+            if share:
+                shares[index + 1] += share * (high - low)
+        return {path: float(each / (last - first)) for path, each in zip(self.paths, shares, strict=True) if each > 0}
+
+    def mean(self, begin: float, end: float) -> EnvironmentMap:
+        """The mean light from one second to another, as a shutter sees it that is open so long; of one time that light.
+
+        Raises as `at` and `weights`.
+        """
+        parts = list(self.weights(begin, end).items())
+        first = self._read(parts[0][0])
+        if len(parts) == 1:
+            return first
+        radiance, marks = np.zeros(first.radiance.shape, np.float64), first
+        for path, share in parts:
+            other = self._read(path)
+            _require_alike(parts[0][0], _kind(first), path, _kind(other))
+            radiance += share * other.radiance
+            marks = replace(first, clipped=_marks(marks, other))
+        return replace(marks, radiance=radiance.astype(np.float32))
 
     def _read(self, path: Path) -> EnvironmentMap:
         return _map_in_file(path, _stamp(path), self.mapping, self.clamp)

@@ -77,6 +77,7 @@ class FinishedLight(Table):
     rate : maps a second; that of the sequence unless given
     interpolation : "linear" in radiance between two maps, or "none"
     time : seconds into the maps; of a sequence they begin with its first frame
+    shutter : when it opens and closes, seconds about `time`: the mean light between; of a sequence its own
     sky : a clear sky
     """
 
@@ -85,6 +86,7 @@ class FinishedLight(Table):
     rate: Positive | None = None
     interpolation: Literal["linear", "none"] = "linear"
     time: float = 0.0
+    shutter: tuple[float, float] = (0.0, 0.0)
     sky: SkyTable | None = None
 
     @model_validator(mode="after")
@@ -93,9 +95,11 @@ class FinishedLight(Table):
             raise ValueError(f"has {' and '.join(self.given())}; give one of map, maps and sky")
         if self.maps is not None and not self.maps:
             raise ValueError("maps are none; give files or a pattern, as probe/*.exr")
-        for name in ("rate", "interpolation", "time"):
+        for name in ("rate", "interpolation", "time", "shutter"):
             if self.maps is None and name in self.model_fields_set:
                 raise ValueError(f"has {name}, which is of maps that change with time; give maps, or leave it out")
+        if self.shutter[0] > self.shutter[1]:
+            raise ValueError(f"shutter is {list(self.shutter)}; expected seconds that rise")
         return self
 
     def given(self) -> list[str]:
@@ -112,11 +116,23 @@ class FinishedLight(Table):
             return None
         return LightSequence.found(self.maps, self.rate or rate or RATE, self.interpolation, folder=folder)
 
-    def at_second(self, seconds: float, folder: Path, rate: float) -> dict[str, Any]:
-        """Keys of the table at a time of a sequence: the maps round it alone; none where no map changes."""
+    def at_second(
+        self, seconds: float, folder: Path, rate: float, shutter: tuple[float, float] = (0.0, 0.0)
+    ) -> dict[str, Any]:
+        """Keys of the table at a time of a sequence: the maps round it alone; none where no map changes.
+
+        shutter : when it opens and closes, seconds about that time
+        """
         found = self.sequence_of_maps(folder, rate)
         if found is None:
             return {}
+        if shutter != (0.0, 0.0):
+            begin, end = (seconds + self.time + each for each in shutter)
+            seen = found.weights(begin, end)
+            first = found.paths.index(next(iter(seen)))
+            # At the ends, which hold, a map is there once and the times are before it or after it.
+            place, paths = begin - first / found.rate, [_named(path, folder) for path in seen]
+            return {"maps": paths, "rate": found.rate, "time": place, "shutter": (0.0, end - begin)}
         moment = found.moment(seconds + self.time)
         paths = [moment.before, moment.after] if moment.share else [moment.before]
         return {"maps": [_named(path, folder) for path in paths], "rate": 1.0, "time": moment.share}
@@ -126,7 +142,7 @@ class FinishedLight(Table):
         if self.sky is not None:
             return self.sky.light()
         if (maps := self.sequence_of_maps(folder)) is not None:
-            return maps.at(self.time)
+            return maps.mean(*(self.time + each for each in self.shutter))
         if self.map is None:
             return None
         path = folder / self.map

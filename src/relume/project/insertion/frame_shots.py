@@ -36,10 +36,31 @@ def frames_of(shot: Shot) -> list[int]:
 
 
 def at_frame(shot: Shot, frame: float) -> Shot:
+    """The same as `at_moment`, but for maps of light that change: their mean while the frame's shutter is open.
+
+    Raises InvalidShot where the keys give a value there that no shot file may have.
+    """
+    return _at(shot, frame, True)
+
+
+def moves(shot: Shot) -> bool:
+    """Whether keys or files move anything in the shot's sequence; maps of light may change beside."""
+    keyed = (shot.camera, shot.light, *shot.objects)
+    return any(each.keyframes for each in keyed) or any(
+        motion_of(shot.folder / each.mesh) is not None for each in shot.objects
+    )
+
+
+def at_moment(shot: Shot, frame: float) -> Shot:
     """The shot at a frame, or between two: without keys or a sequence, its files' motion stopped there.
 
     Raises InvalidShot where the keys give a value there that no shot file may have.
     """
+    return _at(shot, frame, False)
+
+
+def _at(shot: Shot, frame: float, exposed: bool) -> Shot:
+    """The shot there; `exposed` asks for the mean light of the time that the shutter is open."""
     table = _sequence(shot)
     between = BETWEEN[table.interpolation]
     # Motion in a file begins with the sequence.
@@ -58,7 +79,8 @@ def at_frame(shot: Shot, frame: float) -> Shot:
     if pose and shot.camera.pose is not None:
         camera["pose"] = shot.camera.pose.model_dump() | pose
     light = values_at(shot.light.keyframes, frame, between, ("turn", "exposure"))
-    light |= shot.light.at_second(seconds, shot.folder, table.rate)
+    opened, closed = (each / table.rate for each in table.shutter or (0.0, 0.0))
+    light |= shot.light.at_second(seconds, shot.folder, table.rate, (opened, closed) if exposed else (0.0, 0.0))
     changes = {
         "objects": objects,
         "camera": table_at(shot.camera, camera, "camera", frame, InvalidShot),

@@ -14,7 +14,7 @@ from relume.cluster.connection import connect
 from relume.cluster.tasks import run_tasks
 from relume.errors import Doubt, Incomplete, IncompleteSequence, RelumeError
 from relume.project.forecast import memory_for
-from relume.project.insertion.frame_shots import at_frame
+from relume.project.insertion.frame_shots import at_frame, at_moment, moves
 from relume.project.insertion.insert import insert, prepare_shot
 from relume.project.insertion.outcome import Inserted
 from relume.project.insertion.photographs import plate_size, read_photographs
@@ -62,7 +62,9 @@ def insert_frames(
     if cluster is not None:
         return _spread(FrameTask(shot, Path(out), 0, renderer, threads, restart, finished), frames, progress, cluster)
     table = shot.sequence
-    shutter = None if table is None or table.shutter is None else Shutter(*table.shutter)
+    shutter = Shutter(*((0.0, 0.0) if table is None or table.shutter is None else table.shutter))
+    # Where only maps of light change, a frame is a still under their mean.
+    still = table is None or table.shutter is None or (shot.light.maps is not None and not moves(shot))
     count, begun = len(chosen_frames(shot, frames)), [0.0]
 
     def share_of_all(step: str, share: float) -> None:
@@ -74,7 +76,7 @@ def insert_frames(
 
     def make(frame: Shot, folder: Path, others: tuple[Path, ...]) -> Sequence[Doubt]:
         number = int(folder.name.rpartition("_")[2])
-        motion = None if shutter is None else Motion(lambda time: at_frame(shot, number + time), shutter)
+        motion = None if still else Motion(lambda time: at_moment(shot, number + time), shutter)
         result = insert(
             frame, folder, renderer=renderer, threads=threads, progress=share_of_all, others=others, motion=motion,
             restart=restart, force=force,

@@ -58,10 +58,17 @@ class Place:
     recovered: RecoveredLocal | None
     vignetting: Vignetting | None
 
-    def relit(self, shot: Shot) -> Scene:
-        """The scene without objects, under the light as `shot` changes it; raises InvalidShot."""
+    def relit(self, shot: Shot, light: EnvironmentMap | None = None) -> Scene:
+        """The scene without objects, under the light as `shot` changes it; raises InvalidShot.
+
+        light : another finished map than the place's own, on the plate's scale
+        """
         shapes = () if self.recovered is None else self.recovered.shapes
-        return relit(self.bare.with_local(shapes), shot)
+        bare = self.bare
+        if light is not None:
+            light, lamps = _light_and_lamps(shot, light, bare.probe)
+            bare = replace(bare, light=light, lights=lamps)
+        return relit(bare.with_local(shapes), shot)
 
 
 def find_camera(shot: Shot, calibrated: Calibrated, steps: Steps) -> CameraFit:
@@ -133,11 +140,23 @@ def bare_place(shot: Shot, probe: Probe, centre: tuple[float, float, float] | No
     centre : of the ball, metres, where it was found and not measured
     Raises InvalidShot where a lamp is not seen in the light, and what reading the meshes raises.
     """
-    light, where = turned_light(probe.light, shot.light.heading, 0.0), (0.0, 0.0, 0.0)
+    where = (0.0, 0.0, 0.0)
     if shot.light.ball is not None:
         where = centre or shot.light.ball.centre or where
     elif shot.light.probe is not None:
         where = shot.light.probe
+    light, lamps = _light_and_lamps(shot, probe.light, where)
+    local = tuple(shape for table in shot.surfaces() for shape in table.shapes(shot.folder))
+    if not local:
+        warn("there is no local surface: the objects throw no shadow; describe what they stand on as [[local]]")
+    return Scene(light, local, (), lamps, distant_scene(shot.light.distant, shot.folder), where)
+
+
+def _light_and_lamps(
+    shot: Shot, light: EnvironmentMap, where: tuple[float, float, float]
+) -> tuple[EnvironmentMap, tuple[SphereLight, ...]]:
+    """The light in the scene's frame without its lamps, and those; raises InvalidShot where one is not seen in it."""
+    light = turned_light(light, shot.light.heading, 0.0)
     lamps: list[SphereLight] = []
     for index, position in enumerate(shot.light.lamps):
         try:
@@ -146,10 +165,7 @@ def bare_place(shot: Shot, probe: Probe, centre: tuple[float, float, float] | No
             raise InvalidShot(f"light.lamps.{index}: {error}") from None
         light = found.rest
         lamps.append(_sphere(found.lamp))
-    local = tuple(shape for table in shot.surfaces() for shape in table.shapes(shot.folder))
-    if not local:
-        warn("there is no local surface: the objects throw no shadow; describe what they stand on as [[local]]")
-    return Scene(light, local, (), tuple(lamps), distant_scene(shot.light.distant, shot.folder), where)
+    return light, tuple(lamps)
 
 
 def require_in_place(place: Scene, camera: Camera) -> None:

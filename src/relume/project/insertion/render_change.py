@@ -11,7 +11,7 @@ import numpy as np
 from relume.errors import CannotResume, OutputNotWritten, warn
 from relume.image import files
 from relume.image.radiance import RadianceMap
-from relume.project.insertion.photographs import Calibrated
+from relume.project.insertion.photographs import Calibrated, finished_light
 from relume.project.insertion.place import Place
 from relume.project.insertion.render_tiles import change_in_tiles, forget_tiles, is_large
 from relume.project.shot_file.objects import placed_meshes
@@ -29,6 +29,7 @@ from relume.scene.cameras.camera import Camera
 from relume.scene.motion.keyframes import Shutter
 from relume.scene.scene import Scene
 from relume.scene.shapes.shapes import Mesh
+from relume.sphere.environment_map import EnvironmentMap
 from relume.virtual_camera.developing import develop
 from relume.virtual_camera.film.film import Film
 
@@ -104,7 +105,8 @@ def render_change(
     moments: Moments | None = None
     if motion is not None:
         made_from.append(motion.key())
-        moments = lambda time: (_scene_at(place, motion.shot(time)), place.camera)  # noqa: E731
+        lit = _LightOfMoments(shot, calibrated)
+        moments = lambda time: (_scene_at(place, motion.shot(time), lit), place.camera)  # noqa: E731
     # The plate says which pixels are the neediest, and when their noise is low enough.
     made_from.append(calibrated.plate)
     identity = fingerprint(made_from)
@@ -222,8 +224,28 @@ def _part_about(width: int, height: int, about: tuple[float, float]) -> tuple[sl
     return found[0], found[1]
 
 
-def _scene_at(place: Place, shot: Shot) -> Scene:
-    return place.relit(shot).adding(*placed_meshes(shot))
+class _LightOfMoments:
+    """Maps that change, at moments of an exposure, on the plate's scale as the frame's own light was put there."""
+
+    def __init__(self, shot: Shot, calibrated: Calibrated) -> None:
+        self.gains: np.ndarray | None = None
+        if shot.light.maps is not None:
+            read, scaled = (
+                light.radiance.mean((0, 1), dtype=np.float64)
+                for light in (finished_light(shot).light, calibrated.probe.light)
+            )
+            self.gains = np.where(read > 0, scaled / np.maximum(read, 1e-300), 1.0)
+
+    def at(self, shot: Shot) -> EnvironmentMap | None:
+        """The light of a moment's shot; None where the frame's own holds."""
+        if self.gains is None:
+            return None
+        light = finished_light(shot).light
+        return replace(light, radiance=(light.radiance * self.gains).astype(np.float32))
+
+
+def _scene_at(place: Place, shot: Shot, light: _LightOfMoments) -> Scene:
+    return place.relit(shot, light.at(shot)).adding(*placed_meshes(shot))
 
 
 @dataclass(frozen=True, eq=False)

@@ -159,7 +159,11 @@ def _by_mitsuba(job: Pictures, report: Report, only: Sequence[int], watch: Watch
         scene, camera = (job.read.scene, job.read.camera) if plan is None else plan.moment(job.read, number)
         moving: dict[str, Any] = {}
         if plan is not None and plan.shutter is not None:
-            moving = {"moments": _moments(job.read, plan, number), "shutter": plan.shutter}
+            sequence = job.read.sequence
+            if sequence is not None and sequence.only_maps_change:
+                scene = sequence.exposed(number, scene)
+            else:
+                moving = {"moments": _moments(job.read, plan, number), "shutter": plan.shutter}
 
         def rendering(share: float, done: int = done) -> None:
             report("rendering", (done + share) / len(only))

@@ -90,6 +90,22 @@ class SceneSequence:
             scene = orbited(scene, [orbit for _, orbit in pairs], share)
         return scene if light is scene.light else replace(scene, light=light)
 
+    @property
+    def only_maps_change(self) -> bool:
+        """Whether nothing moves but the light, by its maps alone, so that an exposure is a still under their mean."""
+        keyed = self.camera.keyframes or self.camera.file is not None
+        keyed = keyed or (self.table_of_light is not None and bool(self.table_of_light.keyframes))
+        moving = any(each.moves or each.orbit is not None for each in self.objects)
+        return self.maps is not None and not keyed and not moving
+
+    def exposed(self, frame: float, scene: Scene) -> Scene:
+        """The scene of a frame where `only_maps_change`, under the mean of its light while the shutter is open."""
+        assert self.maps is not None and self.table_of_light is not None  # only_maps_change
+        opens, closes = (self._seconds(frame + each) for each in self.table.shutter or (0.0, 0.0))
+        time = self.table_of_light.time
+        light = adjusted_light(self.maps.mean(opens + time, closes + time), self.table_of_light, self.path)
+        return replace(scene, light=light)
+
     def camera_at(self, frame: float) -> Camera:
         """The camera at a frame, of the file's own size."""
         table = self.camera.at(frame, BETWEEN[self.table.interpolation], self.path)
