@@ -135,9 +135,9 @@ def test_smoke_in_a_ball_of_index_1_is_lit_by_a_point_and_throws_a_shadow_of_its
     np.testing.assert_allclose(change.difference.mean((0, 1)), lost, rtol=5e-3)
 
 
-@pytest.mark.parametrize("renderer", [Whitted(), Prefiltered(), Differential(4)])
+@pytest.mark.parametrize("renderer", [Whitted(), Prefiltered()])
 def test_others_refuse_a_medium_between_bodies_in_one_line(renderer):
     scene = Scene(constant(8, (1, 1, 1)), objects=(Sphere((0.0, 0.0, -2.0), 0.5, Material()),), medium=HAZE)
     with pytest.raises(UnsupportedScene, match="medium") as caught:
-        (renderer.change if isinstance(renderer, Differential) else renderer.render)(scene, replace(NARROW))
+        renderer.render(scene, replace(NARROW))
     assert "\n" not in str(caught.value)

@@ -1,4 +1,4 @@
-"""What objects change where real surfaces are smooth: the difference of two whole pictures, path by path from lamps too."""
+"""What objects change where real surfaces are smooth: the difference of two whole pictures."""
 
 from __future__ import annotations
 
@@ -36,7 +36,7 @@ def ball(material: AnyMaterial) -> Sphere:
 
 
 def both(scene: Scene, samples: int = 128, whole: int = 512, camera: Camera = CAMERA, chance: bool = False) -> Compared:
-    """The change of a scene, and the difference of two whole pictures; these by paths from the camera alone: `chance`."""
+    """The change of a scene, and the difference of two whole pictures, found by chance alone where `chance`."""
     from relume.renderers.mitsuba.transport.estimator import Estimator
     from relume.renderers.mitsuba.transport.plain import Plain
 

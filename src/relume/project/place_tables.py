@@ -1,4 +1,4 @@
-"""What shot and scene files say of a place: the shapes of its real surfaces, and of the distant scene beyond them."""
+"""What shot and scene files say of a place: its real surfaces, the distant scene beyond them, and what fills it."""
 
 from __future__ import annotations
 
@@ -12,7 +12,8 @@ from pydantic import model_validator
 from relume.composite.surface.projection import box_mesh
 from relume.errors import UnreadableFile
 from relume.project.mesh_tables import Placement, placed
-from relume.project.schema import Positive, Table, Vector
+from relume.project.schema import GreyOrColour, Positive, Table, Vector
+from relume.scene.materials.media import Medium
 from relume.scene.scene import Box, Distant, Dome, Enclosure, Infinite
 from relume.scene.shapes.meshes import read_meshes
 from relume.scene.shapes.shapes import AnyMaterial, Mesh, Plane, Shape, Sphere
@@ -94,6 +95,27 @@ def _rectangle(size: tuple[float, float], height: float, material: AnyMaterial) 
     x, z = size[0] / 2, size[1] / 2
     corners = np.array([[-x, height, z], [x, height, z], [x, height, -z], [-x, height, -z]], np.float32)
     return Mesh(corners, np.array([[0, 1, 2], [0, 2, 3]], np.int32), material, name="plane")
+
+
+class MediumTable(Table):
+    """What fills all space outside of bodies, as fog does.
+
+    absorption, scattering : per metre, a number or one for each channel
+    anisotropy : mean cosine of the scattering, −1 to 1 exclusive; 0 even
+    """
+
+    absorption: GreyOrColour = (0.0, 0.0, 0.0)
+    scattering: GreyOrColour = (0.0, 0.0, 0.0)
+    anisotropy: float = 0.0
+
+    @model_validator(mode="after")
+    def _of_a_medium(self) -> MediumTable:
+        self.medium()
+        return self
+
+    def medium(self) -> Medium:
+        """The medium."""
+        return Medium(self.absorption, self.scattering, self.anisotropy)
 
 
 class DistantTable(Table):

@@ -160,12 +160,15 @@ def recover_reflectance(
     grey, none = (np.broadcast_to(np.float32(value), plate.radiance.shape) for value in (0.5, 0.0))
     black = [(0.0, 0.0, 0.0)] * len(wanted)
     even = [(0.5, 0.5, 0.5)] * len(wanted)
-    fine = not _alone(scene.local) or any(gloss is not None and gloss.roughness < WIDE for gloss in glosses)
+    # Fog scatters a surface's own light back to it.
+    alone = _alone(scene.local) and scene.medium is None
+    fine = not alone or any(gloss is not None and gloss.roughness < WIDE for gloss in glosses)
     work = _Work(renderer, camera, scene, seed, parts, fine)
     recovered, inside = np.isin(parts, unknown), np.isin(work.parts, unknown)
     first = work.render(looks.shapes(grey, even, glosses))
     dark = np.zeros_like(first.radiance)
-    if len(unknown) < len(wanted) or any(gloss is not None for gloss in glosses):
+    if len(unknown) < len(wanted) or any(gloss is not None for gloss in glosses) or scene.medium is not None:
+        # Of black surfaces: what is mirrored, what known ones show, and what fog scatters before them.
         dark = work.render(looks.shapes(none, black, glosses)).radiance
     sheen = work.enlarged(smoothed(dark, first.normal, work.parts), inside)
 
@@ -183,7 +186,7 @@ def recover_reflectance(
             _require_lit(scene.local, index, light, usable[index])
         raw = _of_rows(_unlit, plate.radiance, sheen, light)
         albedo, colours = _albedo(raw, light, parts, usable, wanted)
-        if _alone(scene.local) or iterations >= ITERATIONS or (iterations > 1 and change < STEADY):
+        if not unknown or alone or iterations >= ITERATIONS or (iterations > 1 and change < STEADY):
             break
         picture = work.render(looks.shapes(albedo, colours, glosses))
         shown = as_rendered(albedo)

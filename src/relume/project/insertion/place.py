@@ -149,7 +149,8 @@ def bare_place(shot: Shot, probe: Probe, centre: tuple[float, float, float] | No
     local = tuple(shape for table in shot.surfaces() for shape in table.shapes(shot.folder))
     if not local:
         warn("there is no local surface: the objects throw no shadow; describe what they stand on as [[local]]")
-    return Scene(light, local, (), lamps, distant_scene(shot.light.distant, shot.folder), where)
+    medium = shot.medium and shot.medium.medium()
+    return Scene(light, local, (), lamps, distant_scene(shot.light.distant, shot.folder), where, medium)
 
 
 def _light_and_lamps(

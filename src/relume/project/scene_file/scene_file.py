@@ -14,8 +14,8 @@ from pydantic import Field, model_validator
 
 from relume.errors import InvalidScene, UnreadableFile
 from relume.project.keyed_values import BETWEEN
+from relume.project.place_tables import MediumTable
 from relume.project.scene_file.camera import FIELD_OF_VIEW, LARGEST, SIZE, CameraTable, camera_of, focal_length_of
-from relume.project.scene_file.images import naming
 from relume.project.scene_file.lights import (
     AnyLightTable,
     LightTable,
@@ -31,11 +31,10 @@ from relume.project.scene_file.metering import shines
 from relume.project.scene_file.sequence import SceneSequence, orbited
 from relume.project.scene_file.shapes import LocalTable, ObjectTable, object_of, surfaces_of
 from relume.project.scene_file.whitted_table import WhittedSettings, whitted_of
-from relume.project.schema import GreyOrColour, Table, checked, read_toml
+from relume.project.schema import Table, checked, read_toml
 from relume.project.shot_file.sequence_table import SequenceTable
 from relume.renderers.whitted.whitted import Whitted
 from relume.scene.cameras.camera import Camera
-from relume.scene.materials.media import Medium
 from relume.scene.motion.moving_objects import ObjectOrbit
 from relume.scene.scene import Scene
 from relume.scene.shapes.meshes import read_meshes
@@ -94,26 +93,6 @@ class SceneFile:
             return moved
         scene, _ = moved.at_frame(sequence.table.frames[0])
         return replace(moved, scene=scene)
-
-
-class MediumTable(Table):
-    """What fills all space outside of bodies, as fog does.
-
-    absorption, scattering : per metre, a number or one for each channel
-    anisotropy : mean cosine of the scattering, −1 to 1 exclusive; 0 even
-    """
-
-    absorption: GreyOrColour = (0.0, 0.0, 0.0)
-    scattering: GreyOrColour = (0.0, 0.0, 0.0)
-    anisotropy: float = 0.0
-
-
-def medium_of(table: MediumTable | None, path: Path) -> Medium | None:
-    """The medium of a table; raises InvalidScene naming the key."""
-    if table is None:
-        return None
-    with naming(f"{path}: medium"):
-        return Medium(table.absorption, table.scattering, table.anisotropy)
 
 
 class SceneTable(Table):
@@ -209,7 +188,7 @@ def _read_table(path: Path) -> SceneFile:
     ]
     objects = tuple(object_of(item, f"objects.{index}", materials, path) for index, item in enumerate(table.objects))
     solids = tuple(solid for each in objects for solid in each.at_rest())
-    scene = Scene(light, tuple(local), solids, lights, distant, probe, medium_of(table.medium, path))
+    scene = Scene(light, tuple(local), solids, lights, distant, probe, table.medium and table.medium.medium())
     orbits = tuple(each.orbit for each in objects for _ in each.solids)
     # And how it moves.
     sequence = None

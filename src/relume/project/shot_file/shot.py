@@ -17,6 +17,7 @@ from pydantic import Field, model_validator
 
 from relume.errors import InvalidShot, UnreadableFile
 from relume.project.mesh_tables import MaterialTable, Placement
+from relume.project.place_tables import MediumTable
 from relume.project.schema import Names, Positive, Table, checked, read_toml
 from relume.project.shot_file.camera_table import CameraTable
 from relume.project.shot_file.light_table import Light, MergeTable
@@ -107,6 +108,7 @@ class Shot(Table):
     plate: Plate
     camera: CameraTable = CameraTable()
     light: Light
+    medium: MediumTable | None = None
     local: list[LocalTable] = Field(default_factory=lambda: [LocalTable(shape="plane")])
     objects: list[Object] = Field(default_factory=list)
     match: MatchTable = MatchTable()

@@ -103,11 +103,6 @@ class Differential(PathTracing):
         """
         if (reason := why_not(scene)) is not None:
             raise UnsupportedScene(reason)
-        if scene.medium is not None:
-            raise UnsupportedScene(
-                "what objects change is not found through a medium that fills the whole scene (scene.medium); give the "
-                "medium to a body of index 1, or render the scene by rl.Mitsuba"
-            )
         require_inside(scene.distant, scene.probe, scene.objects)
         if not scene.objects:
             return _nothing(camera)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from copy import copy
 from dataclasses import replace
 from typing import Any
 
@@ -15,7 +16,7 @@ from relume.renderers.mitsuba.transport.changes import changed
 from relume.renderers.mitsuba.transport.dispersion import dispersion_of
 from relume.renderers.mitsuba.transport.light import SceneLight
 from relume.renderers.mitsuba.transport.media import Media
-from relume.renderers.mitsuba.transport.passes import Planes, Tracing, bodies_of, built, real_senders, senders
+from relume.renderers.mitsuba.transport.passes import Planes, Tracing, bodies_of, built, fog_of, real_senders, senders
 from relume.renderers.mitsuba.transport.paths import followed
 from relume.renderers.mitsuba.transport.sampling import Guide, Numbers
 from relume.renderers.mitsuba.transport.world import World
@@ -52,11 +53,13 @@ class Estimator(Tracing):
         caught = bool(spheres) and not light.even and not pierced
         if pierced:
             warn_of_holes(scene)
+        filled = scene.medium is not None or any(medium is not None for medium in media)
         world = World(
             local, objects, light,
-            Media(objects.shapes_dr(), media, straight) if any(m is not None for m in media) else None,
+            Media(objects.shapes_dr(), media, straight, scene.medium) if filled else None,
             any(isinstance(m, Material) and m.emits for m in materials), depth, caught,
-            light.map is not None and sticks_out(scene), materials, pierced=pierced,
+            light.map is not None and sticks_out(scene), materials,
+            fog_of(scene, light), pierced,
         )  # fmt: skip
         world.shines = any(isinstance(m := shape.material, Material) and m.emits for shape in scene.local)
         world.mirrors, world.clipped = bool(mirrors), clipped
@@ -102,6 +105,8 @@ class Estimator(Tracing):
         world = self.world
         ray, added, real = self._primary(numbers)
         on_object = added.is_valid() & (added.t < real.t)
+        if world.foggy:
+            return self._through_fog(numbers, ray, added, real, on_object)
         more, taken = mi.Color3f(0), mi.Color3f(0)
         met, weight = added, self._solid(ray, added)
         density, bounces, parted = mi.Float(0), mi.UInt32(0), mi.Bool(False)
@@ -128,6 +133,29 @@ class Estimator(Tracing):
         objects = dr.select(on_object, found, 0)
         more += dr.select(on_object, 0, found)
         return {"objects": objects, "difference": more - taken, "taken": taken, "matte": mi.Float(on_object)}
+
+    def _through_fog(self, numbers: Numbers, ray: Any, added: Any, real: Any, on_object: Any) -> dict[str, Any]:
+        """The planes of a scene that fog fills: all of its paths meet some, so both are followed from the camera on.
+
+        They have the same random numbers, and are one path until an object parts them.
+        """
+        world, always = self.world, mi.Bool(True)
+        weight = dr.select(on_object, self._solid(ray, added), 1)
+        without = copy(numbers)
+        without.stream = mi.PCG32(numbers.stream)
+        begun, met = world.entered(ray, dr.select(on_object, added, real))
+        found = followed(
+            world, begun, met, mi.Color3f(weight), mi.Float(0), mi.UInt32(0), numbers, always, True, ~always
+        )
+        begun, met = world.entered(ray, dr.select(always, real, added))
+        bare = followed(
+            world, begun, met, mi.Color3f(1), mi.Float(0), mi.UInt32(0), without, ~on_object, False, ~always
+        )
+        more = dr.select(on_object, 0, found - bare)
+        return {
+            "objects": dr.select(on_object, found, 0), "difference": more, "taken": dr.maximum(-more, 0),
+            "matte": mi.Float(on_object),
+        }  # fmt: skip
 
     def _first(self, numbers: Numbers) -> tuple[Any, Any]:
         ray, added, real = self._primary(numbers)

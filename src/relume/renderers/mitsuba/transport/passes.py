@@ -11,6 +11,7 @@ import drjit as dr
 import mitsuba as mi
 import numpy as np
 
+from relume.renderers.mitsuba.enclosing import require_edges
 from relume.renderers.mitsuba.materials import bsdf, crossed_straight, emission
 from relume.renderers.mitsuba.scene import _shape, material_on
 from relume.renderers.mitsuba.transport import opaque
@@ -18,13 +19,14 @@ from relume.renderers.mitsuba.transport.caustics import caustics
 from relume.renderers.mitsuba.transport.cylinders import Body, in_bodies, on_floors
 from relume.renderers.mitsuba.transport.guides import first_scattered
 from relume.renderers.mitsuba.transport.lens import Lens
+from relume.renderers.mitsuba.transport.light import SceneLight
 from relume.renderers.mitsuba.transport.media import Media
 from relume.renderers.mitsuba.transport.photons import FEWEST_PHOTONS, MOST_PHOTONS, in_media, on_surfaces
 from relume.renderers.mitsuba.transport.sampling import Numbers, Spheres, two
 from relume.renderers.mitsuba.transport.world import World
-from relume.renderers.raytrace.extent import sphere_round, sphere_round_shapes
+from relume.renderers.raytrace.extent import sphere_round, sphere_round_all, sphere_round_shapes
 from relume.scene.cameras.camera import Camera
-from relume.scene.scene import Scene
+from relume.scene.scene import Infinite, Scene
 from relume.scene.shapes.shapes import Plane, Shape
 
 RAYS_OF_LIGHT = 8
@@ -73,10 +75,14 @@ class Tracing(ABC):
         """Follow a pass's light to where it is scattered, for the paths of this seed."""
         wanted = self.camera.width * self.camera.height * samples // SAMPLES_A_PHOTON
         count = min(max(wanted, FEWEST_PHOTONS), MOST_PHOTONS)
-        self.world.photons = self.world.landed = self.world.landed_without = None
+        self.world.photons = self.world.photons_without = None
+        self.world.landed = self.world.landed_without = None
         self.world.landed_added = self.world.landed_taken = None
         if self.floods and self.in_bodies is not None:
-            self.world.photons = in_media(self.world, self.spheres, self.in_bodies, count, seed)
+            made = (self.world, self.spheres, self.in_bodies, count, seed)
+            self.world.photons = in_media(*made)
+            if self.world.mirrors and self.world.foggy:
+                self.world.photons_without = in_media(*made, objects=False)
         if self.lands and self.on_floors is not None:
             self._landed(count, seed)
 
@@ -280,6 +286,17 @@ def real_senders(scene: Scene, local: Any) -> tuple[Spheres, list[tuple[int, Any
                 clipped.append((int(number), *opaque.sphere(centre, radius)))
         spheres.append(opaque.sphere(centre, radius))
     return spheres, clipped
+
+
+def fog_of(scene: Scene, light: SceneLight) -> tuple[np.ndarray, float] | None:
+    """The sphere that a scene's medium ends at; None where it has none, or ends at the walls of the distant scene.
+
+    An infinite distant scene has no walls, and neither has a dark one. Raises UnsupportedScene (`require_edges`).
+    """
+    if scene.medium is None or (light.map is not None and not isinstance(scene.distant, Infinite)):
+        return None
+    require_edges(scene)
+    return sphere_round_all(scene)
 
 
 def _bending(shapes: Sequence[Shape], scene: Any) -> list[bool]:

@@ -9,7 +9,7 @@ import mitsuba
 
 from relume.renderers.mitsuba.limits import FAIR, WALK
 from relume.renderers.mitsuba.transport.dispersion import joined
-from relume.renderers.mitsuba.transport.photons import counted, reflected
+from relume.renderers.mitsuba.transport.photons import Photons, counted, reflected
 from relume.renderers.mitsuba.transport.sampling import Guide, Numbers, two
 from relume.renderers.mitsuba.transport.world import SHORTEN, World
 
@@ -106,7 +106,7 @@ def followed(
                 on_surface & ~scattered,
             )
             sent_on = (bent & delta & world.sends(si) & scattered_first & on_surface) | (straight & sent_on)
-        if world.photons is not None:
+        if (world.photons if objects else world.photons_without) is not None:
             kept = (known, gathered, entry, facing, last_sent)
             known, gathered, entry, facing, last_sent = _met(world, si, bent, delta, kept)
         if world.pierced:
@@ -143,17 +143,18 @@ def _through_medium(
     media: Any = world.media
     light, found = world.light, mi.Color3f(0)
     way = world.reach(ray, met.t, inside, active)
-    if media.looked_for and objects and not light.dark:
-        found += _from_between(world, ray, way, inside, rng, active)
+    if media.looked_for and not light.dark:
+        found += _from_between(world, ray, way, inside, rng, active, objects)
     scattered, passed, onward = media.crossed(ray, way, inside, rng, active)
     # Surfaces that shine are not looked for where a medium scatters light: from there chance alone leads to them.
     looked, turned, density, begun, gone = lamps
     lamps = looked, turned, dr.select(scattered, 0, density), begun, gone
     if media.open:
         lamps = _in_the_open(world, ray, way, onward, inside, scattered, lamps)
-    if world.photons is not None and objects:
+    photons = world.photons if objects else world.photons_without
+    if photons is not None:
         known, gathered, last_sent = kept
-        sent, known, deep = _from_photons(world, ray, onward, inside, scattered, known, surface)
+        sent, known, deep = _from_photons(world, photons, ray, onward, inside, scattered, known, surface)
         found += dr.select(deep, passed * sent, 0)
         kept = known, gathered | deep, last_sent & ~deep
     return scattered, passed, dr.select(scattered, onward, ray), found, lamps, kept
@@ -184,7 +185,8 @@ def _in_the_open(
 
 
 def _from_photons(
-    world: World, ray: Any, onward: Any, inside: Any, scattered: Any, known: Any, surface: tuple[Any, Any]
+    world: World, photons: Photons, ray: Any, onward: Any, inside: Any, scattered: Any, known: Any,
+    surface: tuple[Any, Any],
 ) -> tuple[Any, Any, Any]:  # fmt: skip
     """Light kept about a scattering, whether it stands for all that follows in a body, and where any was counted.
 
@@ -196,7 +198,7 @@ def _from_photons(
     kept = media.keeps(inside)
     deep = scattered & (~known | ~kept)
     depth = dr.select(kept, dr.abs(dr.dot(onward.o - entry, facing)), dr.inf)
-    sent = counted(world.photons, media, onward.o, ray.d, depth, facing, inside, deep)
+    sent = counted(photons, media, onward.o, ray.d, depth, facing, inside, deep)
     return dr.select(deep, sent, 0), dr.select(deep, kept, known), deep
 
 
@@ -222,6 +224,9 @@ def _from_lamps(
         result = dr.select(lit, value * found.weight * weight * share, 0)
     if world.looks_for_objects and objects:
         result += from_objects(world, si, bsdf, context, rng, active, ray, inside)
+    elif world.looks_for_objects and world.foggy:
+        # As many numbers as with the objects, so that both paths are one until an object parts them.
+        two(rng)
     if world.shines:
         result += from_real(world, si, bsdf, context, rng, active, ray, inside, objects)
     return result
@@ -263,7 +268,7 @@ def _arriving(
     return dr.select(free, seen, 0)
 
 
-def _from_between(world: World, ray: Any, way: Any, inside: Any, rng: Any, active: Any) -> Any:
+def _from_between(world: World, ray: Any, way: Any, inside: Any, rng: Any, active: Any, objects: bool) -> Any:
     """Light that a medium scatters once on the way of a ray, found by looking for lamps from one place on it."""
     media, light = world.media, world.light
     assert media is not None
@@ -277,7 +282,7 @@ def _from_between(world: World, ray: Any, way: Any, inside: Any, rng: Any, activ
     lit = within & found.valid & (chance > 0)
     shadow = mi.Ray3f(place, found.direction)
     shadow.maxt = found.distance * SHORTEN
-    share = world.arrives(shadow, inside, lit)
+    share = world.arrives(shadow, inside, lit, objects)
     value = media.scattered_share(inside, ray.d, found.direction) * dr.exp(-extinction * along) / chance
     # The map's light is found by the walk's own directions too.
     other = _of_walk(world, ray, way, along, found.direction, inside)

@@ -78,9 +78,13 @@ class Photons:
         )
 
 
-def in_media(world: World, spheres: Spheres, cylinders: Cylinders, count: int, seed: int) -> Photons:
-    """What the bright part of the light leaves in media."""
-    return Photons(cylinders, *_kept(_walked, world, spheres, cylinders, count, seed + (1 << 41)))
+def in_media(
+    world: World, spheres: Spheres, cylinders: Cylinders, count: int, seed: int, objects: bool = True
+) -> Photons:  # fmt: skip
+    """What the bright part of the light leaves in media, with the objects or without."""
+    return Photons(
+        cylinders, *_kept(partial(_walked, objects=objects), world, spheres, cylinders, count, seed + (1 << 41))
+    )
 
 
 def on_surfaces(
@@ -195,14 +199,14 @@ def _of_cell(cell: list[Any], inside: Any, primes: tuple[int, int, int]) -> Any:
 
 @dr.syntax
 def _walked(
-    world: World, spheres: Spheres, cylinders: Cylinders, rng: Any, active: Any, kept: list[Any]
+    world: World, spheres: Spheres, cylinders: Cylinders, rng: Any, active: Any, kept: list[Any], objects: bool = True
 ) -> Any:  # fmt: skip
     """Keep where each ray of light is scattered in bodies; how often each was."""
     media: Any = world.media
     context = mi.BSDFContext(mi.TransportMode.Importance)
     slots = dr.arange(mi.UInt32, dr.width(active)) * SLOTS
     ray, flux, active, far = world.light.emitted(spheres, rng, active)
-    met = world.nearest(ray, active)
+    met = world.nearest(ray, active, objects)
     active &= met.is_valid()
     if world.foggy:
         flux = flux * world.from_lamp(ray, met, far, active)
@@ -258,7 +262,7 @@ def _walked(
         survives = rng.next_float32() < most
         active = (going | turned) & (walked < WALK) & survives & (dr.max(flux) > 0)
         flux = dr.select(active, flux / dr.maximum(most, 1e-6), flux)
-        met = dr.select(active, world.nearest(ray, active), met)
+        met = dr.select(active, world.nearest(ray, active, objects), met)
         active &= met.is_valid() | (world.foggy & (inside == world.outside))
     return times
 

@@ -9,21 +9,21 @@ import mitsuba as mi
 import numpy as np
 
 from relume.errors import UnsupportedScene
-from relume.renderers.mitsuba.enclosing import camera_in_a_body, require_edges
+from relume.renderers.mitsuba.enclosing import camera_in_a_body
 from relume.renderers.mitsuba.materials import crossed_straight, filling
 from relume.renderers.mitsuba.scene import warn_of_holes
 from relume.renderers.mitsuba.transport.dispersion import dispersion_of
 from relume.renderers.mitsuba.transport.light import BRIGHT, SceneLight
 from relume.renderers.mitsuba.transport.media import Media
-from relume.renderers.mitsuba.transport.passes import Planes, Tracing, bodies_of, built, senders
+from relume.renderers.mitsuba.transport.passes import Planes, Tracing, bodies_of, built, fog_of, senders
 from relume.renderers.mitsuba.transport.paths import followed
 from relume.renderers.mitsuba.transport.sampling import Numbers
 from relume.renderers.mitsuba.transport.world import World
 from relume.renderers.raytrace.alpha_coverage import is_pierced
-from relume.renderers.raytrace.extent import sphere_round_all, sticks_out
+from relume.renderers.raytrace.extent import sticks_out
 from relume.scene.cameras.camera import Camera
 from relume.scene.materials.materials import Material
-from relume.scene.scene import Infinite, Scene
+from relume.scene.scene import Scene
 
 
 class Plain(Tracing):
@@ -42,10 +42,6 @@ class Plain(Tracing):
         if pierced:
             warn_of_holes(scene)
         filled = scene.medium is not None or any(medium is not None for medium in media)
-        # An infinite distant scene has no walls for its fog to end at, and neither has a dark one.
-        walls = light.map is not None and not isinstance(scene.distant, Infinite)
-        if scene.medium is not None and not walls:
-            require_edges(scene)
         if filled and (reason := camera_in_a_body(camera.position, shapes)) is not None:
             raise UnsupportedScene(reason)
         world = World(
@@ -53,7 +49,7 @@ class Plain(Tracing):
             Media(together.shapes_dr(), media, straight, scene.medium) if filled else None,
             any(isinstance(material, Material) and material.emits for material in materials), depth, caught,
             light.map is not None and sticks_out(scene), materials,
-            None if scene.medium is None or walls else sphere_round_all(scene), pierced,
+            fog_of(scene, light), pierced,
         )  # fmt: skip
         world.dispersion = dispersion_of((together, shapes))
         super().__init__(world, camera, spheres, pierced, bodies_of(shapes, together, world.media))

@@ -69,6 +69,7 @@ class World:
         self.added = mi.UInt32(added)
         # What the light of a pass leaves in media and on surfaces; see `photons`.
         self.photons: Any = None
+        self.photons_without: Any = None
         self.landed: Any = None
         # Without the objects, and what is only with them and only without.
         self.landed_without: Any = None
@@ -132,6 +133,10 @@ class World:
 
     def real(self, ray: Any, active: Any) -> Any:
         """The first real surface on a ray; what lies behind the walls of the distant scene is not seen."""
+        if self.local is None:
+            none = dr.zeros(mi.PreliminaryIntersection3f, dr.width(ray))
+            none.t = dr.inf
+            return none
         return self.within_walls(ray, self.local.ray_intersect_preliminary(ray, active=active), active)
 
     def within_walls(self, ray: Any, met: Any, active: Any) -> Any:
