@@ -73,13 +73,18 @@ def plate_of(folder: Path, text: str) -> tuple[RadianceMap, RadianceMap]:
     return RadianceMap(pictures[0]), RadianceMap(pictures[1])
 
 
+def blocks(picture: np.ndarray) -> np.ndarray:
+    """Means of 8 × 8 pixels, in which little of the noise is left."""
+    return picture.reshape(4, 8, 6, 8, 3).mean((1, 3))
+
+
 def test_a_composite_in_fog_is_the_picture_of_all_in_fog(folder: Path):
     plate, whole = plate_of(folder, FOG + SHOT)
     result = insert(shot_of(folder, FOG + SHOT), folder / "out")
     assert result.place.bare.medium == Medium((0.02, 0.02, 0.02), (0.2, 0.25, 0.3), 0.3)
     composite = read_radiance(folder / "out" / "composite.exr").radiance
-    change = np.abs(whole.radiance - plate.radiance).mean()
-    assert np.abs(composite - whole.radiance).mean() < 0.15 * change
+    change = np.abs(blocks(whole.radiance - plate.radiance)).mean()
+    assert np.abs(blocks(composite - whole.radiance)).mean() < 0.2 * change
     np.testing.assert_allclose(composite.mean((0, 1)), whole.radiance.mean((0, 1)), rtol=0.01)
     # The floor's own reflectance was found through the fog.
     found = result.place.recovered
@@ -102,12 +107,14 @@ def test_a_real_surface_that_shines_lights_the_object_and_stays_the_plates(folde
     insert(shot_of(folder, lit), folder / "lit")
     insert(shot_of(folder, dark), folder / "dark")
     found, without = (read_radiance(folder / name / "composite.exr").radiance for name in ("lit", "dark"))
-    change = np.abs(whole.radiance - plate.radiance).mean()
-    assert np.abs(found - whole.radiance).mean() < 0.15 * change
-    assert np.abs(without - whole.radiance).mean() > 2 * np.abs(found - whole.radiance).mean()
-    # The panel's own upper edge, beside the ball.
-    assert plate.radiance[6, 4].max() > 3
-    np.testing.assert_array_equal(found[6, 4], plate.radiance[6, 4])
+    change = np.abs(blocks(whole.radiance - plate.radiance)).mean()
+    wrong = np.abs(blocks(found - whole.radiance)).mean()
+    assert wrong < 0.2 * change
+    assert np.abs(blocks(without - whole.radiance)).mean() > 1.5 * wrong
+    # The panel, wherever the ball does not hide it.
+    panel = (plate.radiance[..., 0] > 5.9) & (np.abs(whole.radiance - plate.radiance).max(-1) < 1e-3)
+    assert panel.sum() > 50
+    np.testing.assert_array_equal(found[panel], plate.radiance[panel])
 
 
 @pytest.mark.parametrize(

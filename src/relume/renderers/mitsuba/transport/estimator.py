@@ -16,7 +16,16 @@ from relume.renderers.mitsuba.transport.changes import changed
 from relume.renderers.mitsuba.transport.dispersion import dispersion_of
 from relume.renderers.mitsuba.transport.light import SceneLight
 from relume.renderers.mitsuba.transport.media import Media
-from relume.renderers.mitsuba.transport.passes import Planes, Tracing, bodies_of, built, fog_of, real_senders, senders
+from relume.renderers.mitsuba.transport.passes import (
+    MIRRORED,
+    Planes,
+    Tracing,
+    bodies_of,
+    built,
+    fog_of,
+    real_senders,
+    senders,
+)
 from relume.renderers.mitsuba.transport.paths import followed
 from relume.renderers.mitsuba.transport.sampling import Guide, Numbers
 from relume.renderers.mitsuba.transport.world import World
@@ -65,12 +74,14 @@ class Estimator(Tracing):
         world.mirrors, world.clipped = bool(mirrors), clipped
         world.dispersion = dispersion_of((local, scene.local), (objects, scene.objects))
         bodies = bodies_of(scene.objects, objects, world.media)
+        floors = bodies
         if mirrors:
-            # What objects change of their light is no wider than the objects.
+            # What objects change of a mirror's light on surfaces is no wider than they are; in fog it is soft.
             widest = max(body.radius for body in bodies)
-            real = bodies_of(scene.local, local, None)
-            bodies += [replace(body, radius=min(body.radius, widest)) for body in real if body.bends]
-        super().__init__(world, camera, spheres, pierced, bodies)
+            real = [body for body in bodies_of(scene.local, local, None) if body.bends]
+            floors = bodies + [replace(body, radius=min(body.radius, widest)) for body in real]
+            bodies = bodies + [replace(body, radius=min(body.radius, MIRRORED * widest)) for body in real]
+        super().__init__(world, camera, spheres, pierced, bodies, floors)
         self.guide = Guide(scene.objects)
         # What is level never meets itself, in however many pieces: no path goes on without the objects.
         heights = [corners(shape)[:, 1] for shape in scene.local]

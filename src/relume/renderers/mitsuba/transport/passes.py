@@ -56,10 +56,12 @@ class Tracing(ABC):
     spheres : round the shapes that send light on in one direction
     pierced : whether shapes have holes
     bodies : the shapes, as light meets them
+    floors : the same for light that is kept on surfaces, where their radius is another
     """
 
     def __init__(
-        self, world: World, camera: Camera, spheres: Spheres, pierced: bool, bodies: Sequence[Body] = ()
+        self, world: World, camera: Camera, spheres: Spheres, pierced: bool, bodies: Sequence[Body] = (),
+        floors: Sequence[Body] | None = None,
     ) -> None:  # fmt: skip
         self.world, self.spheres, self.pierced = world, spheres, pierced
         self.camera, self.lens = camera, Lens(camera)
@@ -69,7 +71,7 @@ class Tracing(ABC):
         # Whether a lamp that no path meets sends light on to surfaces.
         self.lands = world.smooth and bool(world.light.sizeless.any())
         self.in_bodies = in_bodies(media, bodies) if media is not None and self.floods else None
-        self.on_floors = on_floors(bodies) if self.lands else None
+        self.on_floors = on_floors(bodies if floors is None else floors) if self.lands else None
 
     def flooded(self, samples: int, seed: int) -> None:
         """Follow a pass's light to where it is scattered, for the paths of this seed."""
