@@ -160,15 +160,13 @@ def recover_reflectance(
     grey, none = (np.broadcast_to(np.float32(value), plate.radiance.shape) for value in (0.5, 0.0))
     black = [(0.0, 0.0, 0.0)] * len(wanted)
     even = [(0.5, 0.5, 0.5)] * len(wanted)
-    # Fog scatters a surface's own light back to it.
-    alone = _alone(scene.local) and scene.medium is None
+    alone = _alone(scene)
     fine = not alone or any(gloss is not None and gloss.roughness < WIDE for gloss in glosses)
     work = _Work(renderer, camera, scene, seed, parts, fine)
     recovered, inside = np.isin(parts, unknown), np.isin(work.parts, unknown)
     first = work.render(looks.shapes(grey, even, glosses))
     dark = np.zeros_like(first.radiance)
     if len(unknown) < len(wanted) or any(gloss is not None for gloss in glosses) or scene.medium is not None:
-        # Of black surfaces: what is mirrored, what known ones show, and what fog scatters before them.
         dark = work.render(looks.shapes(none, black, glosses)).radiance
     sheen = work.enlarged(smoothed(dark, first.normal, work.parts), inside)
 
@@ -316,9 +314,9 @@ def _parts(scene: Scene, camera: Camera) -> np.ndarray:
     return parts
 
 
-def _alone(local: Sequence[Shape]) -> bool:
+def _alone(scene: Scene) -> bool:
     """Whether the surfaces cannot light one another: a single plane, which sees none of itself."""
-    return len(local) == 1 and isinstance(local[0], Plane)
+    return scene.medium is None and len(scene.local) == 1 and isinstance(scene.local[0], Plane)
 
 
 def _lit(light: np.ndarray, usable: np.ndarray) -> np.ndarray:

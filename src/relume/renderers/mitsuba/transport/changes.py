@@ -30,15 +30,12 @@ def changed(
     """
     light = world.light
     hue, hue_parted, own = mi.Float(-1), mi.Float(-1), numbers.wavelength()
-    context = mi.BSDFContext()
-    rng = numbers.stream
+    context, rng = mi.BSDFContext(), numbers.stream
     even = [numbers.towards_light(look, looks) for look in range(looks)]
     added_light, taken = mi.Color3f(0), mi.Color3f(0)
     weight_parted, density_parted = mi.Color3f(0), mi.Float(0)
-    throughput = mi.Color3f(1)
-    bounces, bounces_parted = mi.UInt32(0), mi.UInt32(0)
+    throughput, bounces, bounces_parted = mi.Color3f(1), mi.UInt32(0), mi.UInt32(0)
     first_scatters, ray = mi.Bool(False), mi.Ray3f(ray)
-    # Whether the light of lamps that a ray meets is followed from those.
     sent_on, sent_parted = mi.Bool(False), mi.Bool(False)
     parted = dr.zeros(mi.Ray3f, dr.width(active))
     added_parted = dr.zeros(mi.PreliminaryIntersection3f, dr.width(active))
@@ -52,28 +49,21 @@ def changed(
         bsdf = si.bsdf(ray)
         smooth = active & mi.has_flag(bsdf.flags(), mi.BSDFFlags.Smooth) & (bounces < world.depth)
         cones = guide.cones(si.p, dr.select(dr.dot(si.n, ray.d) < 0, si.n, -si.n))
-        any_cone = mi.Float(0)
-        for _, _, share in cones:
-            any_cone += share
-        # Half of the directions go towards the objects, where there are any over the surface's horizon.
-        guided = dr.select(smooth & (any_cone > 0), 0.5, 0)
+        guided = _guided(cones, smooth)
         for look in range(looks if not light.dark else 0):
             evenly = bounces == 0
             choice, point = rng.next_float32(), two(rng)
             choice, point = dr.select(evenly, even[look][0], choice), dr.select(evenly, even[look][1], point)
             found = light.sample(si.p, choice, point, smooth)
-            wo = si.to_local(found.direction)
             shadow = way_to(si, found.direction, found.distance)
             # What no object hides is the same in both scenes.
             dark = smooth & found.valid & world.objects.ray_test(shadow, active=smooth & found.valid)
-            value, chance = bsdf.eval_pdf(context, si, wo, dark)
+            value, chance = bsdf.eval_pdf(context, si, si.to_local(found.direction), dark)
             dark &= dr.max(value) > 0
             dark &= ~world.local.ray_test(shadow, active=dark)
             other = (1 - guided) * chance + guided * guide.density(cones, found.direction)
             weight = dr.select(found.density > 0, mitigated(looks * found.density, other), 1) / looks
-            lost = mi.Color3f(1)
-            if world.straight:
-                lost = 1 - world.arrives(shadow, mi.UInt32(0), dark)
+            lost = 1 - world.arrives(shadow, mi.UInt32(0), dark) if world.straight else mi.Color3f(1)
             taken += dr.select(dark, throughput * value * found.weight * weight * lost, 0)
         if world.looks_for_objects:
             added_light += throughput * from_objects(
@@ -83,8 +73,8 @@ def changed(
             taken += throughput * hidden_real(world, si, bsdf, context, rng, smooth, guide, cones, guided)
         if world.landed_added is not None:
             unseen = smooth & (bounces > 0) & ~first_scatters
-            added_light += dr.select(unseen, throughput * reflected(world.landed_added, context, bsdf, si, unseen), 0)
-            taken += dr.select(unseen, throughput * reflected(world.landed_taken, context, bsdf, si, unseen), 0)
+            added_light += throughput * reflected(world.landed_added, context, bsdf, si, unseen)
+            taken += throughput * reflected(world.landed_taken, context, bsdf, si, unseen)
         # A direction by the surface's reflectance or towards an object.
         towards = active & (rng.next_float32() < guided)
         sample, mirrored = bsdf.sample(context, si, rng.next_float32(), two(rng), active & ~towards)
@@ -96,8 +86,7 @@ def changed(
         weight = dr.select(delta, mirrored / dr.maximum(1 - guided, 1e-6), dr.select(density > 0, value / density, 0))
         density = dr.select(delta, 0, density)
         first_scatters = dr.select(active & (bounces == 0), ~delta, first_scatters)
-        if world.smooth and world.mirrors:
-            sent_on = active & delta & first_scatters & world.sends(si)
+        sent_on = active & delta & first_scatters & world.sends(si) & (world.smooth and world.mirrors)
         throughput = dr.select(active, throughput * weight, throughput)
         if world.dispersion is not None:
             bent, whole = world.dispersion.met(si, sample, own, active & ~towards & (hue < 0))
@@ -128,3 +117,11 @@ def changed(
         active &= survives
     way = (parted, weight_parted, density_parted, bounces_parted, first_scatters, hue_parted, sent_parted)
     return (added_light, taken), way, (added_parted, real_parted)
+
+
+def _guided(cones: Any, active: Any) -> Any:
+    """Half of the directions go towards the objects, where there are any over the surface's horizon."""
+    any_cone = mi.Float(0)
+    for _, _, share in cones:
+        any_cone += share
+    return dr.select(active & (any_cone > 0), 0.5, 0)

@@ -45,20 +45,16 @@ def followed(
     before, spread, dispersed = mi.Color3f(0), mi.Color3f(1), mi.Bool(False)
     # Whether the light that `caustics` follows from the lamps would be counted twice.
     scattered_first, on_surface, sent_on = mi.Bool(parted), mi.Bool(True), mi.Bool(sent)
-    landed = world.landed if objects else world.landed_without
     # Whether lamps were looked for where a medium scattered the light, and then the direction's density for the map's.
     looked, turned = mi.Bool(False), mi.Float(0)
     # Whether kept light was counted, for all that follows in a body or for what is bent; the surface met last.
     known, gathered, last_sent = mi.Bool(False), mi.Bool(False), mi.Bool(False)
     entry, facing = mi.Point3f(0), mi.Normal3f(0, 1, 0)
-    context = mi.BSDFContext()
-    result = mi.Color3f(0)
-    inside = mi.UInt32(world.outside)
-    ray = mi.Ray3f(ray)
+    context, result = mi.BSDFContext(), mi.Color3f(0)
+    inside, ray = mi.UInt32(world.outside), mi.Ray3f(ray)
     # Where the ray's direction was drawn, as far before as surfaces were crossed that do not bend it.
     begun, gone = mi.Point3f(ray.o), mi.Float(0)
-    walked = mi.UInt32(0)
-    rng = numbers.stream
+    walked, rng = mi.UInt32(0), numbers.stream
     even_choice, even_point = numbers.towards_light(0, 1)
     while active:
         scattered = mi.Bool(False)
@@ -83,6 +79,7 @@ def followed(
         smooth = bent & mi.has_flag(bsdf.flags(), mi.BSDFFlags.Smooth) & (bounces < world.depth)
         first = (even_choice, even_point, bounces == 0)
         found = _from_lamps(world, si, bsdf, context, rng, first, smooth, ray, inside, objects)
+        landed = world.landed if objects else world.landed_without
         if landed is not None:
             unseen = smooth & (((bounces > 0) & ~scattered_first) | ~on_surface)
             found += dr.select(unseen, reflected(landed, context, bsdf, si, unseen), 0)
