@@ -48,7 +48,7 @@ class Estimator(Tracing):
         # Where there are holes, what is followed from the light could not be seen through them.
         caught = bool(spheres) and not light.even and not pierced
         if pierced:
-            warn_of_holes(scene)
+            warn_of_holes(scene, len(spheres))
         world = World(
             local, objects, light,
             Media(objects.shapes_dr(), media, straight) if any(m is not None for m in media) else None,

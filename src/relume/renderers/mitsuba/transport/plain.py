@@ -40,7 +40,7 @@ class Plain(Tracing):
         pierced = any(is_pierced(material) for material in materials)
         caught = bool(spheres) and not light.even and not pierced
         if pierced:
-            warn_of_holes(scene)
+            warn_of_holes(scene, len(spheres))
         filled = scene.medium is not None or any(medium is not None for medium in media)
         # An infinite distant scene has no walls for its fog to end at, and neither has a dark one.
         walls = light.map is not None and not isinstance(scene.distant, Infinite)
