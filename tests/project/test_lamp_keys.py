@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from pathlib import Path
+from typing import Literal
 
 import numpy as np
 import pytest
@@ -71,12 +72,12 @@ def test_a_rectangle_that_moves_still_faces_what_it_looks_at(tmp_path):
     assert (there.position, there.towards, there.size) == ((4, 2, 0), (-4, -2, 0), (1, 3))
     keys = "keyframes = [{ frame = 1, look_at = [0, 0, 0] }, { frame = 5, look_at = [4, 2, 0] }]\n"
     assert lamp_at(scene_of(tmp_path, SCENE % "" + flat + keys), 3) == RectangleLight(
-        (0, 2, 0), (2, -1, 0), (1, 1), (1.0,) * 3
+        (0, 2, 0), (2, -1, 0), (1, 1), (1.0, 1.0, 1.0)
     )
 
 
 @pytest.mark.parametrize("renderer", ["whitted", "mitsuba"])
-def test_the_floor_shines_by_the_lamp_of_its_frame(tmp_path, renderer: str):
+def test_the_floor_shines_by_the_lamp_of_its_frame(tmp_path, renderer: Literal["whitted", "mitsuba"]):
     """L = ρ / π · I / d²: 2 at one metre, 8 at three."""
     found = scene_of(tmp_path, POINT % "" + KEYS % "exposure = 2")
     for frame, expected in ((1, 1 / np.pi), (5, 4 / 9 / np.pi)):

@@ -12,6 +12,7 @@ from relume.errors import DoubtWarning, UnsupportedScene
 from relume.renderers.environment_probe import environment
 from relume.renderers.mitsuba.enclosing import surrounds
 from relume.scene.lights import DistantLight, PointLight, RectangleLight, SphereLight
+from relume.scene.materials.checks import triple
 from relume.scene.materials.media import Medium
 from relume.scene.materials.presets import material_preset
 from relume.scene.shapes.shapes import Sphere
@@ -93,7 +94,7 @@ def test_glass_beside_holes_under_a_point_of_light_is_warned_of():
         (PointLight((0, 2.0, 0), (1, 2, 3)), np.array([1, 2, 3]) / 4),
         (DistantLight((0, 1.0, 0), (1, 2, 3)), np.array([1, 2, 3])),
         # Found by chance, and not once more by looking for it.
-        (SphereLight((0, 2.0, 0), 0.6, (1 / 0.09 / np.pi,) * 3), np.ones(3)),
+        (SphereLight((0, 2.0, 0), 0.6, triple(np.full(3, 1 / 0.09 / np.pi))), np.ones(3)),
     ],
     ids=["point", "sun", "sphere"],
 )
@@ -104,9 +105,9 @@ def test_light_of_lamps_goes_through_holes_as_far_as_they_are_open(lamp, direct:
 
     def leaf(height: float, alpha: object) -> rl.Mesh:
         black = rl.Material((0, 0, 0), specular=0.0, alpha=alpha, name="leaf")  # pyright: ignore[reportArgumentType]
-        return rl.Mesh(over * 0.4 + np.float32([0, height, 0]), faces, black, uv=uv, name="leaf")
+        return rl.Mesh(over * 0.4 + np.array([0, height, 0], np.float32), faces, black, uv=uv, name="leaf")
 
-    floor = rl.Plane(rl.Diffuse((0.5,) * 3), (4.0, 4.0))
+    floor = rl.Plane(GREY, (4.0, 4.0))
     camera = rl.Camera.looking_at(np.array([1.5, 0.5, 0.0]), np.zeros(3), width=2, height=2, focal_length=400.0)
     for leaves, share in (
         ((leaf(0.6, 0.75), leaf(0.8, 0.5)), 1 / 8),
@@ -131,8 +132,13 @@ def test_a_sun_in_fog_goes_through_holes():
         black = rl.Material((0, 0, 0), specular=0.0, alpha=alpha, name="leaf")
         leaf = rl.Mesh(corners, np.array([[0, 1, 2], [0, 2, 3]], np.int32), black, name="leaf")
         # All fog that is seen lies below the leaf.
-        wall = rl.Mesh(corners[:, [0, 2, 1]] - np.float32([0, 0, 4]), leaf.faces, rl.Diffuse((0.0,) * 3), name="wall")
-        return rl.Scene(DARK, (wall,), (leaf,), (sun,), medium=Medium((0, 0, 0), (0.01,) * 3))
+        wall = rl.Mesh(
+            corners[:, [0, 2, 1]] - np.array([0, 0, 4], np.float32),
+            leaf.faces,
+            rl.Diffuse((0.0, 0.0, 0.0)),
+            name="wall",
+        )
+        return rl.Scene(DARK, (wall,), (leaf,), (sun,), medium=Medium((0, 0, 0), (0.01, 0.01, 0.01)))
 
     half, open_ = (rl.Mitsuba(samples=2048).render(scene(a), camera).radiance.mean() for a in (0.5, 1e-4))
     assert half == pytest.approx(open_ / 2, rel=0.03)

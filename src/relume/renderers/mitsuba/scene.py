@@ -110,11 +110,12 @@ def warn_of_holes(scene: Scene, senders: int) -> None:
 
     senders : shapes that send light on in one direction, which one with holes does too, straight on
     """
-    pierced = [shape.material for shape in (*scene.local, *scene.objects) if is_pierced(shape.material)]
+    materials = [shape.material for shape in (*scene.local, *scene.objects)]
+    pierced = [each for each in materials if isinstance(each, Material) and is_pierced(each)]
     bends = senders > len(pierced) or any(np.any(each.through) or np.any(each.metallic) for each in pierced)
     if pierced and bends and any(isinstance(light, PointLight | DistantLight) for light in scene.lights):
         warn(
-            f"material {getattr(pierced[0], 'name', '')!r} has holes: beside them light of points and suns does "
+            f"material {pierced[0].name!r} has holes: beside them light of points and suns does "
             "not go through glass and off mirrors; that of lamps with a size (spheres, rectangles) does"
         )
 
