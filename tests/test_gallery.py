@@ -49,3 +49,9 @@ def test_a_clipped_kitchen_has_lost_its_lamp_and_some_of_its_window():
     assert 0.6 < lost[2] < 0.95 and lost[0] > lost[2] - 0.1
     assert light.radiance.max() == pytest.approx(1000.0)
     assert len(debevec.shapes(debevec.MATERIALS["diffuse gray"])) == 13
+
+
+def test_the_sun_is_yellow_in_photo_ycc_for_each_byte_ends_at_a_bound_of_its_own():
+    larson = script("larson_out_of_gamut")
+    sun = larson.photo_ycc(np.array([[[9000.0, 8280.0, 7200.0]]]))[0, 0]
+    np.testing.assert_allclose(sun, [5.521, 1.528, 0.0004], atol=1e-3)

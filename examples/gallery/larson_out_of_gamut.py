@@ -5,6 +5,7 @@ python examples/gallery/larson_out_of_gamut.py OUT.png PICTURE.exr
 
 (a) the picture in PhotoYCC ("up to 200 % reflectance"), shown linearly. (b) Where that coding is wrong: red where it is
 too bright or too dim, so that luminance is off by more than 5 %; green where the colour is, by more than 0.005 of u′v′.
+The sun, a few pixels of the light map, is yellow in it: each of the three bytes is cut at a bound of its own.
 (c) PhotoYCC and (d) 32-bit LogLuv, both by the same histogram adjustment (Larson, Rushmeier & Piatko 1997). Without a
 picture a street of our own is rendered, with the sun in it, deep shade and strong paints; a prism's spectrum lies on
 its wall, whose colours no screen has.

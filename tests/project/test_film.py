@@ -145,11 +145,15 @@ def test_the_example_is_a_film_of_ten_seconds():
     ("text", "line"),
     [
         (FILM.replace("scene =", "scnee ="), "scnee: unknown key; did you mean scene?"),
-        (FILM + 'movie = "film.avi"\n', "output: movie is 'film.avi'; give a name that ends in .mp4"),
+        (FILM + 'movie = "film.avi"\n', "output.movie: is 'film.avi'; give a name that ends in .mp4"),
         (FILM + '[develop]\nglaer = { kind = "eye" }\n', "develop.glaer: unknown key; did you mean glare?"),
         (FILM + '[develop]\nglare = { kind = "nose" }\n', "develop.glare.kind: got 'nose'; expected one of"),
-        (FILM + '[sequence]\nframes = "9-1"\n', "sequence: '9-1' has no frames"),
-        (FILM + "[sequence]\nshutter = [1, 0]\n", "shutter is [1.0, 0.0]; expected shares"),
+        (FILM + '[sequence]\nframes = "9-1"\n', "sequence.frames: '9-1' has no frames"),
+        (FILM + "[sequence]\nshutter = [1, 0]\n", "sequence: shutter is [1.0, 0.0]; expected shares"),
+        (FILM + "[sequence]\nframes = [-1]\n", "sequence.frames: 1 frames; give 1 to"),
+        ('light = "none.exr"\n' + FILM, "light: "),
+        (FILM.replace("scene =", "title ="), "scene: missing; the film file must have it"),
+        ('scene = "none.toml"\n', "scene: "),
     ],
 )
 def test_a_fault_is_one_line_with_its_key(made, text, line):

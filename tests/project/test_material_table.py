@@ -7,6 +7,7 @@ from pydantic import ValidationError
 from measured_tables import write_merl
 from relume.errors import UnreadableFile
 from relume.project.mesh_tables import MaterialTable
+from relume.project.shot_file.local_table import LocalTable
 from relume.scene.materials.glasses import GLASSES, Cauchy, Sellmeier
 from relume.scene.materials.materials import Diffuse, Material, Ward
 from relume.scene.materials.measured import MeasuredBRDF
@@ -125,3 +126,14 @@ def test_a_measured_surface_takes_the_place_of_the_meshs_own(tmp_path):
 def test_scratches_are_turned_by_degrees():
     made = MaterialTable(preset="brushed_steel", crossed=0.4, rotation=30.0, crossing=60.0).apply(TIN)
     assert (made.crossed, made.rotation, made.crossing) == pytest.approx((0.4, np.pi / 6, np.pi / 3))
+
+
+def test_one_number_is_grey_in_shots_too():
+    milk = MaterialTable.model_validate({"preset": "milk", "scattering_distance": 0.01, "scattering_albedo": 0.5})
+    assert milk.scattering_distance == (0.01,) * 3 and milk.scattering_albedo == (0.5,) * 3
+    table = LocalTable.model_validate({"shape": "plane", "size": [1, 1], "reflectance": 0.3})
+    assert table.reflectance == (0.3, 0.3, 0.3)
+    assert LocalTable.model_validate({"shape": "plane", "size": [1, 1]}).reflectance == "recover"
+    for wrong in (1.5, True, "recovered"):
+        with pytest.raises(ValidationError):
+            LocalTable.model_validate({"shape": "plane", "size": [1, 1], "reflectance": wrong})

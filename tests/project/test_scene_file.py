@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+import warnings
 from pathlib import Path
 
 import numpy as np
@@ -65,6 +66,46 @@ def reflective_of(folder: Path, material: str) -> Reflective:
 
 
 # What is read
+
+
+@pytest.mark.parametrize(
+    ("table", "key", "value"),
+    [
+        ("kind = 'ward'\nalpha_x = 0.1\nalpha_y = 0.2\nreflectance = 0.4\ndiffuse = 0.1", "reflectance", 0.4),
+        ("kind = 'ward'\nalpha_x = 0.1\nalpha_y = 0.2\nreflectance = 0.4\ndiffuse = 0.1", "diffuse", 0.1),
+        ("kind = 'pbr'\nemission = 3", "emission", 3.0),
+        ("kind = 'pbr'\nbase_color = 0.25", "base_color", 0.25),
+        ("kind = 'pbr'\nsheen_color = 1", "sheen_color", 1.0),
+        ("kind = 'pbr'\nspecular_color = 0.5", "specular_color", 0.5),
+        ("kind = 'pbr'\ntransmission = 1\nscattering_distance = 0.01", "scattering_distance", 0.01),
+        ("kind = 'pbr'\ntransmission = 1\nscattering_distance = 1\nscattering_albedo = 0.5", "scattering_albedo", 0.5),
+        (
+            "kind = 'pbr'\ntransmission = 1\nattenuation_distance = 1\nattenuation_color = 0.5",
+            "attenuation_color",
+            0.5,
+        ),
+        ("kind = 'whitted'\nspecular = 0.5", "specular", 0.5),
+    ],
+)
+def test_one_number_is_grey_wherever_a_colour_is(folder: Path, table: str, key: str, value: float) -> None:
+    assert getattr(ball_of(folder, table), key) == (value, value, value)
+
+
+@pytest.mark.parametrize("kind", ["mirror", "retroreflector", "glass"])
+def test_one_number_is_grey_in_reflection_maps_too(folder: Path, kind: str) -> None:
+    grey, colour = (reflective_of(folder, f"kind = '{kind}'\ncolour = {value}") for value in ("0.5", "[0.5, 0.5, 0.5]"))
+    assert [layer.colour for layer in grey.layers] == [layer.colour for layer in colour.layers]
+    assert (0.25,) * 3 in [layer.colour for layer in reflective_of(folder, "kind = 'glossy'\ndiffuse = 0.25").layers]
+
+
+def test_a_glass_that_lets_no_light_through_is_noted(folder: Path) -> None:
+    said = r"materials\.ball: has glass but no transmission, so that it looks like white plastic"
+    with pytest.warns(UserWarning, match=said):
+        ball_of(folder, "kind = 'pbr'\nglass = 'N-BK7'")
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        for table in ("glass = 'N-BK7'\ntransmission = 1", "preset = 'glass'\nglass = 'N-BK7'", "ior = 1.5"):
+            ball_of(folder, f"kind = 'pbr'\n{table}")
 
 
 def test_the_example_in_the_docs_is_a_scene_file(folder: Path) -> None:
@@ -363,7 +404,7 @@ def test_a_fault_is_one_line_with_its_key(folder: Path, text: str, line: str) ->
         ),
         ("kind = 'mirror'\ncolor = [1, 1, 1]", ".color: unknown key; did you mean colour?"),
         ("kind = 'mirror'\nior = 1.5", ".ior: unknown key; remove it or see the docs"),
-        ("kind = 'mirror'\ncolour = 1", ".colour: input should be a list of numbers (got 1)"),
+        ("kind = 'mirror'\ncolour = true", ".colour: input should be a list of numbers (got True)"),
         ("kind = 'mirror'\ncolour = [-1, 0, 0]", ": colour of a layer has shape (3,); expected three numbers of 0 or"),
         ("kind = 'glossy'\ndiffuse = 'none.png'", ".diffuse: {folder}/none.png: "),
         ("kind = 'glossy'\ndiffuse = [1, 2]", ".diffuse: too few numbers (got [1, 2])"),
@@ -385,6 +426,11 @@ def test_a_fault_is_one_line_with_its_key(folder: Path, text: str, line: str) ->
         ("kind = 'retroreflector'\nlobe = { kind = 'ggx', alpha = 1 }", ".lobe.kind: got 'ggx'; expected one of phong"),
         ("kind = 'glass'\nior = 0", ": index of refraction is 0.0; expected above 0"),
         ("kind = 'diffuse'", ".reflectance: missing; the scene file must have it"),
+        (
+            "kind = 'diffuse'\ncolour = 0.5",
+            ".reflectance: missing; the scene file must have it; materials.ball.colour: unknown key; remove it or see",
+        ),
+        ("kind = 'ward'\nroughness = 0.1", ".reflectance: missing; the scene file must have it; materials.ball.rough"),
         ("kind = 'diffuse'\nreflectance = [2, 0, 0]", ": reflectance is [2.0, 0.0, 0.0]; expected three numbers from"),
         ("kind = 'pbr'\npreset = 'gould'", ".preset: no preset 'gould'; the presets are "),
         ("kind = 'pbr'\nalpha_x = 0.1", ": alpha_x: a glTF material has none; it has "),

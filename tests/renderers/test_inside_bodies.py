@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import warnings
+
 import numpy as np
 import pytest
 
@@ -10,6 +12,7 @@ from relume.errors import DoubtWarning, UnsupportedScene
 from relume.renderers.environment_probe import environment
 from relume.renderers.mitsuba.enclosing import surrounds
 from relume.scene.lights import DistantLight, PointLight, RectangleLight, SphereLight
+from relume.scene.materials.checks import triple
 from relume.scene.materials.media import Medium
 from relume.scene.materials.presets import material_preset
 from relume.scene.shapes.shapes import Sphere
@@ -74,11 +77,71 @@ def test_an_environment_of_lamps_without_a_size_in_fog_is_refused(lamp):
         environment(scene, (0.0, 1.0, 0.0), rl.Mitsuba(samples=2), size=4)
 
 
-def test_holes_under_a_point_of_light_are_warned_of():
+def test_glass_beside_holes_under_a_point_of_light_is_warned_of():
     leaf = rl.Mesh(CORNERS[:4], FACES[:2], rl.Material(alpha=0.5, name="leaf"), name="leaf")
-    scene = rl.Scene(DARK, (rl.Plane(GREY, (4.0, 4.0), -2.0),), (leaf,), (PointLight((0, 3.0, 0), (1, 1, 1)),))
-    with pytest.warns(DoubtWarning, match="material 'leaf' has holes: light of points and suns does not go through"):
-        rl.Mitsuba(samples=2).render(scene, CAMERA)
+    glass = Sphere((0.0, 1.0, 0.0), 0.3, rl.Material(transmission=1.0, roughness=0.0))
+    floor, lamp = rl.Plane(GREY, (4.0, 4.0), -2.0), PointLight((0, 3.0, 0), (1, 1, 1))
+    with pytest.warns(DoubtWarning, match="material 'leaf' has holes: beside them light of points and suns does not"):
+        rl.Mitsuba(samples=2).render(rl.Scene(DARK, (floor,), (leaf, glass), (lamp,)), CAMERA)
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        rl.Mitsuba(samples=2).render(rl.Scene(DARK, (floor,), (leaf,), (lamp,)), CAMERA)
+
+
+@pytest.mark.parametrize(
+    ("lamp", "direct"),
+    [
+        (PointLight((0, 2.0, 0), (1, 2, 3)), np.array([1, 2, 3]) / 4),
+        (DistantLight((0, 1.0, 0), (1, 2, 3)), np.array([1, 2, 3])),
+        # Found by chance, and not once more by looking for it.
+        (SphereLight((0, 2.0, 0), 0.6, triple(np.full(3, 1 / 0.09 / np.pi))), np.ones(3)),
+    ],
+    ids=["point", "sun", "sphere"],
+)
+def test_light_of_lamps_goes_through_holes_as_far_as_they_are_open(lamp, direct: np.ndarray):
+    """Black leaves at 0.75 and 0.5 of alpha, one over the other, let an eighth through; a hole lets all through."""
+    over = np.array([[-1, 0, 1], [1, 0, 1], [1, 0, -1], [-1, 0, -1]], np.float32)
+    faces, uv = np.array([[0, 1, 2], [0, 2, 3]], np.int32), np.array([[0, 0], [1, 0], [1, 1], [0, 1]], np.float32)
+
+    def leaf(height: float, alpha: object) -> rl.Mesh:
+        black = rl.Material((0, 0, 0), specular=0.0, alpha=alpha, name="leaf")  # pyright: ignore[reportArgumentType]
+        return rl.Mesh(over * 0.4 + np.array([0, height, 0], np.float32), faces, black, uv=uv, name="leaf")
+
+    floor = rl.Plane(GREY, (4.0, 4.0))
+    camera = rl.Camera.looking_at(np.array([1.5, 0.5, 0.0]), np.zeros(3), width=2, height=2, focal_length=400.0)
+    for leaves, share in (
+        ((leaf(0.6, 0.75), leaf(0.8, 0.5)), 1 / 8),
+        ((leaf(0.6, np.zeros((2, 2), np.float32)),), 1.0),
+    ):
+        scene = rl.Scene(DARK, (floor,), leaves, (lamp,))
+        expected = share * 0.5 / np.pi * direct
+        shown = rl.Mitsuba(samples=4096).render(scene, camera).radiance.mean((0, 1))
+        np.testing.assert_allclose(shown, expected, rtol=0.2 if isinstance(lamp, SphereLight) else 2e-3)
+        if not isinstance(lamp, SphereLight):
+            taken = rl.Differential(samples=64).change(scene, camera).difference.mean((0, 1))
+            np.testing.assert_allclose(taken, expected - 0.5 / np.pi * direct, rtol=5e-3, atol=1e-6)
+
+
+def test_a_sun_in_fog_goes_through_holes():
+    """A black leaf of ½ above all fog that is seen halves what it scatters."""
+    corners = np.array([[-9, 1, 9], [9, 1, 9], [9, 1, -9], [-9, 1, -9]], np.float32)
+    sun = DistantLight((0, 1.0, 0), (1, 1, 1))
+    camera = rl.Camera.looking_at(np.array([0, 0.5, 2.0]), np.array([0, 0.5, 0]), width=2, height=2, focal_length=40.0)
+
+    def scene(alpha: float) -> rl.Scene:
+        black = rl.Material((0, 0, 0), specular=0.0, alpha=alpha, name="leaf")
+        leaf = rl.Mesh(corners, np.array([[0, 1, 2], [0, 2, 3]], np.int32), black, name="leaf")
+        # All fog that is seen lies below the leaf.
+        wall = rl.Mesh(
+            corners[:, [0, 2, 1]] - np.array([0, 0, 4], np.float32),
+            leaf.faces,
+            rl.Diffuse((0.0, 0.0, 0.0)),
+            name="wall",
+        )
+        return rl.Scene(DARK, (wall,), (leaf,), (sun,), medium=Medium((0, 0, 0), (0.01, 0.01, 0.01)))
+
+    half, open_ = (rl.Mitsuba(samples=2048).render(scene(a), camera).radiance.mean() for a in (0.5, 1e-4))
+    assert half == pytest.approx(open_ / 2, rel=0.03)
 
 
 @pytest.mark.parametrize("lights", [(), (DistantLight((0, 1.0, 0), (1, 1, 1)),)], ids=["map", "sun"])

@@ -139,8 +139,10 @@ DARK_FLOOR = Plane(DARK, (6.0, 6.0), height=-1.0)
 @pytest.mark.parametrize(
     ("grounds", "others"),
     [
-        pytest.param((Sphere((3.0, -1.0, 0.0), 0.45, DARK),), (), id="nothing behind"),
-        pytest.param((DARK_FLOOR, Sphere((2.0, -0.9, 0.0), 0.01, DARK)), (), id="a black bead elsewhere"),
+        pytest.param((Sphere((3.0, -1.0, 0.0), 0.45, DARK),), (), id="nothing behind", marks=pytest.mark.slow),
+        pytest.param(
+            (DARK_FLOOR, Sphere((2.0, -0.9, 0.0), 0.01, DARK)), (), id="a black bead elsewhere", marks=pytest.mark.slow
+        ),
         pytest.param((DARK_FLOOR,), (Sphere((2.0, -0.9, 0.0), 0.01, GLASS),), id="a glass bead elsewhere"),
     ],
 )

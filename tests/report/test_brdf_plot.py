@@ -77,7 +77,10 @@ def test_highlights_are_drawn_by_the_cube_root():
 @pytest.mark.slow
 def test_a_plot_is_a_picture_of_the_same_bytes(tmp_path):
     for name in ("one.png", "two.png"):
-        draw_brdf(Material((0.5, 0.2, 0.1), roughness=0.3), tmp_path / name, title="brick", samples=2)
+        told: list[float] = []
+        brick = Material((0.5, 0.2, 0.1), roughness=0.3)
+        draw_brdf(brick, tmp_path / name, title="brick", samples=2, progress=told.append)
+        assert told == sorted(told) and len(told) >= 3 and told[-1] == 1
     assert (tmp_path / "one.png").read_bytes() == (tmp_path / "two.png").read_bytes()
     pixels = read_photograph(tmp_path / "one.png").pixels
     assert pixels.shape[1] == 1300

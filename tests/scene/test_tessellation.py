@@ -7,11 +7,12 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from relume.renderers.raytrace.lamps import painted
 from relume.renderers.raytrace.raycast import RayCaster
 from relume.renderers.raytrace.surface import Surfaces
 from relume.scene.materials.materials import Diffuse
-from relume.scene.shapes.shapes import Mesh, Patches, Polygon, read_patches
-from relume.scene.shapes.tessellation import tessellated, triangles_of, triangulated
+from relume.scene.shapes.shapes import Mesh, Patches, Polygon, Sphere, read_patches
+from relume.scene.shapes.tessellation import as_mesh, tessellated, triangles_of, triangulated
 
 GREY = Diffuse((0.5, 0.5, 0.5))
 ARC = 4 / 3 * (np.sqrt(2) - 1)
@@ -167,3 +168,41 @@ def test_a_polygon_in_space_keeps_its_side_and_has_the_texture_coordinates_that_
     assert np.all(hits.shape == 0)
     np.testing.assert_allclose(seen.uv, mesh.uv[mesh.faces].mean(axis=1), atol=1e-6)
     np.testing.assert_allclose(seen.geometric_normal, np.broadcast_to(away, middles.shape), atol=1e-9)
+
+
+@pytest.mark.parametrize(("quartered", "allowed"), [(2, 0.02), (4, 6e-3)])
+def test_an_image_goes_round_a_ball_without_a_seam(quartered: int, allowed: float):
+    """Inside every triangle the interpolated coordinates are those of the place, also where u ends and at the poles."""
+    ball = as_mesh(Sphere((1, 2, 3), 0.5, Diffuse(np.ones((4, 8, 3)))), quartered)
+    assert ball.uv is not None and ball.normals is not None
+    for weights in ([0.98, 0.01, 0.01], [0.01, 0.98, 0.01], [0.01, 0.01, 0.98], [0.5, 0.25, 0.25], [0.1, 0.5, 0.4]):
+        place = np.einsum("k,fkc->fc", weights, ball.vertices[ball.faces].astype(np.float64)) - [1, 2, 3]
+        x, y, z = (place / np.linalg.norm(place, axis=1, keepdims=True)).T
+        u, v = np.einsum("k,fkc->fc", weights, ball.uv[ball.faces].astype(np.float64)).T
+        off = (u - 0.5 - np.arctan2(x, -z) / (2 * np.pi) + 0.5) % 1 - 0.5
+        assert np.abs(off * np.hypot(x, z)).max() < allowed
+        assert np.abs(v - 0.5 - np.arcsin(y) / np.pi).max() < allowed
+    # New vertices lie where the old ones do, and stand behind them.
+    plain = as_mesh(Sphere((1, 2, 3), 0.5, GREY), quartered)
+    assert plain.normals is not None and plain.uv is not None and len(plain.vertices) == 10 * 4**quartered + 2
+    np.testing.assert_array_equal(ball.vertices[: len(plain.vertices)], plain.vertices)
+    np.testing.assert_array_equal(ball.uv[: len(plain.uv)], plain.uv)
+    np.testing.assert_array_equal(ball.vertices[ball.faces], plain.vertices[plain.faces])
+    np.testing.assert_array_equal(ball.normals[ball.faces], plain.normals[plain.faces])
+
+
+def test_an_image_is_the_same_on_both_sides_of_a_seam():
+    """Looked up by rays from either side, a ball of triangles shows what the true ball shows: no third colour."""
+    rows = np.zeros((16, 32, 3))
+    rows[..., 0] = np.linspace(0.2, 0.8, 16)[:, None]
+    rows[:, 10:22, 2] = 1.0  # in front, far from the seam at +Z
+    sphere = Sphere((0, 0, 0), 1.0, Diffuse(rows))
+    way = np.array([[x, y, -1.0] for x in (-0.05, -0.01, 0.01, 0.05) for y in (-0.8, 0, 0.8)])
+    directions = way / np.linalg.norm(way, axis=1, keepdims=True)
+    shown = []
+    for shape in (as_mesh(sphere), sphere):
+        hits = RayCaster.of((shape,)).nearest(-3 * directions, directions)
+        at = Surfaces.of((shape,)).at(-3 * directions, directions, hits)
+        shown.append(painted(rows)(at.uv))
+    assert np.all(shown[0][:, 2] == 0)
+    np.testing.assert_allclose(shown[0], shown[1], atol=0.01)

@@ -18,6 +18,7 @@ from relume.sphere.mappings.discs import Angular, Fisheye, Hemispheres, MirrorBa
 from relume.sphere.mappings.kernels import solid_angle
 from relume.sphere.mappings.layouts import layout
 from relume.sphere.mappings.mapping import LatLong, pixel_directions, pixel_points
+from relume.sphere.mappings.perspective import perspective_view
 from relume.sphere.mappings.squares import Octahedral
 from relume.sphere.resampling import splatting as pushing
 
@@ -370,3 +371,33 @@ def test_real_maps_at_512_rows_keep_total_moment_and_irradiance_to_a_thousandth(
                 assert moved[0] == pytest.approx(total, rel=1e-5)
                 assert np.linalg.norm(moved[1] - moments) < 1e-3 * total
                 assert np.abs(moved[2] - irradiance).max() < 1e-3 * irradiance.max()
+
+
+@pytest.mark.filterwarnings("error")
+@pytest.mark.parametrize("left", [np.nan, 3e38, 0.0])
+def test_what_memory_held_before_changes_no_view(monkeypatch, left: float):
+    """Suns behind the camera and beside it fall on no plane of a view: no number is made of them, and no pixel."""
+    light = of_directions(lambda towards: 1.0 + 0.0 * towards[..., 0])
+    for row, column in ((30, 62), (30, 1), (3, 20), (32, 80), (60, 100)):
+        light.radiance[row, column] = 1e5
+    expected = perspective_view(light, np.eye(3), np.radians(50), (60, 40)).radiance
+    empty = np.empty
+
+    def filled(shape, dtype=float, **more):
+        made = empty(shape, dtype, **more)
+        made.fill(left if np.issubdtype(made.dtype, np.floating) else 0)
+        return made
+
+    monkeypatch.setattr(np, "empty", filled)
+    np.testing.assert_array_equal(perspective_view(light, np.eye(3), np.radians(50), (60, 40)).radiance, expected)
+
+
+def test_pixels_without_a_solid_angle_still_have_a_middle():
+    """A pixel of which only the very rim of a whole ball's disc is seen: 0 / 0 was no place at all."""
+    planes = layout(Angular(), 64).planes
+    rim = np.array([[31, 63], [63, 32], [0, 31], [54, 54], [55, 54], [63, 63], [0, 0]])
+    for middle in pushing._middles(planes, rim):
+        assert np.all(np.isfinite(middle))
+    flat = planes._replace(across=np.float32(0))  # sin(0 r) is 0 everywhere
+    for middle in pushing._middles(flat, rim):
+        assert np.all(np.abs(middle) <= 1)

@@ -9,7 +9,8 @@ from typing import Annotated, Any, Self, TypeVar
 import numpy as np
 from pydantic import Field, field_validator, model_validator
 
-from relume.project.schema import Positive, Share, Table, Vector
+from relume.errors import warn
+from relume.project.schema import ForGrey, Positive, Share, ShareColour, Table, Vector
 from relume.scene.materials.abc_facets import ABCFacets
 from relume.scene.materials.checks import triple
 from relume.scene.materials.glasses import Cauchy, Sellmeier, glass_named
@@ -22,9 +23,7 @@ from relume.sphere.directions import rotation_about
 
 MeshOrPatches = TypeVar("MeshOrPatches", Mesh, Patches)
 NotNegative = Annotated[float, Field(ge=0)]
-Light = tuple[NotNegative, NotNegative, NotNegative]
-ShareColour = tuple[Share, Share, Share]
-
+Light = Annotated[tuple[NotNegative, NotNegative, NotNegative], ForGrey]
 
 BY_WAVELENGTH = ("glass", "sellmeier", "cauchy", "metal")
 
@@ -75,7 +74,7 @@ class MaterialTable(Table):
     attenuation_color: ShareColour | None = None
     attenuation_distance: Positive | None = None
     dispersion: NotNegative | None = None
-    scattering_distance: tuple[Positive, Positive, Positive] | None = None
+    scattering_distance: Annotated[tuple[Positive, Positive, Positive], ForGrey] | None = None
     scattering_albedo: ShareColour | None = None
     scattering_anisotropy: Annotated[float, Field(gt=-1, lt=1)] | None = None
     reflectance: ShareColour | None = None
@@ -175,6 +174,14 @@ class MaterialTable(Table):
             if angle in changes:
                 changes[angle] = float(np.radians(changes[angle]))
         return replace(own, **changes)
+
+
+def warn_of_white_glass(table: MaterialTable, material: Any, place: str) -> None:
+    """A note where a material is given the index of a glass, and yet lets no light through."""
+    glassy = any(each is not None for each in (table.glass, table.sellmeier, table.cauchy))
+    if glassy and isinstance(material, Material) and not np.any(material.transmission):
+        key = next(name for name in BY_WAVELENGTH if getattr(table, name) is not None)
+        warn(f"{place}: has {key} but no transmission, so that it looks like white plastic; give transmission = 1")
 
 
 def scaled(material: Any, scale: float | None) -> Any:

@@ -21,13 +21,17 @@ Channels = Annotated[
     Discriminator(lambda value: "colour" if isinstance(value, list | tuple) else "number"),
 ]
 """A number, or one for each channel."""
-GreyOrColour = Annotated[Vector, BeforeValidator(lambda value: [value] * 3 if _is_number(value) else value)]
+ForGrey = BeforeValidator(lambda value: [value] * 3 if _is_number(value) else value)
+"""Makes three equal numbers of a single one, as all keys of colours do."""
+GreyOrColour = Annotated[Vector, ForGrey]
 """One number for each channel, or a single one for grey."""
+ShareColour = Annotated[tuple[Share, Share, Share], ForGrey]
+"""The same from 0 to 1."""
 Paint = Annotated[
-    Annotated[str, Tag("image")] | Annotated[Vector, Tag("colour")],
+    Annotated[str, Tag("image")] | Annotated[GreyOrColour, Tag("colour")],
     Discriminator(lambda value: "image" if isinstance(value, str) else "colour"),
 ]
-"""An image's path, or a colour."""
+"""An image's path, a colour or a grey."""
 
 
 def _is_number(value: object) -> bool:
@@ -73,9 +77,18 @@ def checked(
 
 def _first_fault(error: ValidationError, model: type[Table], table: dict[str, Any], what: str) -> str:
     faults = error.errors()
+    unknown = [fault for fault in faults if fault["type"] == "extra_forbidden"]
     # A key that is misspelt is missing too; the misspelling is what helps.
-    fault = next((f for f in faults if f["type"] == "extra_forbidden" and _nearest(model, f["loc"])), faults[0])
-    kind, loc, context = fault["type"], fault["loc"], fault.get("ctx", {})
+    fault = next((f for f in unknown if _nearest(model, f["loc"])), faults[0])
+    line = _line(fault, model, table, what)
+    # A key that is missing may stand there under a name that is like none; of one table both are named.
+    beside = [other for other in unknown if fault["type"] == "missing" and other["loc"][:-1] == fault["loc"][:-1]]
+    return "; ".join([line, *(_line(other, model, table, what) for other in beside[:1])])
+
+
+def _line(fault: Any, model: type[Table], table: dict[str, Any], what: str) -> str:
+    """What one fault of pydantic's is, with its key."""
+    kind, loc, context = fault["type"], fault["loc"], fault.get("ctx") or {}
     place = _place(loc, table, with_last=kind == "missing" and isinstance(loc[-1], str))
     if kind == "extra_forbidden":
         near = _nearest(model, loc)

@@ -237,7 +237,7 @@ def render(
         if instead.brdf is not None:
             others = {"--light": light, "--size": size, "--cluster": cluster, "--renderer": renderer, **pictures}
             others |= {"--filter": filter, "--restart": restart or None, "--exposure": exposure or None}
-            return print_facts(output, _plot(instead, scene, out, others | _named(tracing), transport, dry_run))
+            return print_facts(output, _plot(instead, scene, out, others | _named(tracing), transport, dry_run, output))
         instead.check(out, pictures, cluster)
         require_files([each for each in (scene, light, plate) if each is not None])
         # Read what the options name.
@@ -288,7 +288,7 @@ def _named(tracing: TracingOptions) -> dict[str, object]:
 
 def _plot(
     instead: InsteadOptions, scene: Path | None, out: Path, others: dict[str, object], transport: TransportOptions,
-    dry_run: bool,
+    dry_run: bool, output: OutputOptions,
 ) -> dict[str, object]:  # fmt: skip
     material = instead.brdf or ""
     others |= {"--tree": instead.tree, "--environment": instead.environment, "--noise": transport.noise}
@@ -297,7 +297,11 @@ def _plot(
     require_suffix(out, ".png", ".svg")
     require_files([] if scene is None else [scene])
     rays = 64 if transport.samples is None else transport.samples
-    rl.report.draw_brdf(material, out, scene=scene, samples=rays, seed=transport.seed or 0, dry_run=dry_run)
+    with progress(output) as report:
+        rl.report.draw_brdf(
+            material, out, scene=scene, samples=rays, seed=transport.seed or 0, dry_run=dry_run,
+            progress=lambda share: report("rendering", share),
+        )  # fmt: skip
     return {"would write" if dry_run else "written": str(out), "material": material}
 
 

@@ -9,11 +9,13 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Annotated, Any
 
-from pydantic import Field, model_validator
+from pydantic import Field, ValidationError, field_validator
 
 from relume.errors import InvalidScene, InvalidShot
 from relume.project.presets.preset import CameraPreset
 from relume.project.scene_file.camera import LARGEST
+from relume.project.scene_file.images import naming
+from relume.project.scene_file.lights import read_light
 from relume.project.scene_file.scene_file import SceneFile, read_scene
 from relume.project.scene_file.settings import RendererName, RenderSettings
 from relume.project.schema import Positive, Table, checked, read_toml
@@ -29,11 +31,12 @@ class FilmSequence(Table):
     rate: Positive | None = None
     shutter: tuple[float, float] | None = None
 
-    @model_validator(mode="after")
-    def _says_frames(self) -> FilmSequence:
-        if isinstance(self.frames, str):
-            frames_in(self.frames)
-        return self
+    @field_validator("frames")
+    @classmethod
+    def _says_frames(cls, value: str | list[int] | None) -> str | list[int] | None:
+        if isinstance(value, str):
+            frames_in(value)
+        return value
 
 
 class FilmRender(Table):
@@ -63,11 +66,12 @@ class FilmOutput(Table):
     movie: str = "film.mp4"
     sheet: Annotated[int, Field(ge=0, le=100)] = 12
 
-    @model_validator(mode="after")
-    def _is_a_movie(self) -> FilmOutput:
-        if not self.movie.lower().endswith(".mp4") or Path(self.movie).name != self.movie:
-            raise ValueError(f"movie is {self.movie!r}; give a name that ends in .mp4, without a folder")
-        return self
+    @field_validator("movie")
+    @classmethod
+    def _is_a_movie(cls, value: str) -> str:
+        if not value.lower().endswith(".mp4") or Path(value).name != value:
+            raise ValueError(f"is {value!r}; give a name that ends in .mp4, without a folder")
+        return value
 
 
 class FilmTable(Table):
@@ -114,20 +118,35 @@ def read_film(path: str | Path, light: str | Path | None = None, size: tuple[int
     path = Path(path)
     table = checked(FilmTable, read_toml(path, "film file", InvalidScene), path, "film file", InvalidScene)
     folder = path.parent
-    own = None if table.light is None else folder / table.light
-    scene = read_scene(folder / table.scene, own if light is None else light, size or table.render.size)
+    if not (folder / table.scene).is_file():
+        raise InvalidScene(f"{path}: scene: {folder / table.scene} is no file; give the path of a scene file")
+    scene = read_scene(folder / table.scene, size=size or table.render.size)
     if scene.sequence is None:
         raise InvalidScene(f'{folder / table.scene}: sequence: missing; a film needs [sequence] frames = "1-240"')
-    given = {name: getattr(table.sequence, name) for name in table.sequence.model_fields_set}
-    sequence = checked(
-        SequenceTable, {**scene.sequence.table.model_dump(), **given}, path, "film file", InvalidScene
-    )  # fmt: skip
+    if light is not None:
+        scene = scene.under(read_light(Path(light)))
+    elif table.light is not None:
+        with naming(f"{path}: light"):
+            scene = scene.under(read_light(folder / table.light))
+    assert scene.sequence is not None  # another light leaves it
+    sequence = _sequence(table.sequence, scene.sequence.table, path)
     render = table.render.model_dump(exclude={"size"}, exclude_none=True)
     render.setdefault("denoise", table.render.renderer in (None, "mitsuba"))
     scene = replace(scene, sequence=replace(scene.sequence, table=sequence))
     first, camera = scene.at_frame(sequence.frames[0])
     scene = replace(scene, scene=first, camera=camera)
     return FilmFile(scene, RenderSettings(**render), _preset(table.develop, path), table.output, folder)
+
+
+def _sequence(own: FilmSequence, scenes: SequenceTable, path: Path) -> SequenceTable:
+    """The scene file's table with what the film says; raises InvalidScene naming the film's key."""
+    given = {name: getattr(own, name) for name in own.model_fields_set}
+    try:
+        return SequenceTable.model_validate({**scenes.model_dump(), **given})
+    except ValidationError as error:
+        fault = error.errors()[0]
+        keys = ".".join(map(str, ("sequence", *fault["loc"])))
+        raise InvalidScene(f"{path}: {keys}: {fault['msg'].removeprefix('Value error, ')}") from None
 
 
 def _preset(develop: dict[str, Any], path: Path) -> CameraPreset:

@@ -8,8 +8,10 @@ from pathlib import Path
 
 from relume.errors import InvalidShot, UnreadableFile
 from relume.project.keyed_values import BETWEEN, motion_of, placement_at, table_at, values_at
+from relume.project.shot_file.added_lights import AddedLight
 from relume.project.shot_file.sequence_table import SequenceTable
 from relume.project.shot_file.shot import Shot
+from relume.scene.motion.keyframes import Interpolation
 
 
 def frames_of(shot: Shot) -> list[int]:
@@ -79,6 +81,8 @@ def _at(shot: Shot, frame: float, exposed: bool) -> Shot:
     if pose and shot.camera.pose is not None:
         camera["pose"] = shot.camera.pose.model_dump() | pose
     light = values_at(shot.light.keyframes, frame, between, ("turn", "exposure"))
+    if shot.light.added:
+        light["added"] = [_added_at(each, index, frame, between) for index, each in enumerate(shot.light.added)]
     opened, closed = (each / table.rate for each in table.shutter or (0.0, 0.0))
     light |= shot.light.at_second(seconds, shot.folder, table.rate, (opened, closed) if exposed else (0.0, 0.0))
     changes = {
@@ -93,6 +97,11 @@ def _at(shot: Shot, frame: float, exposed: bool) -> Shot:
         plate = plates[min(plates, key=lambda number: abs(number - frame))]
         changes["plate"] = shot.plate.model_copy(update={"photographs": [str(plate.relative_to(shot.folder))]})
     return shot.model_copy(update=changes)
+
+
+def _added_at(table: AddedLight, index: int, frame: float, between: Interpolation) -> AddedLight:
+    changes = values_at(table.keyframes, frame, between, ("direction", "irradiance", "size"))
+    return table_at(table, changes, f"light.added.{index}", frame, InvalidShot)
 
 
 def _sequence(shot: Shot) -> SequenceTable:

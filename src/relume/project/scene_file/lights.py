@@ -1,13 +1,12 @@
-"""The light of a scene file: its map or its colour, the lights that are no part of either, and whence it comes."""
+"""The light of a scene file: its map, maps, sky or colour, and whence it comes; lamps are in `lamps`."""
 
 from __future__ import annotations
 
 from dataclasses import replace
 from pathlib import Path
-from typing import Annotated, Literal
 
 import numpy as np
-from pydantic import BeforeValidator, Discriminator, Field, Tag, model_validator
+from pydantic import model_validator
 
 from relume.errors import InvalidScene
 from relume.image import files
@@ -17,22 +16,9 @@ from relume.project.keyed_values import table_at, values_at
 from relume.project.place_tables import DistantTable as DistantSceneTable
 from relume.project.place_tables import distant_scene
 from relume.project.scene_file.images import naming
-from relume.project.scene_file.spectra import SpectrumTable, with_spectrum
-from relume.project.schema import GreyOrColour, Positive, Table, Vector
+from relume.project.schema import GreyOrColour, Positive, Vector
 from relume.project.shot_file.sequence_table import LightKey, require_rising
 from relume.renderers.mitsuba.distant import require_inside
-from relume.scene.lights import (
-    AmbientLight,
-    Attenuation,
-    DistantLight,
-    Light,
-    Linear,
-    PointLight,
-    RectangleLight,
-    SphereLight,
-    SquareLaw,
-    Unattenuated,
-)
 from relume.scene.motion.keyframes import Interpolation
 from relume.scene.motion.moving_objects import columns_turned
 from relume.scene.scene import Distant, Infinite
@@ -82,78 +68,6 @@ class LightTable(FinishedLight):
         if self.colour is not None and "turn" in self.model_fields_set:
             raise ValueError("has turn, but a colour is the same from everywhere; remove turn")
         return self
-
-
-class LinearTable(Table):
-    """Light that falls linearly to nothing at a reach, metres."""
-
-    linear: float
-
-
-def _word_or_table(value: object) -> object:
-    if isinstance(value, dict) or value in ("square", "none"):
-        return value
-    raise ValueError(f'got {value!r}; expected "square", "none" or {{ linear = REACH }}')
-
-
-AttenuationTable = Annotated[
-    Annotated[Literal["square", "none"], Tag("word")] | Annotated[LinearTable, Tag("table")],
-    Discriminator(lambda value: "table" if isinstance(value, dict | LinearTable) else "word"),
-    BeforeValidator(_word_or_table),
-]
-
-
-class PointTable(Table):
-    """A point that shines alike in all directions."""
-
-    kind: Literal["point"]
-    position: Vector
-    intensity: GreyOrColour
-    falloff: AttenuationTable = "square"
-    spectrum: SpectrumTable | None = None
-
-
-class DistantTable(Table):
-    """Parallel light, as of the sun."""
-
-    kind: Literal["distant"]
-    towards: Vector
-    irradiance: GreyOrColour
-    spectrum: SpectrumTable | None = None
-
-
-class SphereTable(Table):
-    """A lamp that has a size: a sphere that shines evenly."""
-
-    kind: Literal["sphere"]
-    position: Vector
-    radius: Positive
-    radiance: GreyOrColour
-    spectrum: SpectrumTable | None = None
-
-
-class RectangleTable(Table):
-    """A flat lamp: a rectangle that shines evenly to one side."""
-
-    kind: Literal["rectangle"]
-    position: Vector
-    towards: Vector
-    size: tuple[Positive, Positive]
-    radiance: GreyOrColour
-    spectrum: SpectrumTable | None = None
-    up: Vector = (0.0, 1.0, 0.0)
-
-
-class AmbientTable(Table):
-    """The same light from everywhere that nothing shadows."""
-
-    kind: Literal["ambient"]
-    radiance: GreyOrColour
-    spectrum: SpectrumTable | None = None
-
-
-LightTableOfAKind = PointTable | DistantTable | AmbientTable | SphereTable | RectangleTable
-AnyLightTable = Annotated[LightTableOfAKind, Field(discriminator="kind")]
 
 
 def distant_light(table: LightTable | None, path: Path) -> EnvironmentMap:
@@ -208,34 +122,6 @@ def distant_of(table: LightTable | None, path: Path) -> tuple[Distant, Vector]:
     with naming(f"{path}: light.probe"):
         require_inside(distant, table.probe)
     return distant, table.probe
-
-
-def light_of(table: LightTableOfAKind, place: str, folder: Path = Path()) -> Light:
-    """The light that a table stands for; raises InvalidScene naming the key below `place`.
-
-    folder : beside which the files of spectra are looked for
-    """
-    table = with_spectrum(table, place, folder)
-    with naming(place):
-        match table:
-            case PointTable():
-                return PointLight(table.position, table.intensity, attenuation(table.falloff, f"{place}.falloff"))
-            case DistantTable():
-                return DistantLight(table.towards, table.irradiance)
-            case SphereTable():
-                return SphereLight(table.position, table.radius, table.radiance)
-            case RectangleTable():
-                return RectangleLight(table.position, table.towards, table.size, table.radiance, table.up)
-            case AmbientTable():
-                return AmbientLight(table.radiance)
-
-
-def attenuation(table: Literal["square", "none"] | LinearTable, place: str) -> Attenuation:
-    """How light falls with distance; raises InvalidScene naming the `place`."""
-    if isinstance(table, LinearTable):
-        with naming(place):
-            return Linear(table.linear)
-    return SquareLaw() if table == "square" else Unattenuated()
 
 
 def read_light(path: Path) -> EnvironmentMap:

@@ -12,10 +12,10 @@ from pydantic import Discriminator, Field, Tag
 from relume.light.reflection.brdf import GGX, Ward
 from relume.light.reflection.lobes import GGXLobe, Phong, WardLobe
 from relume.light.reflection.weights import Even, Fresnel, Schlick, Weight
-from relume.project.mesh_tables import MaterialTable
+from relume.project.mesh_tables import MaterialTable, warn_of_white_glass
 from relume.project.scene_file.images import colour_of, naming, number_of, picture
 from relume.project.scene_file.surfaces import MeasuredTable, WardTable
-from relume.project.schema import Channels, GreyOrColour, Paint, Share, Table, Vector
+from relume.project.schema import Channels, GreyOrColour, Paint, Share, Table
 from relume.scene.materials.abc_facets import ABCFacets
 from relume.scene.materials.bumps import BumpMap, Bumps, Wrinkles
 from relume.scene.materials.materials import Colour, Diffuse, Material, is_image
@@ -105,7 +105,7 @@ class MirrorTable(Table):
     """A perfect mirror."""
 
     kind: Literal["mirror"]
-    colour: Vector = WHITE
+    colour: GreyOrColour = WHITE
     bumps: BumpsTable | None = None
 
 
@@ -123,7 +123,7 @@ class RetroreflectorTable(Table):
     """Light sent back where it came from."""
 
     kind: Literal["retroreflector"]
-    colour: Vector = WHITE
+    colour: GreyOrColour = WHITE
     lobe: LobeTable = PhongTable(kind="phong")
     bumps: BumpsTable | None = None
 
@@ -133,7 +133,7 @@ class GlassTable(Table):
 
     kind: Literal["glass"]
     ior: float = 1.5
-    colour: Vector = WHITE
+    colour: GreyOrColour = WHITE
     bumps: BumpsTable | None = None
 
 
@@ -163,6 +163,7 @@ class PbrTable(MaterialTable):
         if isinstance(material, Material):
             given = {key: number_of(getattr(self, key), folder, f"{place}.{key}") for key in images}
             given |= {key: colour_of(paint, folder, f"{place}.{key}") for key, paint in painted.items()}
+            warn_of_white_glass(self, material, place)
             return replace(material, **given, name=name)
         if painted and isinstance(material, WardSurface):
             raise ValueError(f"{next(iter(painted))}: a Ward surface has none; give reflectance and diffuse")

@@ -16,13 +16,13 @@ from relume.errors import InvalidScene, UnreadableFile
 from relume.project.keyed_values import BETWEEN
 from relume.project.place_tables import MediumTable
 from relume.project.scene_file.camera import FIELD_OF_VIEW, LARGEST, SIZE, CameraTable, camera_of, focal_length_of
+from relume.project.scene_file.images import naming
+from relume.project.scene_file.lamps import AnyLampTable, lamps_of
 from relume.project.scene_file.lights import (
-    AnyLightTable,
     LightTable,
     adjusted_light,
     distant_light,
     distant_of,
-    light_of,
     maps_of,
     read_light,
 )
@@ -100,7 +100,7 @@ class SceneTable(Table):
 
     camera: CameraTable
     light: LightTable | None = None
-    lights: list[AnyLightTable] = Field(default_factory=list)
+    lights: list[AnyLampTable] = Field(default_factory=list)
     materials: dict[str, SurfaceTable] = Field(default_factory=dict)
     objects: list[ObjectTable] = Field(default_factory=list)
     local: list[LocalTable] = Field(default_factory=list)
@@ -120,6 +120,7 @@ class SceneTable(Table):
             raise ValueError("sequence.plates: a scene file has no plate; remove it")
         if self.sequence is None:
             tables = {f"objects.{index}": each.keyframes for index, each in enumerate(self.objects)}
+            tables |= {f"lights.{index}": each.keyframes for index, each in enumerate(self.lights)}
             tables |= {"camera": self.camera.keyframes, "light": () if self.light is None else self.light.keyframes}
             for place, keys in tables.items():
                 if keys:
@@ -175,7 +176,7 @@ def _read_table(path: Path) -> SceneFile:
     read = distant_light(table.light, path)
     light = adjusted_light(read, table.light, path)
     distant, probe = distant_of(table.light, path)
-    lights = tuple(light_of(item, f"{path}: lights.{index}", path.parent) for index, item in enumerate(table.lights))
+    lights = lamps_of(table.lights, path)
     # What they show.
     materials = {
         name: made(material, name, path.parent, f"{path}: materials.{name}")
@@ -194,7 +195,9 @@ def _read_table(path: Path) -> SceneFile:
     sequence = None
     if table.sequence is not None:
         maps = maps_of(table.light, path.absolute(), table.sequence.rate)
-        sequence = SceneSequence(table.sequence, path.absolute(), table.camera, table.light, read, objects, maps)
+        sequence = SceneSequence(
+            table.sequence, path.absolute(), table.camera, table.light, read, objects, maps, tuple(table.lights)
+        )
         scene = sequence.scene_at(table.sequence.frames[0], scene)
     _require_light(table, scene, path)
     return SceneFile(scene, camera, whitted_of(table.whitted, path), orbits, table.whitted is not None, sequence)

@@ -9,6 +9,7 @@ from pathlib import Path
 from relume.light.light_sequence import LightSequence
 from relume.project.keyed_values import BETWEEN
 from relume.project.scene_file.camera import CameraTable, camera_of
+from relume.project.scene_file.lamps import LampTableOfAKind, lamps_at
 from relume.project.scene_file.lights import LightTable, adjusted_light, light_at
 from relume.project.scene_file.shapes import MovingObject
 from relume.project.shot_file.sequence_table import SequenceTable
@@ -29,6 +30,7 @@ class SceneSequence:
     light : the map of [light] as it was read, neither scaled nor turned; of maps that change the first frame's
     maps : those of [light] that follow one another; None where one stays
     objects : the file's, in order
+    lamps : its [[lights]], with their keys
     """
 
     table: SequenceTable
@@ -38,6 +40,7 @@ class SceneSequence:
     light: EnvironmentMap
     objects: tuple[MovingObject, ...]
     maps: LightSequence | None = None
+    lamps: tuple[LampTableOfAKind, ...] = ()
 
     @property
     def shutter(self) -> Shutter | None:
@@ -54,7 +57,7 @@ class SceneSequence:
     def at(self, frame: float, scene: Scene, camera: Camera) -> tuple[Scene, Camera]:
         """The scene and the camera at a frame, of the size of `camera`; raises InvalidScene naming the key.
 
-        scene : of the same file, whose real surfaces and lamps stay
+        scene : of the same file, whose real surfaces stay
         """
         return self.scene_at(frame, scene), self.camera_at(frame).resized(camera.width, camera.height)
 
@@ -63,6 +66,7 @@ class SceneSequence:
         tables = [self.table.model_dump(mode="json", exclude={"frames", "plates"}), self.table.frames[0]]
         tables += [each and each.model_dump(mode="json") for each in (self.camera, self.table_of_light)]
         asked = self.camera.file
+        tables += [each.model_dump(mode="json") for each in self.lamps]
         files = [] if asked is None else [self.path.parent / asked.path]
         objects = [
             [
@@ -82,6 +86,8 @@ class SceneSequence:
         if table is not None and (table.keyframes or self.maps is not None):
             found = self.light if self.maps is None else self.maps.at(self._seconds(frame) + table.time)
             light = adjusted_light(found, light_at(table, frame, between, self.path), self.path)
+        if any(each.keyframes for each in self.lamps):
+            scene = replace(scene, lights=lamps_at(self.lamps, frame, between, self.path))
         objects = self.objects
         if any(each.moves or each.orbit is not None for each in objects):
             seconds, share = self._seconds(frame), self._share(frame)

@@ -15,7 +15,7 @@ from relume.project.mesh_tables import Placement, placed, turn_of
 from relume.project.place_tables import SurfaceShape
 from relume.project.scene_file.images import naming
 from relume.project.scene_file.materials import has_images
-from relume.project.schema import Share, Table, Vector
+from relume.project.schema import ShareColour, Table, Vector
 from relume.project.shot_file.sequence_table import ObjectKey, require_rising
 from relume.scene.materials.materials import Diffuse
 from relume.scene.motion.animation import Animation, posed
@@ -79,7 +79,7 @@ class ObjectTable(Placement):
 class LocalTable(SurfaceShape):
     """A real surface, of a reflectance that is known or of one of the file's materials; meshes may keep their own."""
 
-    reflectance: tuple[Share, Share, Share] | None = None
+    reflectance: ShareColour | None = None
     material: str | None = None
 
     @model_validator(mode="after")

@@ -9,7 +9,7 @@ from typing import Any
 from pydantic import model_validator
 
 from relume.project.scene_file.images import naming
-from relume.project.scene_file.lights import AttenuationTable, attenuation
+from relume.project.scene_file.lamps import AttenuationTable, attenuation
 from relume.project.schema import Table
 from relume.renderers.whitted.antialiasing import Antialiasing
 from relume.renderers.whitted.whitted import Whitted

@@ -10,11 +10,21 @@ from dataclasses import replace
 from typing import Annotated
 
 import numpy as np
-from pydantic import Field, field_validator
+from pydantic import Field, field_validator, model_validator
 
 from relume.project.schema import GreyOrColour, Table, Vector
+from relume.project.shot_file.sequence_table import Frame, require_rising
 from relume.sphere.environment_map import EnvironmentMap
 from relume.sphere.mappings.mapping import pixel_directions
+
+
+class AddedLightKey(Table):
+    """An added light at a frame; what a key does not say is interpolated between the keys that do."""
+
+    frame: Frame
+    direction: Vector | None = None
+    irradiance: GreyOrColour | None = None
+    size: float | None = None
 
 
 class AddedLight(Table):
@@ -24,12 +34,19 @@ class AddedLight(Table):
     irradiance : that it gives a surface which faces it, in the plate's unit: a number, or red, green and blue
     size : degrees across; 10 unless given, a lamp with a shade at two metres
     on : whether it shines
+    keyframes : what it is at frames of a sequence
     """
 
     direction: Vector
     irradiance: GreyOrColour
     size: Annotated[float, Field(ge=0.5, le=120)] = 10.0
     on: bool = True
+    keyframes: tuple[AddedLightKey, ...] = ()
+
+    @model_validator(mode="after")
+    def _keys_rise(self) -> AddedLight:
+        require_rising(self.keyframes)
+        return self
 
     @field_validator("direction")
     @classmethod

@@ -10,7 +10,7 @@ from pydantic import Field, model_validator
 from relume.composite.surface.gloss import Gloss, glossy
 from relume.composite.surface.recovery import ConstantAlbedo, EstimatedGloss, KnownMaterial, Recovery, TexturedAlbedo
 from relume.project.place_tables import SurfaceShape
-from relume.project.schema import Share, Table
+from relume.project.schema import ShareColour, Table
 from relume.scene.materials.materials import Diffuse, Material
 from relume.scene.shapes.shapes import Shape
 
@@ -36,7 +36,7 @@ class LocalTable(SurfaceShape):
     emission : the radiance that it sends out itself, in the plate's unit, evenly in all directions
     """
 
-    reflectance: Literal["recover", "recover even"] | tuple[Share, Share, Share] = "recover"
+    reflectance: Literal["recover", "recover even"] | ShareColour = "recover"
     gloss: Literal[False, "recover"] | GlossTable = False
     mirror: bool = False
     emission: tuple[Light, Light, Light] | None = None

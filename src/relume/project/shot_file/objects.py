@@ -9,7 +9,7 @@ from pathlib import Path
 import numpy as np
 
 from relume.errors import Doubt, InvalidShot, UnreadableFile
-from relume.project.mesh_tables import placed
+from relume.project.mesh_tables import placed, warn_of_white_glass
 from relume.project.shot_file.shot import Object, Shot
 from relume.scene.cameras.camera import Camera
 from relume.scene.gltf.animation import read_animation
@@ -78,6 +78,7 @@ def _overridden(mesh: Mesh, table: Object, folder: Path) -> Mesh:
         material = table.material.apply(mesh.material, folder)
     except (ValueError, UnreadableFile) as error:
         raise InvalidShot(f"objects.material: {error}") from None
+    warn_of_white_glass(table.material, material, "objects.material")
     return facing_outwards(replace(mesh, material=material))
 
 

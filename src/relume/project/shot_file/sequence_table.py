@@ -5,7 +5,7 @@ from __future__ import annotations
 import re
 from collections.abc import Iterable, Sequence
 from itertools import pairwise
-from typing import Annotated, Literal
+from typing import Annotated, Literal, Protocol
 
 from pydantic import Field, field_validator, model_validator
 
@@ -116,7 +116,12 @@ def frames_as_text(frames: Iterable[int]) -> str:
     return ",".join(parts)
 
 
-def require_rising(keys: Sequence[ObjectKey] | Sequence[CameraKey] | Sequence[LightKey]) -> None:
+class _Key(Protocol):
+    @property
+    def frame(self) -> float: ...
+
+
+def require_rising(keys: Sequence[_Key]) -> None:
     """Raises ValueError where two keys have one frame, or a later one comes first."""
     for first, second in pairwise(keys):
         if second.frame <= first.frame:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from relume.errors import UnsupportedScene
 from relume.scene.cameras.camera import Camera
+from relume.scene.scene import Infinite, Scene
 
 
 def require_whole(settings: object, **least: int) -> None:
@@ -18,6 +19,23 @@ def require_seed(seed: int) -> None:
     """Raise ValueError for a seed that is no whole number from 0."""
     if not isinstance(seed, int) or seed < 0:
         raise ValueError(f"seed is {seed}; expected a whole number from 0")
+
+
+def require_far_light(scene: Scene, whose: str) -> None:
+    """Raise UnsupportedScene for a light map on walls."""
+    if not isinstance(scene.distant, Infinite):
+        raise UnsupportedScene(
+            f"{whose} sees its light map at infinity, and this scene's is on walls; use rl.Mitsuba "
+            "(--renderer mitsuba), or an Infinite distant scene"
+        )
+
+
+def require_lit(lit: bool) -> None:
+    """Raise UnsupportedScene for a scene of which nothing is lit."""
+    if not lit:
+        raise UnsupportedScene(
+            "nothing shines in this scene: it has no lights, no emission, and its light map is black; add one"
+        )
 
 
 def require_pinhole(camera: Camera, whose: str) -> None:

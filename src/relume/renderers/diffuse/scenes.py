@@ -15,6 +15,7 @@ import numpy as np
 
 from relume.errors import UnsupportedScene
 from relume.light.reflection.convolution import as_latlong
+from relume.renderers.diffuse.checks import require_far_light, require_lit
 from relume.renderers.raytrace.lamps import Distant, Environment, Point, Surface, lamp_of, painted
 from relume.renderers.raytrace.raycast import RayCaster
 from relume.renderers.raytrace.surface import Surfaces
@@ -23,7 +24,7 @@ from relume.renderers.unsupported_lights import refused_light
 from relume.scene.lights import AmbientLight, DistantLight, PointLight
 from relume.scene.materials.checks import Colour
 from relume.scene.materials.materials import Diffuse, Material
-from relume.scene.scene import Infinite, Scene
+from relume.scene.scene import Scene
 from relume.scene.shapes.shapes import AnyMaterial, Patches, Plane, Shape, Sphere
 from relume.scene.shapes.tessellation import as_mesh
 from relume.sphere.environment_map import EnvironmentMap
@@ -90,11 +91,7 @@ class DiffuseScene:
     @staticmethod
     def of(scene: Scene, whose: str, threads: int | None = None) -> DiffuseScene:
         """The scene as `whose` renderer sees it; raises UnsupportedScene naming what it cannot show."""
-        if not isinstance(scene.distant, Infinite):
-            raise UnsupportedScene(
-                f"{whose} sees its light map at infinity, and this scene's is on walls; use rl.Mitsuba "
-                "(--renderer mitsuba), or an Infinite distant scene"
-            )
+        require_far_light(scene, whose)
         if scene.medium is not None:
             raise UnsupportedScene(
                 f"{whose} shows surfaces in clear air, and a medium fills this scene; use rl.Mitsuba "
@@ -111,10 +108,7 @@ class DiffuseScene:
                     f"{renderer_of(shape.material)}, or a diffuse material (of pbr: specular = 0)"
                 )
         lit = bool(np.any(scene.light.radiance))
-        if not lit and not scene.lights and not any(shines(shape.material) for shape in shapes):
-            raise UnsupportedScene(
-                "nothing shines in this scene: it has no lights, no emission, and its light map is black; add one"
-            )
+        require_lit(lit or bool(scene.lights) or any(shines(shape.material) for shape in shapes))
         # What shines is sampled by its triangles, so that rays have to meet the same ones.
         ready = tuple(as_mesh(shape) if shines(shape.material) else shape for shape in shapes)
         lights = tuple(light for light in scene.lights if isinstance(light, PointLight | DistantLight))

@@ -105,13 +105,18 @@ def material_on(shape: Shape) -> AnyMaterial:
     return replace(material, **turned) if turned else material
 
 
-def warn_of_holes(scene: Scene) -> None:
-    """Warn of the light of lamps without a size where a surface has holes, which shadow rays take as closed."""
-    pierced = [shape.material for shape in (*scene.local, *scene.objects) if is_pierced(shape.material)]
-    if pierced and any(isinstance(light, PointLight | DistantLight) for light in scene.lights):
+def warn_of_holes(scene: Scene, senders: int) -> None:
+    """Warn of light of lamps without a size that is bent or mirrored beside surfaces with holes: none is followed.
+
+    senders : shapes that send light on in one direction, which one with holes does too, straight on
+    """
+    materials = [shape.material for shape in (*scene.local, *scene.objects)]
+    pierced = [each for each in materials if isinstance(each, Material) and is_pierced(each)]
+    bends = senders > len(pierced) or any(np.any(each.through) or np.any(each.metallic) for each in pierced)
+    if pierced and bends and any(isinstance(light, PointLight | DistantLight) for light in scene.lights):
         warn(
-            f"material {getattr(pierced[0], 'name', '')!r} has holes: light of points and suns does not go through "
-            "them, nor through glass and off mirrors beside them; lamps that have a size (spheres, rectangles) do"
+            f"material {pierced[0].name!r} has holes: beside them light of points and suns does "
+            "not go through glass and off mirrors; that of lamps with a size (spheres, rectangles) does"
         )
 
 

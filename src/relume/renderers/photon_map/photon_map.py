@@ -11,10 +11,11 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from relume.errors import UnsupportedScene, warn
+from relume.errors import warn
+from relume.renderers.diffuse.checks import require_pinhole, require_whole
 from relume.renderers.photon_map.density import Maps
 from relume.renderers.photon_map.gathering import Gathering
-from relume.renderers.photon_map.stage import EVEN, FOR_ALL, Stage, lamps_of
+from relume.renderers.photon_map.stage import EVEN, WHOSE, Stage, lamps_of
 from relume.renderers.photon_map.tracing import Flight, followed
 from relume.renderers.raytrace.extent import sphere_round_all
 from relume.renderers.raytrace.lamps import Ball, Environment, Lamp, Point, Sent, Surface
@@ -69,14 +70,11 @@ class PhotonMap(Renderer):
     threads: int | None = None
 
     def __post_init__(self) -> None:
-        least = {"photons": 1, "neighbours": 2, "gather": 0, "shadows": 1, "passes": 1, "march": 1, "depth": 1}
-        for name, lowest in least.items():
-            if not isinstance(value := getattr(self, name), int) or not lowest <= value <= 2_000_000:
-                raise ValueError(f"{name} is {value}; expected a whole number from {lowest} to 2000000")
+        require_whole(self, photons=1, neighbours=2, gather=0, shadows=1, passes=1, march=1, depth=1, threads=1)
+        if max(self.photons, self.neighbours, self.gather) > 2_000_000:
+            raise ValueError("photons, neighbours or gather is above 2000000, more than memory holds; raise passes")
         if not 0 < self.shrink <= 1:
             raise ValueError(f"shrink is {self.shrink}; expected a share above 0, at most 1")
-        if self.threads is not None and self.threads < 1:
-            raise ValueError(f"threads is {self.threads}; expected at least 1, or none for all cores")
 
     def render(self, scene: Scene, camera: Camera, *, seed: int = 0, progress: Progress | None = None) -> Render:
         """Render all passes; their scatter is the variance, which does not know of the estimate's bias."""
@@ -94,15 +92,13 @@ class PhotonMap(Renderer):
 
         Raises UnsupportedScene naming what photons cannot meet, and a lens with an aperture.
         """
-        shapes = (*scene.local, *scene.objects)
-        lamps = lamps_of(scene)
+        require_pinhole(camera, WHOSE)
+        shapes, lamps = (*scene.local, *scene.objects), lamps_of(scene)
         near = shapes or any(isinstance(lamp, Point | Surface) for lamp in lamps)
         whole = sphere_round_all(scene) if near else (np.zeros(3), 1.0)
         stage = Stage.of(shapes, whole, scene.medium, self.threads)
         seen = [lamp.shape for lamp in lamps if isinstance(lamp, Surface) and lamp.shape not in shapes]
         lit = Stage.of(seen, whole, None, self.threads) if seen else None
-        if camera.aperture > 0:
-            raise UnsupportedScene(f"a photon map's camera is sharp, and this one's lens has an aperture; {FOR_ALL}")
         sky = next((lamp.bright.light for lamp in lamps if isinstance(lamp, Environment)), None)
         rays = [(lamp, self.shadows if isinstance(lamp, Surface | Environment) else 1) for lamp in lamps]
         smooth = [shape for shape, kind in zip(shapes, stage.kind[:-1], strict=True) if kind != EVEN]

@@ -15,6 +15,7 @@ import numpy as np
 from relume.errors import UnsupportedScene, warn
 from relume.light.reflection.convolution import as_latlong
 from relume.light.reflection.weights import Fresnel
+from relume.renderers.diffuse.checks import require_far_light, require_lit
 from relume.renderers.raytrace.lamps import Ball, Distant, Environment, Lamp, Surface, lamp_of, painted
 from relume.renderers.raytrace.raycast import RayCaster
 from relume.renderers.raytrace.surface import Surfaces
@@ -22,14 +23,14 @@ from relume.renderers.unsupported_features import renderer_of, unsupported_featu
 from relume.renderers.unsupported_lights import refused_light
 from relume.scene.materials.materials import Diffuse, Material, is_image
 from relume.scene.materials.media import Medium
-from relume.scene.scene import Infinite, Scene
+from relume.scene.scene import Scene
 from relume.scene.shapes.shapes import AnyMaterial, Patches, Plane, Shape
 from relume.scene.shapes.tessellation import tessellated
 from relume.sphere.sampling import BrightDirections
 
 NOTHING, EVEN, MIRROR, GLASS = 0, 1, 2, 3
 """Kinds of what a ray meets."""
-FOR_ALL = "use rl.Mitsuba (--renderer mitsuba)"
+WHOSE = "a photon map"
 SMOOTH = 0.03
 """Roughness below which glass and mirrors are smooth: finer than any picture shows."""
 
@@ -202,7 +203,8 @@ def _kind(material: AnyMaterial) -> int:
 
 
 def _refused(what: str, otherwise: str = "") -> UnsupportedScene:
-    return UnsupportedScene(f"a photon map has no place for {what}; {FOR_ALL}, or {otherwise}diffuse surfaces")
+    for_all = "use rl.Mitsuba (--renderer mitsuba)"
+    return UnsupportedScene(f"{WHOSE} has no place for {what}; {for_all}, or {otherwise}diffuse surfaces")
 
 
 def lamps_of(scene: Scene) -> tuple[Lamp, ...]:
@@ -211,15 +213,13 @@ def lamps_of(scene: Scene) -> tuple[Lamp, ...]:
     lamps: list[Lamp] = [Surface(s, m.emission) for s, m in shining if isinstance(m, Material) and m.emits]
     for light in scene.lights:
         if (lamp := lamp_of(light)) is None:
-            raise refused_light(light, scene.lights, "a photon map")
+            raise refused_light(light, scene.lights, WHOSE)
         lamps.append(lamp)
-    if not isinstance(scene.distant, Infinite):
-        raise UnsupportedScene(f"a photon map has its light map at infinity, and this scene's is near; {FOR_ALL}")
+    require_far_light(scene, WHOSE)
     if np.any(scene.light.radiance):
         lamps.append(Environment(BrightDirections.of(as_latlong(scene.light))))
     far = any(isinstance(lamp, Distant | Environment) for lamp in lamps)
     if far and any(isinstance(shape, Plane) and shape.size is None for shape, _ in shining):
         raise UnsupportedScene("photons from infinity would be spread over a plane without an edge; give it a size")
-    if not lamps:
-        raise UnsupportedScene("nothing shines in this scene: it has no lights and its light map is black; add one")
+    require_lit(bool(lamps))
     return tuple(lamps)

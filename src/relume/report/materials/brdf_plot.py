@@ -18,6 +18,7 @@ from relume.image.colour import encode_srgb, luminance
 from relume.project.scene_file.scene_file import scene_materials
 from relume.renderers.mitsuba.path_tracer import Mitsuba
 from relume.renderers.mitsuba.scattering import Scattering, require_brdf, scattering
+from relume.renderers.results import Progress
 from relume.report.plots import CHANNELS, encoded_figure
 from relume.scene.cameras.camera import Camera
 from relume.scene.materials.materials import Ward
@@ -54,7 +55,7 @@ _LAMP, _WIDE = 60.0, 8.0
 
 def draw_brdf(
     material: AnyMaterial | str, path: str | os.PathLike[str], *, scene: str | os.PathLike[str] | None = None,
-    title: str = "", samples: int = 64, seed: int = 0, dry_run: bool = False,
+    title: str = "", samples: int = 64, seed: int = 0, progress: Progress | None = None, dry_run: bool = False,
 ) -> None:  # fmt: skip
     """Draw a surface's BRDF into a .png or .svg: cross-sections, albedo over angle, and lit balls.
 
@@ -65,6 +66,7 @@ def draw_brdf(
     scene : a scene file, for its materials
     title : the material's name unless given
     samples : rays a pixel of the balls
+    progress : called with the share of the work that is done
     dry_run : check everything and draw nothing
     Raises ValueError for a name that is none or another suffix, UnreadableFile, InvalidScene, UnsupportedScene for
     reflection maps and Whitted's materials.
@@ -81,7 +83,8 @@ def draw_brdf(
     require_brdf(material)
     if dry_run:
         return
-    drawing = encoded_figure(brdf_figure(material, title or getattr(material, "name", ""), samples, seed), kind)
+    figure = brdf_figure(material, title or getattr(material, "name", ""), samples, seed, progress)
+    drawing = encoded_figure(figure, kind)
     with files.replacing(path) as temporary:
         temporary.write_bytes(drawing)
 
@@ -100,15 +103,24 @@ def _named(name: str, scene: str | os.PathLike[str] | None) -> AnyMaterial:
         raise ValueError(f"{error}{of}") from None
 
 
-def brdf_figure(material: AnyMaterial, title: str, samples: int = 64, seed: int = 0) -> Figure:
+def brdf_figure(
+    material: AnyMaterial, title: str, samples: int = 64, seed: int = 0, progress: Progress | None = None
+) -> Figure:
     """The figure of `draw_brdf`."""
     from matplotlib.figure import Figure
+
+    def after(index: int) -> Progress:
+        # The balls take the time: minutes where something fills them.
+        return lambda share: progress((index + share) / len(_BALLS)) if progress is not None else None
 
     # The planes of incidence: of a surface that looks the same whichever way it is turned, one does.
     planes = (("along u", (1.0, 0.0)), ("along v", (0.0, 1.0))) if _is_directed(material) else (("", (1.0, 0.0)),)
     angles = np.radians(np.arange(-180, 180, STEP))
     sections = [_section(material, along, angles, seed) for _, along in planes]
-    balls = [_ball(material, ambient, towards, samples, seed) for _, ambient, towards in _BALLS]
+    balls = [
+        _ball(material, ambient, towards, samples, seed, after(index))
+        for index, (_, ambient, towards) in enumerate(_BALLS)
+    ]
     # Cross-sections above, numbers and balls below.
     through = any(part.transmitted.max() > 1e-4 for part in sections)
     high = 4.6 if through else 2.9
@@ -253,8 +265,9 @@ def _draw_albedo(axis: Any, material: AnyMaterial, seed: int) -> None:
 
 
 def _ball(
-    material: AnyMaterial, ambient: float, towards: tuple[float, float, float] | None, samples: int, seed: int
-) -> np.ndarray:
+    material: AnyMaterial, ambient: float, towards: tuple[float, float, float] | None, samples: int, seed: int,
+    progress: Progress,
+) -> np.ndarray:  # fmt: skip
     """A ball of it (SIZE, SIZE, 3) uint8 under even light, with a round lamp in it or none."""
     directions = pixel_directions(LatLong(), 64)
     radiance = np.full((*directions.shape[:2], 3), ambient, np.float32)
@@ -264,7 +277,7 @@ def _ball(
         exposure = 0.8 / (0.7 * _LAMP * np.sin(np.radians(_WIDE)) ** 2 + ambient)
     camera = Camera.looking_at(np.array([0.0, 0.0, 8.0]), np.zeros(3), width=SIZE, height=SIZE, focal_length=3.6 * SIZE)
     scene = Scene(EnvironmentMap(radiance), objects=(Sphere((0.0, 0.0, 0.0), 1.0, material),))
-    made = Mitsuba(samples=max(samples, 2)).render(scene, camera, seed=seed)
+    made = Mitsuba(samples=max(samples, 2)).render(scene, camera, seed=seed, progress=progress)
     # On grey paper, whatever the light behind it is.
     shown = made.radiance * made.matte[..., None] + 0.18 / exposure * (1 - made.matte[..., None])
     return develop(shown.astype(np.float32), Film(exposure)).pixels

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
+from relume.scene.materials.materials import is_image
 from relume.scene.shapes.shapes import Mesh, Patches, Polygon, Shape, Sphere
 
 CELLS = 32
@@ -76,19 +77,49 @@ def as_mesh(shape: Shape, quartered: int = ROUND) -> Mesh:
 
 
 def _ball(sphere: Sphere, quartered: int) -> Mesh:
-    """A sphere as the quartered faces of an icosahedron, with its own normals and lat-long texture coordinates."""
+    """A sphere as the quartered faces of an icosahedron, with its own normals and lat-long texture coordinates.
+
+    Where an image's end meets its beginning, and at the poles, triangles that show one have vertices of their own.
+    """
     import trimesh
 
     ball = trimesh.creation.icosphere(subdivisions=quartered)
-    normals = np.asarray(ball.vertices, np.float64)
-    u = 0.5 + np.arctan2(normals[:, 0], -normals[:, 2]) / (2 * np.pi)
-    uv = np.stack([u, 1 - np.arccos(np.clip(normals[:, 1], -1, 1)) / np.pi], axis=-1)
+    normals, faces = np.asarray(ball.vertices, np.float64), np.asarray(ball.faces, np.int32)
+    x, y, z = normals.T
+    uv = np.stack([0.5 + np.arctan2(x, -z) / (2 * np.pi), np.arctan2(np.hypot(x, z), -y) / np.pi], axis=-1)
     vertices = np.asarray(sphere.centre) + sphere.radius * normals
-    faces = np.asarray(ball.faces, np.int32)
+    if any(map(is_image, vars(sphere.material).values())):
+        faces, uv, whose = _unwrapped(faces, uv)
+        vertices, normals = vertices[whose], normals[whose]
     return Mesh(
         vertices.astype(np.float32), faces, sphere.material, normals.astype(np.float32), uv.astype(np.float32),
         sphere.name,
     )  # fmt: skip
+
+
+def _unwrapped(faces: np.ndarray, uv: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Faces (F, 3) that interpolate u the short way round, coordinates (V, 2), and whose vertex each then is (V,).
+
+    New vertices follow the old ones: u beyond 1 where a triangle crosses the seam, as images repeat; and at a pole,
+    where every u is right, the mean of the triangle's two others.
+    """
+    corners = uv[faces]
+    u = corners[..., 0]
+    pole = np.abs(corners[..., 1] - 0.5) > 0.5 - 1e-9
+    # The seam, by the corners that have a u of their own.
+    known = np.where(pole, np.nan, u)
+    crosses = np.nanmax(known, axis=1) - np.nanmin(known, axis=1) > 0.5
+    turned = np.where(crosses[:, None] & (known < 0.5), known + 1, known)
+    turned = np.where(pole, np.nanmean(turned, axis=1)[:, None], turned)
+    # One new vertex for all triangles that want the same u of the same old one.
+    rows, columns = np.nonzero(turned != u)
+    keys, inverse = np.unique(
+        np.stack([faces[rows, columns].astype(np.float64), turned[rows, columns]]), axis=1, return_inverse=True
+    )
+    faces, whose = faces.copy(), keys[0].astype(np.int64)
+    faces[rows, columns] = len(uv) + inverse.reshape(-1)
+    more = np.stack([keys[1], uv[whose, 1]], axis=-1)
+    return faces, np.concatenate([uv, more]), np.concatenate([np.arange(len(uv)), whose])
 
 
 def _points(control: np.ndarray, along: np.ndarray) -> np.ndarray:

@@ -133,7 +133,7 @@ def turned(turn, x, y, z):
 
 @kernel
 def found(kind, across, down, frames, whole, x, y, z, plane, xs, ys):
-    """Plane and point of directions in the first plane's frame; plane −1 where none shows it."""
+    """Plane and point of directions in the first plane's frame; plane −1 where none shows it, and some point then."""
     plane[:] = 0
     if kind == LAT_LONG:
         for i in range(len(x)):
@@ -166,6 +166,8 @@ def found(kind, across, down, frames, whole, x, y, z, plane, xs, ys):
                 if outward > depth:
                     best, depth = p, outward
             plane[i] = best
+            # Numbers, also for directions that no plane shows.
+            xs[i], ys[i] = np.float32(0), np.float32(0)
             if best >= 0:
                 right = frames[best, 0, 0] * x[i] + frames[best, 0, 1] * y[i] + frames[best, 0, 2] * z[i]
                 below = frames[best, 1, 0] * x[i] + frames[best, 1, 1] * y[i] + frames[best, 1, 2] * z[i]

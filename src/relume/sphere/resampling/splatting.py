@@ -133,6 +133,7 @@ def _middles(source: Planes, places: np.ndarray) -> tuple[np.ndarray, np.ndarray
     x, y, z, weight = np.empty((4, across.size), np.float32)
     toward(source.kind, source.across, source.down, across.reshape(-1), down.reshape(-1), x, y, z, weight)
     weight = weight.reshape(across.shape).astype(np.float64)
+    shown = np.ones(weight.shape)
     if source.kind in (EQUIDISTANT, EQUISOLID, ORTHOGRAPHIC):
         radius = np.hypot(across, down)
         # A sliver that no point shows: its nearest one to the disc.
@@ -140,6 +141,10 @@ def _middles(source: Planes, places: np.ndarray) -> tuple[np.ndarray, np.ndarray
         weight *= shown
         inner = np.minimum(1, (1 - 1e-6) / np.maximum(radius, 1e-9))
         across, down = across * inner, down * inner
+    # At the rim of a disc that shows a whole ball a point has no solid angle, and is the middle of a pixel that has
+    # no other.
+    nothing = ~weight.any(axis=1)
+    weight[nothing] = shown[nothing]
     whole = weight.sum(axis=1)
     middle = (across * weight).sum(axis=1) / whole, (down * weight).sum(axis=1) / whole
     return middle[0].astype(np.float32), middle[1].astype(np.float32)

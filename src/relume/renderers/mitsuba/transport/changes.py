@@ -63,7 +63,9 @@ def changed(
             dark &= ~world.local.ray_test(shadow, active=dark)
             other = (1 - guided) * chance + guided * guide.density(cones, found.direction)
             weight = dr.select(found.density > 0, mitigated(looks * found.density, other), 1) / looks
-            lost = 1 - world.arrives(shadow, mi.UInt32(0), dark) if world.straight else mi.Color3f(1)
+            lost = mi.Color3f(1)
+            if world.straight or world.holes:
+                lost = 1 - world.arrives(shadow, mi.UInt32(0), dark, sizeless=found.density == 0)
             taken += dr.select(dark, throughput * value * found.weight * weight * lost, 0)
         if world.looks_for_objects:
             added_light += throughput * from_objects(

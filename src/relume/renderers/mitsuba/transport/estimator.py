@@ -61,7 +61,7 @@ class Estimator(Tracing):
         # Where there are holes, what is followed from the light could not be seen through them.
         caught = bool(spheres) and not light.even and not pierced
         if pierced:
-            warn_of_holes(scene)
+            warn_of_holes(scene, len(spheres))
         filled = scene.medium is not None or any(medium is not None for medium in media)
         world = World(
             local, objects, light,

@@ -216,7 +216,7 @@ def _from_lamps(
         value, chance = bsdf.eval_pdf(context, si, si.to_local(found.direction), active & found.valid)
         lit = active & found.valid & (dr.max(value) > 0)
         around = world.beyond(si, found.direction, -ray.d, inside)
-        share = world.arrives(way_to(si, found.direction, found.distance), around, lit, objects)
+        share = world.arrives(way_to(si, found.direction, found.distance), around, lit, objects, found.density == 0)
         weight = dr.select(found.density > 0, mitigated(found.density, chance), 1)
         result = dr.select(lit, value * found.weight * weight * share, 0)
     if world.looks_for_objects and objects:
@@ -279,7 +279,7 @@ def _from_between(world: World, ray: Any, way: Any, inside: Any, rng: Any, activ
     lit = within & found.valid & (chance > 0)
     shadow = mi.Ray3f(place, found.direction)
     shadow.maxt = found.distance * SHORTEN
-    share = world.arrives(shadow, inside, lit, objects)
+    share = world.arrives(shadow, inside, lit, objects, sizeless=found.density == 0)
     value = media.scattered_share(inside, ray.d, found.direction) * dr.exp(-extinction * along) / chance
     # The map's light is found by the walk's own directions too.
     other = _of_walk(world, ray, way, along, found.direction, inside)

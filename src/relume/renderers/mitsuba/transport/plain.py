@@ -40,7 +40,7 @@ class Plain(Tracing):
         pierced = any(is_pierced(material) for material in materials)
         caught = bool(spheres) and not light.even and not pierced
         if pierced:
-            warn_of_holes(scene)
+            warn_of_holes(scene, len(spheres))
         filled = scene.medium is not None or any(medium is not None for medium in media)
         if filled and (reason := camera_in_a_body(camera.position, shapes)) is not None:
             raise UnsupportedScene(reason)

@@ -62,6 +62,8 @@ class World:
         # Else what shines is found by chance alone.
         self.looks_for_objects = emitting
         self.sticks_out, self.pierced = sticks_out, pierced
+        # Whether there is light that holes let through and no path finds.
+        self.holes = pierced and bool(light.sizeless.any())
         self.fog = None if fog is None else opaque.sphere(*fog)
         numbers = np.array(dr.reinterpret_array(mi.UInt32, objects.shapes_dr()))
         added = np.zeros(int(numbers.max(initial=0)) + 1, np.uint32)
@@ -215,19 +217,22 @@ class World:
         entered = dr.select(dr.dot(si.n, direction) < 0, self.media.number(si.shape), self.outside)
         return dr.select(through, entered, inside)
 
-    def arrives(self, ray: Any, inside: Any, active: Any, objects: bool = True) -> Any:
-        """The share of light that reaches a ray's beginning from its end; 0 where anything stands between."""
-        if not self.straight or not objects:
+    def arrives(self, ray: Any, inside: Any, active: Any, objects: bool = True, sizeless: Any = False) -> Any:
+        """The share of light that reaches a ray's beginning from its end; 0 where anything stands between.
+
+        sizeless : where it is of a lamp without a size, which no path meets by chance: holes let it through
+        """
+        if not objects or not (self.straight or self.holes):
             free = active & ~self.hidden(ray, active, objects)
             if self.media is None:
                 return dr.select(free, mi.Color3f(1), 0)
             return dr.select(free, self.media.passed(inside, self.reach(ray, ray.maxt, inside, free)), 0)
-        return _arrives(self, ray, inside, active)
+        return _arrives(self, ray, inside, active, mi.Bool(sizeless))
 
 
 @dr.syntax
-def _arrives(world: World, ray: Any, inside: Any, active: Any) -> Any:
-    """The same, through surfaces that do not bend it."""
+def _arrives(world: World, ray: Any, inside: Any, active: Any, sizeless: Any) -> Any:
+    """The same, through surfaces that do not bend it, and through holes."""
     media = world.media
     share, ray = mi.Color3f(dr.select(active, 1, 0)), mi.Ray3f(ray)
     inside = mi.UInt32(inside)
@@ -240,6 +245,10 @@ def _arrives(world: World, ray: Any, inside: Any, active: Any) -> Any:
             share = dr.select(walking, share * media.passed(inside, way), share)
         si = met.compute_surface_interaction(ray, mi.RayFlags.All, hit)
         through, tint = world.tint(si.shape, hit)
+        if world.holes:
+            clear = si.bsdf(ray).eval_null_transmission(si, hit & sizeless)
+            pierced = hit & sizeless & ~through & (dr.max(clear) > 0)
+            through, tint = through | pierced, dr.select(pierced, clear, tint)
         share = dr.select(hit, dr.select(through, share * tint, 0), share)
         if media is not None:
             inside = dr.select(through, world.beyond(si, ray.d, -ray.d, inside), inside)
