@@ -14,7 +14,7 @@ import drjit as dr
 import mitsuba as mi
 
 from relume.renderers.mitsuba.transport.lens import Lens
-from relume.renderers.mitsuba.transport.sampling import Spheres, two
+from relume.renderers.mitsuba.transport.sampling import Spheres, Spread, two
 from relume.renderers.mitsuba.transport.world import World
 
 SEEN = 4
@@ -22,7 +22,9 @@ SEEN = 4
 
 
 @dr.syntax
-def caustics(world: World, spheres: Spheres, lens: Lens, rng: Any, active: Any) -> list[tuple[Any, Any, Any]]:
+def caustics(
+    world: World, spheres: Spheres, lens: Lens, spread: Spread, rng: Any, active: Any
+) -> list[tuple[Any, Any, Any]]:  # fmt: skip
     """Of each ray of light, for each surface that scatters it: where it is seen, its flux, whether on an object.
 
     spheres : that bound the objects which send light on in one direction
@@ -31,7 +33,7 @@ def caustics(world: World, spheres: Spheres, lens: Lens, rng: Any, active: Any) 
     """
     # Rays from the light that meet an object first.
     context = mi.BSDFContext(mi.TransportMode.Importance)
-    ray, flux, active, far = world.light.emitted(spheres, rng, active)
+    ray, flux, active, far = world.light.emitted(spheres, spread, active)
     first = world.objects.ray_intersect_preliminary(ray, active=active)
     met = world.nearest(ray, active)
     active &= first.is_valid() & (met.t == first.t)

@@ -20,7 +20,7 @@ from relume.renderers.mitsuba.transport.guides import first_scattered
 from relume.renderers.mitsuba.transport.lens import Lens
 from relume.renderers.mitsuba.transport.media import Media
 from relume.renderers.mitsuba.transport.photons import FEWEST_PHOTONS, MOST_PHOTONS, in_media, on_surfaces
-from relume.renderers.mitsuba.transport.sampling import Numbers, Spheres, two
+from relume.renderers.mitsuba.transport.sampling import Numbers, Spheres, Spread, two
 from relume.renderers.mitsuba.transport.world import World
 from relume.renderers.raytrace.extent import sphere_round
 from relume.scene.cameras.camera import Camera
@@ -184,7 +184,8 @@ class Tracing(ABC):
     def _lit(self, count: int, seed: int) -> Planes:
         """Light followed from the lamps through the smooth objects, added up on the picture in a fixed order."""
         rng = mi.PCG32(size=count, initstate=dr.opaque(mi.UInt64, seed + (1 << 40)))  # pyright: ignore[reportCallIssue]
-        found = caustics(self.world, self.spheres, self.lens, rng, dr.full(mi.Bool, True, count))
+        spread = Spread(count, seed)
+        found = caustics(self.world, self.spheres, self.lens, spread, rng, dr.full(mi.Bool, True, count))
         dr.eval(found)
         height, width = self.camera.height, self.camera.width
         planes = {name: np.zeros((height * width, 3)) for name in ("objects", "difference")}

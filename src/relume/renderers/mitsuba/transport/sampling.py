@@ -69,6 +69,48 @@ class Numbers:
         return mi.sample_tea_float32(self.pixel, self.seed + mi.UInt32(0x9E3779B9 * (axis + 1) & 0xFFFFFFFF), 6)
 
 
+class Spread:
+    """Points of unit squares for `count` rays of light, spread evenly over each square: they leave no gaps and no heaps.
+
+    Each pair is a (0, 2)-sequence of Sobol', its indices and its values scrambled by chance (Owen's scrambling by
+    hashing; Burley 2020), so that each point is even by itself, and pairs and seeds know nothing of each other.
+    """
+
+    def __init__(self, count: int, seed: int) -> None:
+        self.index: Any = dr.arange(mi.UInt32, count)
+        self.seed: Any = dr.opaque(mi.UInt32, (seed ^ seed >> 32) & 0xFFFFFFFF)
+
+    def pair(self, number: int) -> Any:
+        """The points of a pair; rays with the same index have others in another pair."""
+        keys = [mi.sample_tea_32(self.seed, mi.UInt32(3 * number + each))[0] for each in range(3)]
+        index = dr.brev(_scrambled(dr.brev(self.index), keys[0]))
+        # Both coordinates with their bits turned round: what a scramble of the low bits needs.
+        return mi.Point2f(_below_1(_scrambled(index, keys[1])), _below_1(_scrambled(_sobol_second(index), keys[2])))
+
+
+def _sobol_second(index: Any) -> Any:
+    """The second coordinate of Sobol's sequence, its bits turned round."""
+    value, direction = mi.UInt32(0), 1
+    for bit in range(32):
+        value = value ^ dr.select((index >> bit) & 1 == 1, mi.UInt32(direction), 0)
+        direction = (direction ^ direction << 1) & 0xFFFFFFFF
+    return value
+
+
+def _scrambled(value: Any, key: Any) -> Any:
+    """A hash of which each bit depends on lower bits alone (Laine & Karras 2011, as bettered by Vegdahl 2021)."""
+    # No operation in place, which would change what was passed.
+    value = value ^ value * 0x3D20ADEA
+    value = (value + key) * ((key >> 16) | 1)
+    value = value ^ value * 0x05526C56
+    return value ^ value * 0x53A22864
+
+
+def _below_1(turned: Any) -> Any:
+    """A number from 0 to 1 of bits turned round."""
+    return mi.Float(dr.brev(turned) >> 8) * 2.0**-24
+
+
 def two(stream: Any) -> Any:
     """A point of the unit square."""
     first = stream.next_float32()
