@@ -46,7 +46,7 @@ class Estimator(Tracing):
         light = SceneLight(scene)
         pierced = any(is_pierced(solid.material) for solid in scene.objects)
         # Where there are holes, what is followed from the light could not be seen through them.
-        caught = bool(spheres) and not light.even and not pierced
+        caught = bool(spheres[0]) and not light.even and not pierced
         if pierced:
             warn_of_holes(scene)
         world = World(

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from dataclasses import replace
 from typing import Any
 
 import drjit as dr
@@ -83,8 +84,11 @@ class SceneLight:
         """Whether there is no light at all."""
         return not self.shares.any()
 
-    def sample(self, place: Any, choice: Any, point: Any, active: Any) -> Sample:
-        """A direction towards one of the lights, chosen by `choice`, within it by `point` (two numbers from 0 to 1)."""
+    def sample(self, place: Any, choice: Any, point: Any, active: Any, dim: Any = False) -> Sample:
+        """A direction towards one of the lights, chosen by `choice`, within it by `point` (two numbers from 0 to 1).
+
+        dim : where only what is not `emitted` is wanted
+        """
         direction, distance = mi.Vector3f(0, 1, 0), mi.Float(0)
         weight, density, valid = mi.Color3f(0), mi.Float(0), mi.Bool(False)
         low = 0.0
@@ -93,6 +97,9 @@ class SceneLight:
             mine = active & (choice >= low) & ((choice < low + share) | (index == len(self.shares) - 1))
             low += share
             found = source.sample(place, point, mine)
+            if dim is not False:
+                kept = self.dimmed(found.weight * found.density) if source is self.map else 0
+                found = replace(found, weight=dr.select(dim, found.weight * kept, found.weight))
             direction = dr.select(mine, found.direction, direction)
             distance = dr.select(mine, found.distance, distance)
             weight = dr.select(mine, found.weight / share, weight)

@@ -11,7 +11,7 @@ import drjit as dr
 import mitsuba as mi
 import numpy as np
 
-from relume.renderers.mitsuba.materials import bsdf, crossed_straight, emission
+from relume.renderers.mitsuba.materials import bsdf, crossed_straight, emission, sends_narrowly
 from relume.renderers.mitsuba.scene import _shape, material_on
 from relume.renderers.mitsuba.transport import opaque
 from relume.renderers.mitsuba.transport.caustics import caustics
@@ -45,19 +45,19 @@ Planes = dict[str, np.ndarray]
 class Tracing(ABC):
     """A world and a camera, made ready for passes.
 
-    spheres : round the shapes that send light on in one direction
+    spheres : round the shapes that send light on in one direction or nearly so, and those in one alone (`senders`)
     pierced : whether shapes have holes
     bodies : the shapes, as light meets them
     """
 
     def __init__(
-        self, world: World, camera: Camera, spheres: Spheres, pierced: bool, bodies: Sequence[Body] = ()
+        self, world: World, camera: Camera, spheres: tuple[Spheres, Spheres], pierced: bool, bodies: Sequence[Body] = ()
     ) -> None:  # fmt: skip
-        self.world, self.spheres, self.pierced = world, spheres, pierced
+        self.world, self.spheres, self.benders, self.pierced = world, *spheres, pierced
         self.camera, self.lens = camera, Lens(camera)
         # Whether light is followed to where it is scattered: in bodies, and where it was bent before in smoke or fog.
         media = world.media
-        self.floods = media is not None and media.scatters and bool(spheres) and not world.light.even
+        self.floods = media is not None and media.scatters and bool(self.benders) and not world.light.even
         # Whether a lamp that no path meets sends light on to surfaces.
         self.lands = world.smooth and bool(world.light.sizeless.any())
         self.in_bodies = in_bodies(media, bodies) if media is not None and self.floods else None
@@ -69,9 +69,9 @@ class Tracing(ABC):
         count = min(max(wanted, FEWEST_PHOTONS), MOST_PHOTONS)
         self.world.photons = self.world.landed = None
         if self.floods and self.in_bodies is not None:
-            self.world.photons = in_media(self.world, self.spheres, self.in_bodies, count, seed)
+            self.world.photons = in_media(self.world, self.benders, self.in_bodies, count, seed)
         if self.lands and self.on_floors is not None:
-            self.world.landed = on_surfaces(self.world, self.spheres, self.on_floors, count, seed)
+            self.world.landed = on_surfaces(self.world, self.benders, self.on_floors, count, seed)
 
     def seeing(self, camera: Camera) -> Self:
         """The same scene, seen by another camera."""
@@ -223,10 +223,14 @@ def bodies_of(shapes: Sequence[Shape], scene: Any, media: Media | None) -> list[
     ]
 
 
-def senders(shapes: Sequence[Shape], scene: Any) -> Spheres:
-    """Spheres round the shapes that send light on in one direction, which bends it there; `scene` as Mitsuba has it."""
+def senders(shapes: Sequence[Shape], scene: Any) -> tuple[Spheres, Spheres]:
+    """Spheres round the shapes that send light on nearly in one direction, and round those that do so in just one and
+    bend it there; `scene` as Mitsuba has it."""
     bends = _bending(shapes, scene)
-    return [opaque.sphere(*sphere_round(shape)) for shape, bent in zip(shapes, bends, strict=True) if bent]
+    round_all = [opaque.sphere(*sphere_round(shape)) for shape in shapes]
+    narrowly = [sends_narrowly(shape.material) for shape in shapes]
+    nearly = [each for each, *sends in zip(round_all, bends, narrowly, strict=True) if any(sends)]
+    return nearly, [each for each, bent in zip(round_all, bends, strict=True) if bent]
 
 
 def _bending(shapes: Sequence[Shape], scene: Any) -> list[bool]:
