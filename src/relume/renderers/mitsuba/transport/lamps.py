@@ -57,12 +57,13 @@ class SphereLamp:
         return Sample(direction, dr.maximum(distance, 0), weight, 1 / angle, outside)
 
     def emit(self, spheres: Spheres, which: Any, point: Any, aim: Any, active: Any) -> tuple[Any, Any, Any]:
-        normal = mi.warp.square_to_uniform_sphere(point)
-        place = self.centre + self.radius * normal
-        direction, density = aimed(spheres, which, aim, place)
-        cosine = dr.dot(normal, direction)
-        valid = (cosine > 0) & (density > 0)
-        flux = self.radiance * (4 * np.pi * self.radius**2) * cosine / density
+        # In every direction it is a disc that shines evenly; wider cones hold what any place on it sends to the spheres.
+        direction, density = aimed([(c, r + self.radius) for c, r in spheres], which, aim, self.centre)
+        across = mi.warp.square_to_uniform_disk(point)
+        rise = dr.safe_sqrt(1 - dr.squared_norm(across))
+        place = self.centre + self.radius * mi.Frame3f(direction).to_world(mi.Vector3f(across.x, across.y, rise))
+        valid = density > 0
+        flux = self.radiance * (np.pi * self.radius**2) / density
         return mi.Ray3f(place, direction), dr.select(valid, flux, 0), valid
 
 
