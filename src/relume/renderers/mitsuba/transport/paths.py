@@ -107,7 +107,7 @@ def followed(
                 dr.select(bent & (bounces == 0), ~delta, scattered_first),
                 on_surface & ~scattered,
             )
-            if world.narrow is not None:
+            if narrow is not False:
                 wide_first = dr.select(bent & (bounces == 0), ~delta & ~narrow, wide_first)
             one_way = (delta & scattered_first) | (narrow & wide_first)
             sent_on = (bent & one_way & world.is_object(si.shape) & on_surface) | (straight & sent_on)

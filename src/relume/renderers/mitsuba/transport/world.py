@@ -61,8 +61,7 @@ class World:
         added = np.zeros(int(numbers.max(initial=0)) + 1, np.uint32)
         added[numbers] = 1
         self.added = mi.UInt32(added)
-        # Only where `caustics` follows their light.
-        narrow = [smooth and sends_narrowly(material) for material in materials]
+        narrow = [sends_narrowly(material) for material in materials]
         self.narrow: Any = None
         if any(narrow):
             table = np.zeros(len(added), np.uint32)
@@ -89,7 +88,7 @@ class World:
 
     def is_narrow(self, shape: Any, active: Any) -> Any:
         """Whether a shape is an object that sends light on nearly one way."""
-        if self.narrow is None:
+        if self.narrow is None or not self.smooth:
             return False
         number = dr.reinterpret_array(mi.UInt32, shape)
         known = active & (number < dr.width(self.narrow))
