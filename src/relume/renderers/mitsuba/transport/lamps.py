@@ -57,7 +57,7 @@ class SphereLamp:
         return Sample(direction, dr.maximum(distance, 0), weight, 1 / angle, outside)
 
     def emit(self, spheres: Spheres, which: Any, point: Any, aim: Any, active: Any) -> tuple[Any, Any, Any]:
-        # In every direction it is a disc that shines evenly; wider cones hold what any place on it sends to the spheres.
+        # In each direction it is a disc that shines evenly. Wider cones hold what any place on it sends to the spheres.
         direction, density = aimed([(c, r + self.radius) for c, r in spheres], which, aim, self.centre)
         across = mi.warp.square_to_uniform_disk(point)
         rise = dr.safe_sqrt(1 - dr.squared_norm(across))

@@ -70,7 +70,7 @@ class Numbers:
 
 
 class Spread:
-    """Points of unit squares for `count` rays of light, spread evenly over each square: they leave no gaps and no heaps.
+    """Points of unit squares for `count` rays of light, spread evenly over each square, without gaps and heaps.
 
     Each pair is a (0, 2)-sequence of Sobol', its indices and its values scrambled by chance (Owen's scrambling by
     hashing; Burley 2020), so that each point is even by itself, and pairs and seeds know nothing of each other.
