@@ -11,7 +11,16 @@ import numpy as np
 from relume.errors import UnsupportedScene
 from relume.renderers.mitsuba.transport import opaque
 from relume.renderers.mitsuba.transport.light_map import FAR
-from relume.renderers.mitsuba.transport.sampling import Sample, Spheres, aimed, beside, parallel
+from relume.renderers.mitsuba.transport.sampling import (
+    Sample,
+    Spheres,
+    aimed,
+    beside,
+    chosen,
+    cones_of,
+    parallel,
+    within,
+)
 from relume.scene.lights import DistantLight, PointLight, RectangleLight, SphereLight, SquareLaw
 from relume.sphere.directions import normalised
 
@@ -57,14 +66,22 @@ class SphereLamp:
         return Sample(direction, dr.maximum(distance, 0), weight, 1 / angle, outside)
 
     def emit(self, spheres: Spheres, which: Any, point: Any, aim: Any, active: Any) -> tuple[Any, Any, Any]:
-        # In each direction it is a disc that shines evenly. Wider cones hold what any place on it sends to the spheres.
-        direction, density = aimed([(c, r + self.radius) for c, r in spheres], which, aim, self.centre)
-        across = mi.warp.square_to_uniform_disk(point)
-        rise = dr.safe_sqrt(1 - dr.squared_norm(across))
-        place = self.centre + self.radius * mi.Frame3f(direction).to_world(mi.Vector3f(across.x, across.y, rise))
-        valid = density > 0
-        flux = self.radiance * (np.pi * self.radius**2) / density
-        return mi.Ray3f(place, direction), dr.select(valid, flux, 0), valid
+        # From the part of it that sees anything of the sphere: a little more than half of it towards a larger one.
+        caps = []
+        for centre, radius in spheres:
+            away = centre - self.centre
+            distance = dr.maximum(dr.norm(away), 1e-9)
+            caps.append((away / distance, 1 + dr.clip((radius - self.radius) / distance, 0, 1)))
+        normal = beside(*chosen(caps, which, point))
+        place = self.centre + self.radius * normal
+        cones = cones_of(spheres, place)
+        direction = beside(*chosen(cones, which, aim))
+        density = mi.Float(0)
+        for cap, cone in zip(caps, cones, strict=True):
+            density += within(cap, normal) * within(cone, direction) / (len(spheres) * self.radius**2)
+        cosine = dr.dot(normal, direction)
+        valid = (cosine > 0) & (density > 0)
+        return mi.Ray3f(place, direction), dr.select(valid, self.radiance * cosine / density, 0), valid
 
 
 class RectangleLamp:

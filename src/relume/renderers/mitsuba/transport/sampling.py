@@ -146,24 +146,46 @@ def beside(axis: Any, less: Any, turn: Any) -> Any:
     return mi.Frame3f(axis).to_world(mi.Vector3f(flat * cosine, flat * sine, 1 - less))
 
 
-def aimed(spheres: Spheres, which: Any, point: Any, place: Any) -> tuple[Any, Any]:
-    """A direction from a place into the cone of one of several spheres, and its density over all of them."""
+Cone = tuple[Any, Any]
+"""An axis, and 1 − cos of the half angle."""
+
+
+def cones_of(spheres: Spheres, place: Any) -> list[Cone]:
+    """The cones that hold spheres seen from a place; from within a sphere every direction leads to what it bounds."""
     cones = []
     for centre, radius in spheres:
         away = centre - place
         square = dr.minimum(radius**2 / dr.maximum(dr.squared_norm(away), 1e-20), 1)
-        # From within every direction leads to what it bounds: 1 − cos of a whole sphere is 2.
+        # 1 − cos of a whole sphere is 2.
         less = dr.select(square < 1, square / (1 + dr.safe_sqrt(1 - square)), 2)
         cones.append((dr.normalize(away), less))
+    return cones
+
+
+def chosen(cones: list[Cone], which: Any, point: Any) -> tuple[Any, Any, Any]:
+    """What `beside` makes a direction of, evenly within one of the cones."""
     axis, less = cones[0]
     for index, (direction, width) in enumerate(cones):
         mine = which >= index / len(cones)
         axis, less = dr.select(mine, direction, axis), dr.select(mine, width, less)
-    direction = beside(axis, point.x * less, point.y)
+    return axis, point.x * less, point.y
+
+
+def within(cone: Cone, direction: Any) -> Any:
+    """The density of an even direction of a cone, per steradian."""
+    axis, less = cone
+    # |d − a|²/2 = 1 − cos, without what cancels in it.
+    inside = 0.5 * dr.squared_norm(direction - axis) <= less
+    return dr.select(inside, 1 / (2 * np.pi * dr.maximum(less, 1e-20)), 0)
+
+
+def aimed(spheres: Spheres, which: Any, point: Any, place: Any) -> tuple[Any, Any]:
+    """A direction from a place into the cone of one of several spheres, and its density over all of them."""
+    cones = cones_of(spheres, place)
+    direction = beside(*chosen(cones, which, point))
     density = mi.Float(0)
-    for axis, less in cones:
-        inside = 0.5 * dr.squared_norm(direction - axis) <= less
-        density += dr.select(inside, 1 / (2 * np.pi * less * len(cones)), 0)
+    for cone in cones:
+        density += within(cone, direction) / len(cones)
     return direction, density
 
 
