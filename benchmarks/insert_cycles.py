@@ -4,7 +4,8 @@
 
 FOLDER holds scene.npz as `insert_scenes.pack` writes it and jobs.json, a list of
     {"name", "samples", "seed", "objects": bool, "catcher": bool, "denoise": bool, "bounces", "adaptive": noise or none}
-Written there: NAME.exr, all layers, for each job, and seconds.json: of each job's render call, writing included. The
+Written there: NAME.exr, all layers, for each job, and seconds.json: of each job's render call, writing included, by the
+clock and of the processors. The
 scene stays loaded from one job to the next. +Y up becomes Blender's +Z up: (x, y, z) is (x, −z, y) there.
 """
 
@@ -166,8 +167,8 @@ def _colour(nodes: Any, links: Any, socket: Any, value: Any, arrays: Any, key: s
     links.new(texture.outputs[0], socket)
 
 
-def render(job: dict[str, Any], local: list[Any], objects: list[Any], folder: Path) -> float:
-    """One picture; seconds of the call."""
+def render(job: dict[str, Any], local: list[Any], objects: list[Any], folder: Path) -> tuple[float, float]:
+    """One picture; seconds of the call by the clock, and of the processors."""
     scene = bpy.context.scene
     cycles, layer = scene.cycles, scene.view_layers[0]
     cycles.device, cycles.samples, cycles.seed = "CPU", job["samples"], job["seed"]
@@ -192,9 +193,9 @@ def render(job: dict[str, Any], local: list[Any], objects: list[Any], folder: Pa
     picture.media_type = "MULTI_LAYER_IMAGE"
     picture.file_format, picture.color_depth, picture.exr_codec = "OPEN_EXR_MULTILAYER", "32", "NONE"
     scene.render.filepath = str(folder / f"{job['name']}.exr")
-    start = time.perf_counter()
+    start, used = time.perf_counter(), time.process_time()
     bpy.ops.render.render(write_still=True)
-    return time.perf_counter() - start
+    return time.perf_counter() - start, time.process_time() - used
 
 
 def main(folder: Path) -> None:

@@ -91,9 +91,11 @@ class Cycles:
     """Blender's renderer.
 
     python : the interpreter of an environment that has bpy
+    processors : whether seconds are those of the processors, which other work beside it changes little
     """
 
     python: str
+    processors: bool = False
 
     def pictures(
         self, scene: rl.Scene, camera: rl.Camera, jobs: list[dict[str, Any]]
@@ -108,7 +110,7 @@ class Cycles:
             if done.returncode or not (folder / "seconds.json").is_file():
                 raise SystemExit(f"Cycles did not run:\n{done.stdout[-2000:]}{done.stderr[-2000:]}")
             seconds = json.loads((folder / "seconds.json").read_text())
-            return {name: (_layers(folder / f"{name}.exr"), time) for name, time in seconds.items()}
+            return {name: (_layers(folder / f"{name}.exr"), times[self.processors]) for name, times in seconds.items()}
 
 
 def _layers(path: Path) -> dict[str, np.ndarray]:

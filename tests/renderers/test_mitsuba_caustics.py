@@ -18,6 +18,8 @@ from relume.sphere.mappings.mapping import LatLong, pixel_directions
 
 CAMERA = Camera.looking_at(np.array([0, 1.1, 2.2]), np.array([0.1, 0.15, 0]), width=12, height=8, focal_length=11)
 GLASS = Material(roughness=0.0, transmission=1.0)
+BRUSHED = Material((0.9, 0.7, 0.4), metallic=1.0, roughness=0.25)
+FROSTED = Material(roughness=0.25, transmission=1.0)
 MIRROR = Material((0.9, 0.8, 0.7), metallic=1.0, roughness=0.0)
 FLOOR = Plane(Diffuse((0.7, 0.5, 0.3)), (4.0, 4.0))
 PASSES, SAMPLES = 12, 256
@@ -32,9 +34,10 @@ def glow() -> EnvironmentMap:
     return EnvironmentMap(np.where(near[..., None], [30.0, 24.0, 16.0], 0.2).astype(np.float32))
 
 
-def scene_of(material: Any, distant: Distant, *lamps: SphereLight) -> Scene:
+def scene_of(material: Any, distant: Distant, *lamps: SphereLight, beside: Sphere | None = None) -> Scene:
     ball = Sphere((0.0, 0.4, 0.0), 0.35, material)
-    return Scene(glow(), (FLOOR,), (ball,), lamps, distant, (0.0, 0.3, 0.0))
+    objects = (ball,) if beside is None else (ball, beside)
+    return Scene(glow(), (FLOOR,), objects, lamps, distant, (0.0, 0.3, 0.0))
 
 
 def passes(scene: Scene, followed: bool) -> dict[str, np.ndarray]:
@@ -55,6 +58,12 @@ SCENES = {
     "mirror, dome": scene_of(MIRROR, Dome(3.0, (0.2, 0.3, 0.0))),
     "glass, lamp": scene_of(GLASS, Infinite(), LAMP),
     "mirror, lamp": scene_of(MIRROR, Infinite(), LAMP),
+    "brushed metal, far lamp": scene_of(BRUSHED, Infinite()),
+    "brushed metal, lamp": scene_of(BRUSHED, Infinite(), LAMP),
+    "frosted glass, lamp": scene_of(FROSTED, Infinite(), LAMP),
+    "brushed metal beside a mirror": scene_of(
+        BRUSHED, Infinite(), LAMP, beside=Sphere((0.45, 0.15, 0.25), 0.15, MIRROR)
+    ),
 }
 
 

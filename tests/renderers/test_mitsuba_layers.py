@@ -5,7 +5,8 @@ import pytest
 
 import gltf_files
 from montecarlo import assert_matte_of_disc
-from relume.renderers.mitsuba.path_tracer import MATTE_SAMPLES, Mitsuba
+from relume.renderers.mitsuba.limits import MATTE_SAMPLES
+from relume.renderers.mitsuba.path_tracer import Mitsuba
 from relume.renderers.renderer import render
 from relume.scene.cameras.camera import Camera
 from relume.scene.materials.materials import Diffuse, Material

@@ -52,6 +52,14 @@ def sky() -> EnvironmentMap:
 SCENES = {
     "Cornell box": Scene(BLACK, BOX, (CEILING, MATT)),
     "rough metal": Scene(sky(), (Plane(WHITE, (6.0, 6.0)),), (METAL,)),
+    "narrow lobes": Scene(
+        sky(), (Plane(WHITE, (6.0, 6.0)),),
+        (
+            Sphere((0.35, 0.4, 0.1), 0.4, Material((0.9, 0.7, 0.4), metallic=1.0, roughness=0.25)),
+            Sphere((-0.5, 0.4, 0.1), 0.4, Material(roughness=0.3, transmission=1.0)),
+            Sphere((-0.1, 0.2, 0.7), 0.2, Material((0.5, 0.6, 0.7), roughness=0.3)),
+        ),
+    ),
     "sphere lamp": Scene(BLACK, BOX, (MATT,), (SphereLight((0.4, 1.5, 0.2), 0.15, (30.0, 25.0, 20.0)),)),
     "rectangle lamp": Scene(
         BLACK, BOX, (MATT,), (RectangleLight((-0.3, 1.8, 0.0), (0.3, -1, 0.2), (0.5, 0.3), (20.0, 15.0, 10.0)),)

@@ -189,7 +189,9 @@ def _read_table(path: Path) -> SceneFile:
     ]
     objects = tuple(object_of(item, f"objects.{index}", materials, path) for index, item in enumerate(table.objects))
     solids = tuple(solid for each in objects for solid in each.at_rest())
-    scene = Scene(light, tuple(local), solids, lights, distant, probe, table.medium and table.medium.medium())
+    with naming(f"{path}: medium"):
+        medium = table.medium and table.medium.medium()
+    scene = Scene(light, tuple(local), solids, lights, distant, probe, medium)
     orbits = tuple(each.orbit for each in objects for _ in each.solids)
     # And how it moves.
     sequence = None

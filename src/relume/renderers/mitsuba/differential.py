@@ -19,7 +19,7 @@ import numpy as np
 
 from relume.errors import UnsupportedScene, warn
 from relume.renderers.mitsuba.distant import require_inside
-from relume.renderers.mitsuba.limits import FEW_RAYS, GUIDES, MATTE_SAMPLES, PASS_RAYS, samples_a_pass
+from relume.renderers.mitsuba.limits import FEW_RAYS, GUIDE_SAMPLES, GUIDES, PASS_RAYS, samples_a_pass
 from relume.renderers.mitsuba.path_tracer import Mitsuba, PathTracing, _mitsuba, in_worker
 from relume.renderers.mitsuba.scene import why_not
 from relume.renderers.progressive.accumulation import NO_SESSION, Planes, RenderSession, accumulate, pass_seed
@@ -155,7 +155,7 @@ class Differential(PathTracing):
                     f"{target.error(sums):.2g}; give more samples"
                 )
             # Depth, normals and albedo, which need few samples.
-            most = min(MATTE_SAMPLES, (QUICK_GUIDES if self.quick else GUIDES) * self.samples)
+            most = min(GUIDE_SAMPLES, (QUICK_GUIDES if self.quick else GUIDES) * self.samples)
             guides = still.guides(min(most, max(1, PASS_RAYS // (camera.width * camera.height))), seed)
         seen = np.maximum(guides["seen"], 1e-12)
         planes = {name: sums.mean(name) for name in ("objects", "difference", "taken", "matte")}

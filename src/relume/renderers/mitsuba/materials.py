@@ -17,6 +17,8 @@ from relume.scene.materials.measured import MeasuredBRDF
 from relume.scene.materials.media import Medium
 from relume.scene.shapes.shapes import AnyMaterial
 
+NARROW = 0.35
+"""Below this roughness a metal sends light on nearly one way: α < 0.12, most of it within 14° of the mirror's way."""
 SMOOTH = 0.03
 """Below this roughness glass is smooth: α < 0.001, finer than any picture shows."""
 
@@ -115,6 +117,18 @@ def crossed_straight(material: AnyMaterial) -> np.ndarray | None:
     if np.mean(np.asarray(material.roughness)) > SMOOTH or np.ndim(material.base_color) != 1:
         return None
     return np.sqrt(np.asarray(material.base_color, np.float32))
+
+
+def sends_narrowly(material: AnyMaterial) -> bool:
+    """Whether all light that a surface scatters goes nearly one way: a brushed metal, frosted glass.
+
+    Such a surface is to `transport.caustics` as a smooth one: from the camera its glow on others is found by chance.
+    """
+    if not isinstance(material, Material) or material.medium is not None or np.any(np.asarray(material.alpha) < 1):
+        return False
+    if extra_lobes(material)["sheen"] or np.max(np.asarray(material.roughness)) > NARROW:
+        return False
+    return bool(np.all(material.through == 1) or np.all(np.asarray(material.metallic) == 1))
 
 
 def interior(material: AnyMaterial) -> dict[str, Any] | None:

@@ -22,7 +22,7 @@ from relume.errors import ClusterUnusable, UnsupportedScene
 from relume.renderers.mitsuba import scalar
 from relume.renderers.mitsuba.denoise import denoised_render
 from relume.renderers.mitsuba.distant import require_inside
-from relume.renderers.mitsuba.limits import GUIDES, MATTE_SAMPLES, PASS_RAYS, PASSES, samples_a_pass
+from relume.renderers.mitsuba.limits import GUIDE_SAMPLES, GUIDES, PASS_RAYS, PASSES, samples_a_pass
 from relume.renderers.mitsuba.scene import why_not
 from relume.renderers.mitsuba.variant import choose_llvm, choose_variant, why_not_here
 from relume.renderers.progressive.accumulation import NO_SESSION, Planes, RenderSession, accumulate, pass_seed
@@ -130,7 +130,7 @@ class Mitsuba(PathTracing):
                 progress=progress,
             )
             # Depth, normals and albedo, which need few samples.
-            planes = still.guides(min(MATTE_SAMPLES, GUIDES * self.samples), seed)
+            planes = still.guides(min(GUIDE_SAMPLES, GUIDES * self.samples), seed)
         planes |= {name: sums.mean(name) for name in sums.totals} | {"variance": sums.variance("radiance")}
         planes = {name: plane.astype(np.float32) for name, plane in planes.items()}
         traced = Render(**planes, samples=sums.passes * samples, passes=sums.passes)

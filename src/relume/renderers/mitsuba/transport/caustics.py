@@ -14,7 +14,7 @@ import drjit as dr
 import mitsuba as mi
 
 from relume.renderers.mitsuba.transport.lens import Lens
-from relume.renderers.mitsuba.transport.sampling import Spheres, two
+from relume.renderers.mitsuba.transport.sampling import Spheres, Spread, two
 from relume.renderers.mitsuba.transport.world import World
 
 SEEN = 4
@@ -23,7 +23,7 @@ SEEN = 4
 
 @dr.syntax
 def caustics(
-    world: World, spheres: Spheres, lens: Lens, rng: Any, active: Any, objects: bool = True
+    world: World, spheres: Spheres, lens: Lens, spread: Spread, rng: Any, active: Any, objects: bool = True
 ) -> list[tuple[Any, Any, Any]]:  # fmt: skip
     """Of each ray of light, for each surface that scatters it: where it is seen, its flux, whether on an object.
 
@@ -33,7 +33,7 @@ def caustics(
     The flux is 0 where nothing is seen, and where it is the same with the objects as without.
     """
     context = mi.BSDFContext(mi.TransportMode.Importance)
-    ray, flux, active, far = world.light.emitted(spheres, rng, active)
+    ray, flux, active, far = world.light.emitted(spheres, spread, active)
     met = world.nearest(ray, active, objects)
     active &= met.is_valid()
     parted = world.parts(ray, met, active, objects)
@@ -43,7 +43,7 @@ def caustics(
     if world.foggy:
         flux = flux * world.from_lamp(ray, met, far, active)
     seen_so_far = mi.UInt32(0)
-    sent_on = mi.Bool(False)
+    sent_on, glossy = mi.Bool(False), mi.Bool(False)
     points = [mi.Point2f(-1) for _ in range(SEEN)]
     colours = [mi.Color3f(0) for _ in range(SEEN)]
     added = [mi.Bool(False) for _ in range(SEEN)]
@@ -54,7 +54,8 @@ def caustics(
         bsdf = si.bsdf(ray)
         on_object = world.is_object(met.shape)
         # What has been sent on is seen where it is scattered.
-        smooth = active & sent_on & mi.has_flag(bsdf.flags(), mi.BSDFFlags.Smooth)
+        narrow = world.is_narrow(si.shape, active)
+        smooth = active & sent_on & mi.has_flag(bsdf.flags(), mi.BSDFFlags.Smooth) & ~(glossy & narrow)
         at, factor, back = lens.seen_at(si, two(rng), smooth)
         seen = smooth & (factor > 0)
         value = bsdf.eval(context, si, si.to_local(back.d), seen)
@@ -77,12 +78,15 @@ def caustics(
         sample, weight = bsdf.sample(context, si, rng.next_float32(), two(rng), active)
         onward = si.to_world(sample.wo)
         delta = mi.has_flag(sample.sampled_type, mi.BSDFFlags.Delta)
+        one_way = delta | narrow
         straight, tint = world.tint(si.shape, active)
         onward, weight = dr.select(straight, ray.d, onward), dr.select(straight, tint, weight)
         scattered = seen_so_far > 0
         sends = world.sends(si) | sent_on
-        active &= (delta & sends) | scattered | straight
-        sent_on |= active & delta & sends & ~straight
+        active &= (one_way & sends) | scattered | straight
+        # Of two that send light on nearly one way, the path from the camera finds the glow of one in the other.
+        glossy |= active & ~sent_on & one_way & ~delta
+        sent_on |= active & one_way & sends & ~straight
         flux = dr.select(active, flux * weight, flux)
         if spectral is not None:
             bent, whole = spectral.met(si, sample, own, active & (hue < 0))

@@ -53,15 +53,15 @@ class Estimator(Tracing):
         media = [filling(material) for material in materials]
         straight = [crossed_straight(material) is not None for material in materials]
         # What sends light on in one direction.
-        spheres = senders(scene.objects, objects)
+        nearly, bent = senders(scene.objects, objects)
         mirrors, clipped = real_senders(scene, local)
-        spheres += mirrors
+        spheres = nearly + mirrors, bent + mirrors
         light = SceneLight(scene)
         pierced = any(is_pierced(solid.material) for solid in scene.objects)
         # Where there are holes, what is followed from the light could not be seen through them.
-        caught = bool(spheres) and not light.even and not pierced
+        caught = bool(spheres[0]) and not light.even and not pierced
         if pierced:
-            warn_of_holes(scene, len(spheres))
+            warn_of_holes(scene, len(spheres[1]))
         filled = scene.medium is not None or any(medium is not None for medium in media)
         world = World(
             local, objects, light,

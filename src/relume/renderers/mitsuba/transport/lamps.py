@@ -11,7 +11,16 @@ import numpy as np
 from relume.errors import UnsupportedScene
 from relume.renderers.mitsuba.transport import opaque
 from relume.renderers.mitsuba.transport.light_map import FAR
-from relume.renderers.mitsuba.transport.sampling import Sample, Spheres, aimed, beside, parallel
+from relume.renderers.mitsuba.transport.sampling import (
+    Sample,
+    Spheres,
+    aimed,
+    beside,
+    chosen,
+    cones_of,
+    parallel,
+    within,
+)
 from relume.scene.lights import DistantLight, PointLight, RectangleLight, SphereLight, SquareLaw
 from relume.sphere.directions import normalised
 
@@ -57,13 +66,22 @@ class SphereLamp:
         return Sample(direction, dr.maximum(distance, 0), weight, 1 / angle, outside)
 
     def emit(self, spheres: Spheres, which: Any, point: Any, aim: Any, active: Any) -> tuple[Any, Any, Any]:
-        normal = mi.warp.square_to_uniform_sphere(point)
+        # From the part of it that sees anything of the sphere: a little more than half of it towards a larger one.
+        caps = []
+        for centre, radius in spheres:
+            away = centre - self.centre
+            distance = dr.maximum(dr.norm(away), 1e-9)
+            caps.append((away / distance, 1 + dr.clip((radius - self.radius) / distance, 0, 1)))
+        normal = beside(*chosen(caps, which, point))
         place = self.centre + self.radius * normal
-        direction, density = aimed(spheres, which, aim, place)
+        cones = cones_of(spheres, place)
+        direction = beside(*chosen(cones, which, aim))
+        density = mi.Float(0)
+        for cap, cone in zip(caps, cones, strict=True):
+            density += within(cap, normal) * within(cone, direction) / (len(spheres) * self.radius**2)
         cosine = dr.dot(normal, direction)
         valid = (cosine > 0) & (density > 0)
-        flux = self.radiance * (4 * np.pi * self.radius**2) * cosine / density
-        return mi.Ray3f(place, direction), dr.select(valid, flux, 0), valid
+        return mi.Ray3f(place, direction), dr.select(valid, self.radiance * cosine / density, 0), valid
 
 
 class RectangleLamp:

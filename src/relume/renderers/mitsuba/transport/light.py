@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from dataclasses import replace
 from typing import Any
 
 import drjit as dr
@@ -12,7 +13,7 @@ import numpy as np
 from relume.renderers.mitsuba.transport import opaque
 from relume.renderers.mitsuba.transport.lamps import PointLamp, RectangleLamp, SphereLamp, Sun
 from relume.renderers.mitsuba.transport.light_map import LightMap
-from relume.renderers.mitsuba.transport.sampling import Sample, Spheres
+from relume.renderers.mitsuba.transport.sampling import Sample, Spheres, Spread
 from relume.renderers.raytrace.extent import sphere_round
 from relume.scene.lights import DistantLight, PointLight, RectangleLight, SphereLight
 from relume.scene.scene import Scene
@@ -83,8 +84,11 @@ class SceneLight:
         """Whether there is no light at all."""
         return not self.shares.any()
 
-    def sample(self, place: Any, choice: Any, point: Any, active: Any) -> Sample:
-        """A direction towards one of the lights, chosen by `choice`, within it by `point` (two numbers from 0 to 1)."""
+    def sample(self, place: Any, choice: Any, point: Any, active: Any, dim: Any = False) -> Sample:
+        """A direction towards one of the lights, chosen by `choice`, within it by `point` (two numbers from 0 to 1).
+
+        dim : where only what is not `emitted` is wanted
+        """
         direction, distance = mi.Vector3f(0, 1, 0), mi.Float(0)
         weight, density, valid = mi.Color3f(0), mi.Float(0), mi.Bool(False)
         low = 0.0
@@ -93,6 +97,9 @@ class SceneLight:
             mine = active & (choice >= low) & ((choice < low + share) | (index == len(self.shares) - 1))
             low += share
             found = source.sample(place, point, mine)
+            if dim is not False:
+                kept = self.dimmed(found.weight * found.density) if source is self.map else 0
+                found = replace(found, weight=dr.select(dim, found.weight * kept, found.weight))
             direction = dr.select(mine, found.direction, direction)
             distance = dr.select(mine, found.distance, distance)
             weight = dr.select(mine, found.weight / share, weight)
@@ -179,11 +186,13 @@ class SceneLight:
         brightness = dr.mean(radiance)
         return dr.select(brightness > self.bright, self.bright / dr.maximum(brightness, 1e-30), 1)
 
-    def emitted(self, spheres: Spheres, rng: Any, active: Any, sizeless: bool = False) -> tuple[Any, Any, Any, Any]:
+    def emitted(
+        self, spheres: Spheres, spread: Spread, active: Any, sizeless: bool = False
+    ) -> tuple[Any, Any, Any, Any]:  # fmt: skip
         """Rays from the bright part of the light towards spheres, each with its share of the flux (Σ flux / N), whether
         there is one, and whether it comes from infinity; of lamps that have no size alone where `sizeless`."""
-        choice = rng.next_float32()
-        which, first, second, third, fourth = (rng.next_float32() for _ in range(5))
+        chosen, point, aim = (spread.pair(number) for number in range(3))
+        choice, which = chosen.x, chosen.y
         ray, flux, valid = dr.zeros(mi.Ray3f), mi.Color3f(0), mi.Bool(False)
         far = mi.Bool(False)
         shares = self.sizeless if sizeless else self.emitting
@@ -194,7 +203,6 @@ class SceneLight:
             share = (self._sent_sizeless if sizeless else self._sent)[index]
             mine = active & (choice >= low) & ((choice < low + share) | (index == last))
             low += share
-            point, aim = mi.Point2f(first, second), mi.Point2f(third, fourth)
             begin, sent, fine = source.emit(spheres, which, point, aim, mine)
             ray, flux = dr.select(mine, begin, ray), dr.select(mine, sent / share, flux)
             valid = dr.select(mine, fine, valid)

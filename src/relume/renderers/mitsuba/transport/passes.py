@@ -12,7 +12,7 @@ import mitsuba as mi
 import numpy as np
 
 from relume.renderers.mitsuba.enclosing import require_edges
-from relume.renderers.mitsuba.materials import bsdf, crossed_straight, emission
+from relume.renderers.mitsuba.materials import bsdf, crossed_straight, emission, sends_narrowly
 from relume.renderers.mitsuba.scene import _shape, material_on
 from relume.renderers.mitsuba.transport import opaque
 from relume.renderers.mitsuba.transport.caustics import caustics
@@ -22,7 +22,7 @@ from relume.renderers.mitsuba.transport.lens import Lens
 from relume.renderers.mitsuba.transport.light import SceneLight
 from relume.renderers.mitsuba.transport.media import Media
 from relume.renderers.mitsuba.transport.photons import FEWEST_PHOTONS, MOST_PHOTONS, in_media, on_surfaces
-from relume.renderers.mitsuba.transport.sampling import Numbers, Spheres, two
+from relume.renderers.mitsuba.transport.sampling import Numbers, Spheres, Spread, two
 from relume.renderers.mitsuba.transport.world import World
 from relume.renderers.raytrace.extent import sphere_round, sphere_round_all, sphere_round_shapes
 from relume.scene.cameras.camera import Camera
@@ -53,23 +53,23 @@ Planes = dict[str, np.ndarray]
 class Tracing(ABC):
     """A world and a camera, made ready for passes.
 
-    spheres : round the shapes that send light on in one direction
+    spheres : round the shapes that send light on in one direction or nearly so, and those in one alone (`senders`)
     pierced : whether shapes have holes
     bodies : the shapes, as light meets them
     floors : the same for light that is kept on surfaces, where their radius is another
     """
 
     def __init__(
-        self, world: World, camera: Camera, spheres: Spheres, pierced: bool, bodies: Sequence[Body] = (),
-        floors: Sequence[Body] | None = None,
+        self, world: World, camera: Camera, spheres: tuple[Spheres, Spheres], pierced: bool,
+        bodies: Sequence[Body] = (), floors: Sequence[Body] | None = None,
     ) -> None:  # fmt: skip
-        self.world, self.spheres, self.pierced = world, spheres, pierced
+        self.world, self.spheres, self.benders, self.pierced = world, *spheres, pierced
         self.camera, self.lens = camera, Lens(camera)
         # Whether light is followed to where it is scattered: in bodies, and where it was bent before in smoke or fog.
         media = world.media
-        self.floods = media is not None and media.scatters and bool(spheres) and not world.light.even
+        self.floods = media is not None and media.scatters and bool(self.benders) and not world.light.even
         # Whether a lamp that no path meets sends light on to surfaces.
-        self.lands = world.smooth and bool(world.light.sizeless.any())
+        self.lands = bool(self.benders) and world.smooth and bool(world.light.sizeless.any())
         self.in_bodies = in_bodies(media, bodies) if media is not None and self.floods else None
         self.on_floors = on_floors(bodies if floors is None else floors) if self.lands else None
 
@@ -81,7 +81,7 @@ class Tracing(ABC):
         self.world.landed = self.world.landed_without = None
         self.world.landed_added = self.world.landed_taken = None
         if self.floods and self.in_bodies is not None:
-            made = (self.world, self.spheres, self.in_bodies, count, seed)
+            made = (self.world, self.benders, self.in_bodies, count, seed)
             self.world.photons = in_media(*made)
             if self.world.mirrors and self.world.foggy:
                 self.world.photons_without = in_media(*made, objects=False)
@@ -90,7 +90,7 @@ class Tracing(ABC):
 
     def _landed(self, count: int, seed: int) -> None:
         """Follow the light of lamps without size to surfaces, and what objects change of it where real ones send it."""
-        world, made = self.world, (self.world, self.spheres, self.on_floors, count, seed)
+        world, made = self.world, (self.world, self.benders, self.on_floors, count, seed)
         if not world.mirrors:
             world.landed = on_surfaces(*made)[0]
             return
@@ -219,7 +219,8 @@ class Tracing(ABC):
 
     def _sent(self, count: int, seed: int, objects: bool) -> Planes:
         rng = mi.PCG32(size=count, initstate=dr.opaque(mi.UInt64, seed + (1 << 40)))  # pyright: ignore[reportCallIssue]
-        found = caustics(self.world, self.spheres, self.lens, rng, dr.full(mi.Bool, True, count), objects)
+        spread = Spread(count, seed)
+        found = caustics(self.world, self.spheres, self.lens, spread, rng, dr.full(mi.Bool, True, count), objects)
         dr.eval(found)
         height, width = self.camera.height, self.camera.width
         planes = {name: np.zeros((height * width, 3)) for name in ("objects", "difference")}
@@ -257,10 +258,14 @@ def bodies_of(shapes: Sequence[Shape], scene: Any, media: Media | None) -> list[
     ]
 
 
-def senders(shapes: Sequence[Shape], scene: Any) -> Spheres:
-    """Spheres round the shapes that send light on in one direction, which bends it there; `scene` as Mitsuba has it."""
+def senders(shapes: Sequence[Shape], scene: Any) -> tuple[Spheres, Spheres]:
+    """Spheres round the shapes that send light on nearly in one direction, and round those that do so in just one and
+    bend it there; `scene` as Mitsuba has it."""
     bends = _bending(shapes, scene)
-    return [opaque.sphere(*sphere_round(shape)) for shape, bent in zip(shapes, bends, strict=True) if bent]
+    round_all = [opaque.sphere(*sphere_round(shape)) for shape in shapes]
+    narrowly = [sends_narrowly(shape.material) for shape in shapes]
+    nearly = [each for each, *sends in zip(round_all, bends, narrowly, strict=True) if any(sends)]
+    return nearly, [each for each, bent in zip(round_all, bends, strict=True) if bent]
 
 
 def real_senders(scene: Scene, local: Any) -> tuple[Spheres, list[tuple[int, Any, Any]]]:

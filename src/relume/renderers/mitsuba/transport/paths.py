@@ -45,6 +45,8 @@ def followed(
     before, spread, dispersed = mi.Color3f(0), mi.Color3f(1), mi.Bool(False)
     # Whether the light that `caustics` follows from the lamps would be counted twice.
     scattered_first, on_surface, sent_on = mi.Bool(parted), mi.Bool(True), mi.Bool(sent)
+    # The first surface scattered the light, and not nearly one way.
+    wide_first = mi.Bool(parted)
     # Whether lamps were looked for where a medium scattered the light, and then the direction's density for the map's.
     looked, turned = mi.Bool(False), mi.Float(0)
     # Whether kept light was counted, for all that follows in a body or for what is bent; the surface met last.
@@ -78,7 +80,9 @@ def followed(
         # Light found by looking for it.
         smooth = bent & mi.has_flag(bsdf.flags(), mi.BSDFFlags.Smooth) & (bounces < world.depth)
         first = (even_choice, even_point, bounces == 0)
-        found = _from_lamps(world, si, bsdf, context, rng, first, smooth, ray, inside, objects)
+        narrow = world.is_narrow(si.shape, bent)
+        brought = narrow & wide_first & on_surface & (bounces > 0)
+        found = _from_lamps(world, si, bsdf, context, rng, first, smooth, ray, inside, objects, brought)
         landed = world.landed if objects else world.landed_without
         if landed is not None:
             unseen = smooth & (((bounces > 0) & ~scattered_first) | ~on_surface)
@@ -102,7 +106,10 @@ def followed(
                 dr.select(bent & (bounces == 0), ~delta, scattered_first),
                 on_surface & ~scattered,
             )
-            sent_on = (bent & delta & world.sends(si) & scattered_first & on_surface) | (straight & sent_on)
+            if narrow is not False:
+                wide_first = dr.select(bent & (bounces == 0), ~delta & ~narrow, wide_first)
+            one_way = (delta & scattered_first) | (narrow & wide_first)
+            sent_on = (bent & one_way & world.sends(si) & on_surface) | (straight & sent_on)
         if (world.photons if objects else world.photons_without) is not None:
             kept = (known, gathered, entry, facing, last_sent)
             known, gathered, entry, facing, last_sent = _met(world, si, bent, delta, kept)
@@ -201,18 +208,19 @@ def _from_photons(
 
 def _from_lamps(
     world: World, si: Any, bsdf: Any, context: Any, rng: Any, first: tuple[Any, Any, Any], active: Any, ray: Any,
-    inside: Any, objects: bool,
+    inside: Any, objects: bool, sent: Any,
 ) -> Any:  # fmt: skip
     """Light that a surface scatters back along a ray, found by looking for lamps and for objects that shine.
 
     first : numbers spread evenly over what the camera sees directly, the objects, and where that is
+    sent : where `caustics` brings what the bright part of the light sends
     """
     light, result = world.light, mi.Color3f(0)
     if not light.dark:
         even_choice, even_point, evenly = first
         choice, point = rng.next_float32(), two(rng)
         choice, point = dr.select(evenly, even_choice, choice), dr.select(evenly, even_point, point)
-        found = light.sample(si.p, choice, point, active)
+        found = light.sample(si.p, choice, point, active, sent)
         value, chance = bsdf.eval_pdf(context, si, si.to_local(found.direction), active & found.valid)
         lit = active & found.valid & (dr.max(value) > 0)
         around = world.beyond(si, found.direction, -ray.d, inside)
@@ -220,7 +228,9 @@ def _from_lamps(
         weight = dr.select(found.density > 0, mitigated(found.density, chance), 1)
         result = dr.select(lit, value * found.weight * weight * share, 0)
     if world.looks_for_objects and objects:
-        result += from_objects(world, si, bsdf, context, rng, active, ray, inside)
+        # A scene that has both kinds of light looks in places of its own for each.
+        even = first if light.dark else None
+        result += from_objects(world, si, bsdf, context, rng, active, ray, inside, first=even)
     elif world.looks_for_objects and world.foggy:
         # As many numbers as with the objects, so that both paths are one until an object parts them.
         two(rng)
@@ -327,15 +337,16 @@ def _emitted(world: World, before: Any, si: Any, density: Any, active: Any) -> A
 
 def from_objects(
     world: World, si: Any, bsdf: Any, context: Any, rng: Any, active: Any, ray: Any, inside: Any,
-    guide: Guide | None = None, cones: Any = None, guided: Any = 0,
+    guide: Guide | None = None, cones: Any = None, guided: Any = 0, first: tuple[Any, Any, Any] | None = None,
 ) -> Any:  # fmt: skip
     """Light from objects that shine, found by looking for it.
 
+    first : numbers spread evenly over what the camera sees directly, and where that is
     ray : that met the surface, inside of what the number `inside` says
     """
     return _from_shining(
         world.objects, si, bsdf, context, rng, active,
-        lambda way, lit: world.arrives(way, world.beyond(si, way.d, -ray.d, inside), lit), guide, cones, guided,
+        lambda way, lit: world.arrives(way, world.beyond(si, way.d, -ray.d, inside), lit), guide, cones, guided, first,
     )  # fmt: skip
 
 
@@ -365,13 +376,17 @@ def hidden_real(
 
 def _from_shining(
     shapes: Any, si: Any, bsdf: Any, context: Any, rng: Any, active: Any, arrives: Any,
-    guide: Guide | None = None, cones: Any = None, guided: Any = 0,
+    guide: Guide | None = None, cones: Any = None, guided: Any = 0, first: tuple[Any, Any, Any] | None = None,
 ) -> Any:  # fmt: skip
     """Light of a scene of Mitsuba's whose shapes shine.
 
     arrives : of a ray to one and where it is wanted: the share of its light that counts
     """
-    direction, weight = shapes.sample_emitter_direction(si, two(rng), False, active)
+    point = two(rng)
+    if first is not None:
+        _, even_point, evenly = first
+        point = dr.select(evenly, even_point, point)
+    direction, weight = shapes.sample_emitter_direction(si, point, False, active)
     wo = si.to_local(direction.d)
     value, chance = bsdf.eval_pdf(context, si, wo, active & (direction.pdf > 0))
     lit = active & (direction.pdf > 0) & (dr.max(value) > 0)

@@ -28,7 +28,7 @@ from relume.renderers.mitsuba.arrays import aligned
 from relume.renderers.mitsuba.limits import FAIR, WALK
 from relume.renderers.mitsuba.transport.cylinders import Cylinders
 from relume.renderers.mitsuba.transport.media import Media
-from relume.renderers.mitsuba.transport.sampling import Spheres, two
+from relume.renderers.mitsuba.transport.sampling import Spheres, Spread, two
 from relume.renderers.mitsuba.transport.world import World
 
 # Untyped: a type checker would follow every variable round and round the loops.
@@ -109,7 +109,7 @@ def _kept(
     kept = [dr.zeros(mi.Float, count * SLOTS) for _ in range(9)]
     number = dr.zeros(mi.UInt32, count * SLOTS)
     rng = mi.PCG32(size=count, initstate=dr.opaque(mi.UInt64, seed))
-    times = follow(world, spheres, cylinders, rng, dr.full(mi.Bool, True, count), [*kept, number])
+    times = follow(world, spheres, cylinders, Spread(count, seed), rng, dr.full(mi.Bool, True, count), [*kept, number])
     dr.eval(times, kept, number)
     # Those that stand for more than themselves.
     weight = np.maximum(np.broadcast_to(np.array(times, np.float64), count) / SLOTS, 1) / count
@@ -199,13 +199,14 @@ def _of_cell(cell: list[Any], inside: Any, primes: tuple[int, int, int]) -> Any:
 
 @dr.syntax
 def _walked(
-    world: World, spheres: Spheres, cylinders: Cylinders, rng: Any, active: Any, kept: list[Any], objects: bool = True
+    world: World, spheres: Spheres, cylinders: Cylinders, spread: Spread, rng: Any, active: Any, kept: list[Any],
+    objects: bool = True,
 ) -> Any:  # fmt: skip
     """Keep where each ray of light is scattered in bodies; how often each was."""
     media: Any = world.media
     context = mi.BSDFContext(mi.TransportMode.Importance)
     slots = dr.arange(mi.UInt32, dr.width(active)) * SLOTS
-    ray, flux, active, far = world.light.emitted(spheres, rng, active)
+    ray, flux, active, far = world.light.emitted(spheres, spread, active)
     met = world.nearest(ray, active, objects)
     active &= met.is_valid()
     if world.foggy:
@@ -269,12 +270,13 @@ def _walked(
 
 @dr.syntax
 def _landed(
-    world: World, spheres: Spheres, cylinders: Cylinders, rng: Any, active: Any, kept: list[Any], objects: bool = True
+    world: World, spheres: Spheres, cylinders: Cylinders, spread: Spread, rng: Any, active: Any, kept: list[Any],
+    objects: bool = True,
 ) -> Any:  # fmt: skip
     """Keep where each ray of light that smooth surfaces sent on meets what scatters it; how often each did."""
     context = mi.BSDFContext(mi.TransportMode.Importance)
     slots = dr.arange(mi.UInt32, dr.width(active)) * SLOTS
-    ray, flux, active, far = world.light.emitted(spheres, rng, active, True)
+    ray, flux, active, far = world.light.emitted(spheres, spread, active, True)
     met = world.nearest(ray, active, objects)
     active &= met.is_valid()
     parted = world.parts(ray, met, active, objects)

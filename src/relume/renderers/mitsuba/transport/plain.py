@@ -38,9 +38,9 @@ class Plain(Tracing):
         spheres = senders(shapes, together)
         light = SceneLight(scene)
         pierced = any(is_pierced(material) for material in materials)
-        caught = bool(spheres) and not light.even and not pierced
+        caught = bool(spheres[0]) and not light.even and not pierced
         if pierced:
-            warn_of_holes(scene, len(spheres))
+            warn_of_holes(scene, len(spheres[1]))
         filled = scene.medium is not None or any(medium is not None for medium in media)
         if filled and (reason := camera_in_a_body(camera.position, shapes)) is not None:
             raise UnsupportedScene(reason)

@@ -69,6 +69,48 @@ class Numbers:
         return mi.sample_tea_float32(self.pixel, self.seed + mi.UInt32(0x9E3779B9 * (axis + 1) & 0xFFFFFFFF), 6)
 
 
+class Spread:
+    """Points of unit squares for `count` rays of light, spread evenly over each square, without gaps and heaps.
+
+    Each pair is a (0, 2)-sequence of Sobol', its indices and its values scrambled by chance (Owen's scrambling by
+    hashing; Burley 2020), so that each point is even by itself, and pairs and seeds know nothing of each other.
+    """
+
+    def __init__(self, count: int, seed: int) -> None:
+        self.index: Any = dr.arange(mi.UInt32, count)
+        self.seed: Any = dr.opaque(mi.UInt32, (seed ^ seed >> 32) & 0xFFFFFFFF)
+
+    def pair(self, number: int) -> Any:
+        """The points of a pair; rays with the same index have others in another pair."""
+        keys = [mi.sample_tea_32(self.seed, mi.UInt32(3 * number + each))[0] for each in range(3)]
+        index = dr.brev(_scrambled(dr.brev(self.index), keys[0]))
+        # Both coordinates with their bits turned round: what a scramble of the low bits needs.
+        return mi.Point2f(_below_1(_scrambled(index, keys[1])), _below_1(_scrambled(_sobol_second(index), keys[2])))
+
+
+def _sobol_second(index: Any) -> Any:
+    """The second coordinate of Sobol's sequence, its bits turned round."""
+    value, direction = mi.UInt32(0), 1
+    for bit in range(32):
+        value = value ^ dr.select((index >> bit) & 1 == 1, mi.UInt32(direction), 0)
+        direction = (direction ^ direction << 1) & 0xFFFFFFFF
+    return value
+
+
+def _scrambled(value: Any, key: Any) -> Any:
+    """A hash of which each bit depends on lower bits alone (Laine & Karras 2011, as bettered by Vegdahl 2021)."""
+    # No operation in place, which would change what was passed.
+    value = value ^ value * 0x3D20ADEA
+    value = (value + key) * ((key >> 16) | 1)
+    value = value ^ value * 0x05526C56
+    return value ^ value * 0x53A22864
+
+
+def _below_1(turned: Any) -> Any:
+    """A number from 0 to 1 of bits turned round."""
+    return mi.Float(dr.brev(turned) >> 8) * 2.0**-24
+
+
 def two(stream: Any) -> Any:
     """A point of the unit square."""
     first = stream.next_float32()
@@ -104,24 +146,46 @@ def beside(axis: Any, less: Any, turn: Any) -> Any:
     return mi.Frame3f(axis).to_world(mi.Vector3f(flat * cosine, flat * sine, 1 - less))
 
 
-def aimed(spheres: Spheres, which: Any, point: Any, place: Any) -> tuple[Any, Any]:
-    """A direction from a place into the cone of one of several spheres, and its density over all of them."""
+Cone = tuple[Any, Any]
+"""An axis, and 1 − cos of the half angle."""
+
+
+def cones_of(spheres: Spheres, place: Any) -> list[Cone]:
+    """The cones that hold spheres seen from a place; from within a sphere every direction leads to what it bounds."""
     cones = []
     for centre, radius in spheres:
         away = centre - place
         square = dr.minimum(radius**2 / dr.maximum(dr.squared_norm(away), 1e-20), 1)
-        # From within every direction leads to what it bounds: 1 − cos of a whole sphere is 2.
+        # 1 − cos of a whole sphere is 2.
         less = dr.select(square < 1, square / (1 + dr.safe_sqrt(1 - square)), 2)
         cones.append((dr.normalize(away), less))
+    return cones
+
+
+def chosen(cones: list[Cone], which: Any, point: Any) -> tuple[Any, Any, Any]:
+    """What `beside` makes a direction of, evenly within one of the cones."""
     axis, less = cones[0]
     for index, (direction, width) in enumerate(cones):
         mine = which >= index / len(cones)
         axis, less = dr.select(mine, direction, axis), dr.select(mine, width, less)
-    direction = beside(axis, point.x * less, point.y)
+    return axis, point.x * less, point.y
+
+
+def within(cone: Cone, direction: Any) -> Any:
+    """The density of an even direction of a cone, per steradian."""
+    axis, less = cone
+    # |d − a|²/2 = 1 − cos, without what cancels in it.
+    inside = 0.5 * dr.squared_norm(direction - axis) <= less
+    return dr.select(inside, 1 / (2 * np.pi * dr.maximum(less, 1e-20)), 0)
+
+
+def aimed(spheres: Spheres, which: Any, point: Any, place: Any) -> tuple[Any, Any]:
+    """A direction from a place into the cone of one of several spheres, and its density over all of them."""
+    cones = cones_of(spheres, place)
+    direction = beside(*chosen(cones, which, point))
     density = mi.Float(0)
-    for axis, less in cones:
-        inside = 0.5 * dr.squared_norm(direction - axis) <= less
-        density += dr.select(inside, 1 / (2 * np.pi * less * len(cones)), 0)
+    for cone in cones:
+        density += within(cone, direction) / len(cones)
     return direction, density
 
 

@@ -9,7 +9,7 @@ import drjit
 import mitsuba
 import numpy as np
 
-from relume.renderers.mitsuba.materials import crossed_straight
+from relume.renderers.mitsuba.materials import crossed_straight, sends_narrowly
 from relume.renderers.mitsuba.transport import opaque
 from relume.renderers.mitsuba.transport.dispersion import Dispersion
 from relume.renderers.mitsuba.transport.light import SceneLight
@@ -69,6 +69,12 @@ class World:
         added = np.zeros(int(numbers.max(initial=0)) + 1, np.uint32)
         added[numbers] = 1
         self.added = mi.UInt32(added)
+        narrow = [sends_narrowly(material) for material in materials]
+        self.narrow: Any = None
+        if any(narrow):
+            table = np.zeros(len(added), np.uint32)
+            table[numbers[narrow]] = 1
+            self.narrow = mi.UInt32(table)
         # What the light of a pass leaves in media and on surfaces; see `photons`.
         self.photons: Any = None
         self.photons_without: Any = None
@@ -112,6 +118,14 @@ class World:
         way = mi.Ray3f(ray)
         way.maxt = met.t
         return active & self.objects.ray_test(way, active=active)
+
+    def is_narrow(self, shape: Any, active: Any) -> Any:
+        """Whether a shape is an object that sends light on nearly one way."""
+        if self.narrow is None or not self.smooth:
+            return False
+        number = dr.reinterpret_array(mi.UInt32, shape)
+        known = active & (number < dr.width(self.narrow))
+        return dr.gather(mi.UInt32, self.narrow, dr.select(known, number, 0), known) == 1
 
     def tint(self, shape: Any, active: Any) -> tuple[Any, Any]:
         """Whether light goes straight through a shape's surface, and the share that does."""
