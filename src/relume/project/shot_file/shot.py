@@ -229,7 +229,8 @@ class Shot(Table):
 
     def name_of_light(self) -> str | None:
         """What messages call light that is not measured from photographs; None where it is."""
-        first = self.light.map or next(iter(self.light.maps or ()), None)
+        probes = [each.map for each in self.light.probes or ()]
+        first = self.light.map or next(iter([*(self.light.maps or ()), *probes]), None)
         return str(self.path(first)) if first else "light.sky" if self.light.sky is not None else None
 
     def path(self, name: str) -> Path:
