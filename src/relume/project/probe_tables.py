@@ -84,7 +84,7 @@ def without_hanging(
 ) -> tuple[EnvironmentMap, list[SphereLight]]:
     """A joined map without the lamps that were found to hang in the place, and the lamps.
 
-    One that nothing tells from what is behind it, as another lamp seen beside it, stays in the map.
+    One that does not stand out from what is behind it, as beside another lamp, stays in the map.
     """
     lamps = []
     for position in hanging:

@@ -21,7 +21,7 @@ PIXELS = 2.0
 WORTH = 0.001
 """Of all light, from which on a cell's difference counts."""
 NEAR = np.radians(25.0)
-"""Angle within which cells are told as one place."""
+"""Angle within which cells are named as one place."""
 
 
 @dataclass(frozen=True)

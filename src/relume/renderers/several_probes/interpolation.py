@@ -37,10 +37,10 @@ UNMEASURED = 1e-6
 """Weight of what a map does not show or was saturated in: it counts where no map has better."""
 BRIGHTER = 0.15
 """Stops by which a whole map may be off the first before it is said: a tenth, as lenses and exposures differ."""
-TOLD = 3
-"""Disagreements that notes tell of, at most."""
+NAMED = 3
+"""Disagreements that notes name, at most."""
 WORTH = 0.01
-"""Of the light, by which maps differ about a place that is told of."""
+"""Of the light, by which maps differ about a place that notes name."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -260,7 +260,7 @@ def _notes_of_walls(gains: np.ndarray, differing: Sequence[Disagreement], unseen
                 "place; are their exposures on one scale?"
             )
             notes.append(Doubt(line, abs(float(gain) - 1)))
-    notes += [Doubt(each.line(), each.share) for each in differing[:TOLD] if each.share > WORTH]
+    notes += [Doubt(each.line(), each.share) for each in differing[:NAMED] if each.share > WORTH]
     if unseen > 0.01:
         line = f"{unseen:.2g} sr of the place are hidden from every probe: their light is continued from beside them"
         notes.append(Doubt(line, unseen / (4 * np.pi)))
