@@ -61,7 +61,9 @@ def test_the_border_and_its_change_are_named():
     assert left.change == pytest.approx(-0.006 / 0.559**3, rel=0.05) and left.noise == pytest.approx(0.01, rel=0.01)
     assert left.wider is not None
     line = left.line()
-    assert line.startswith("the change at the left border of local surface 1 ('table') is 3.") and "m wider there" in line
+    assert (
+        line.startswith("the change at the left border of local surface 1 ('table') is 3.") and "m wider there" in line
+    )
     assert "\n" not in line
 
 
@@ -73,7 +75,9 @@ def test_a_surface_made_as_much_wider_has_no_such_border(power):
     # It dies away to the noise where strength / r^power is 1 %.
     needed = (strength / 0.01) ** (1 / power) - 0.55
     assert 0.7 * needed < left.wider < 1.8 * needed
-    again = changed_borders(field(strength, power, 1 + left.wider), plate(0.01), CAMERA, [table(1 + left.wider)], [THING])
+    again = changed_borders(
+        field(strength, power, 1 + left.wider), plate(0.01), CAMERA, [table(1 + left.wider)], [THING]
+    )
     assert "left" not in [each.side for each in again]
 
 

@@ -39,8 +39,8 @@ SURELY = 3.0
 FEWEST = 4
 """Distances of a profile that a power is fitted to."""
 SLOWEST, FASTEST = 0.7, 6.0
-"""Powers of distance: what falls slower does not end, as a sun's shadow under a tall thing; what falls faster is an edge
-of a shadow, behind which something fainter may follow."""
+"""Powers of distance: what falls slower does not end, as a sun's shadow under a tall thing; what falls faster is the
+edge of a shadow, behind which something fainter may follow."""
 FURTHEST = 3.0
 """Times its own size that a surface is asked to grow, at most; beyond, the fit says nothing."""
 
