@@ -90,7 +90,7 @@ def test_noise_is_measured_where_no_variance_is_known():
     noisy = 1 + 0.1 * np.random.default_rng(0).normal(size=(CAMERA.height, CAMERA.width, 3)).astype(np.float32)
     assert changed_borders(field(0.006, 3.0), RadianceMap(noisy), CAMERA, [table()], [THING]) == ()
     even = RadianceMap(np.ones_like(noisy))
-    assert [each.side for each in changed_borders(field(0.006, 3.0), even, CAMERA, [table()], [THING])][0] == "left"
+    assert changed_borders(field(0.006, 3.0), even, CAMERA, [table()], [THING])[0].side == "left"
 
 
 def test_surfaces_without_a_border_have_none():

@@ -146,7 +146,7 @@ def recover_from_views(
                 f"the albedo of {held:.0%} of {called(first.scene.local, index)} comes out below 0 or above 1 and is "
                 "held there: are plates and lights on one scale?"
             )
-        share = float((off & seen).sum() / max(seen.sum(), 1))
+        share = float((off & seen & ~metal).sum() / max(seen.sum(), 1))
         if share > MANY:
             notes.append(
                 f"the photographs do not agree about {share:.0%} of {called(first.scene.local, index)}: is a light or "

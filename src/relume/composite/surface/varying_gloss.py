@@ -90,7 +90,8 @@ def fit_varying_gloss(
     free = np.stack([3 * places + 2, np.full(count, 4)])
     best = np.stack([dielectric.min(axis=-1), metallic.min(axis=-1)])
     scale = np.maximum(best.min(axis=0) / np.maximum(observed - free.min(axis=0), 1), 1.0)
-    criterion = best / scale + free * np.log(observed)
+    # What each leaves, and twice the numbers it has (Akaike 1974).
+    criterion = best / scale + 2 * free
     # The roughness, and with it the rest.
     prior = ((np.array(ROUGHNESSES) - USUAL[1]) / USUALLY[1]) ** 2 * scale[:, None]
     result = []

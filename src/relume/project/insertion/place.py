@@ -13,6 +13,7 @@ import numpy as np
 from relume.capture.lens.vignetting import Vignetting
 from relume.composite.surface.recovery import RecoveredLocal
 from relume.composite.surface.reflectance import recover_reflectance
+from relume.composite.surface.several_plates import LitView, recover_from_views
 from relume.composite.surface.two_views import ViewOfProbe
 from relume.errors import InvalidShot, warn
 from relume.image.radiance import RadianceMap
@@ -99,11 +100,15 @@ def find_place(
         made_from = [
             even, camera, bare, calibrated.probe.confidence, calibrated.probe.mirrored_at, calibrated.probe.nearness,
             [table.model_dump() for table in shot.surfaces()],
+            [view.model_dump() for view in shot.views], [shot.path(name) for each in shot.views for name in each.files()],
             ball and ball.model_dump(), shot.render.seed, without_threads(renderer),
         ]  # fmt: skip
+        views = [view.lit(bare, shot.folder, number) for number, view in enumerate(shot.views)]
         progress: Progress = lambda share: steps.progress("reflectance", share)  # noqa: E731
         recovered = steps.keep(
-            "reflectance", made_from, lambda: _recovered(shot, even, camera, bare, calibrated.probe, renderer, progress)
+            "reflectance",
+            made_from,
+            lambda: _recovered(shot, even, camera, bare, calibrated.probe, views, renderer, progress),
         )
     return Place(fit, camera, bare, recovered, vignetting)
 
@@ -195,8 +200,8 @@ def relit(place: Scene, shot: Shot) -> Scene:
 
 
 def _recovered(
-    shot: Shot, plate: RadianceMap, camera: Camera, place: Scene, probe: Probe, renderer: Renderer | None,
-    progress: Progress,
+    shot: Shot, plate: RadianceMap, camera: Camera, place: Scene, probe: Probe, views: Sequence[LitView],
+    renderer: Renderer | None, progress: Progress,
 ) -> RecoveredLocal:  # fmt: skip
     """The place's surfaces with the reflectance that follows from plate and light (Debevec 1998, §7)."""
     ball = shot.light.ball
@@ -207,6 +212,13 @@ def _recovered(
     if ball is not None:
         view = ViewOfProbe(probe.confidence, ball.radius, probe.mirrored_at, probe.nearness)
     try:
+        if views:
+            first = LitView(plate, camera, place)
+            traced = renderer or Mitsuba(samples=64, depth=6)
+            joint = recover_from_views(
+                [first, *views], wanted, renderer=traced, seed=shot.render.seed, progress=progress
+            )
+            return replace(joint.local, notes=(*joint.local.notes, *joint.notes))
         return recover_reflectance(
             plate, camera, place, wanted, probe=view, renderer=renderer or Mitsuba(samples=64, depth=6),
             seed=shot.render.seed, progress=progress,

@@ -24,6 +24,7 @@ from relume.project.shot_file.local_table import LocalTable
 from relume.project.shot_file.match_table import MatchTable
 from relume.project.shot_file.new_shot import NEW_RENDER, NewShot, write_new_shot
 from relume.project.shot_file.sequence_table import ObjectKey, SequenceTable, require_rising
+from relume.project.shot_file.views_table import ViewTable
 
 TABLE = 24.0
 """Ball radii across which a table of unknown size is taken to reach: 1.2 m for a ball of 10 cm."""
@@ -108,6 +109,7 @@ class Shot(Table):
     camera: CameraTable = CameraTable()
     light: Light
     local: list[LocalTable] = Field(default_factory=lambda: [LocalTable(shape="plane")])
+    views: list[ViewTable] = Field(default_factory=list)
     objects: list[Object] = Field(default_factory=list)
     match: MatchTable = MatchTable()
     render: RenderTable = RenderTable()
@@ -224,6 +226,7 @@ class Shot(Table):
             *profiles,
             *light,
             *(name for table in self.local for name in table.files()),
+            *(name for view in self.views for name in view.files()),
             *(name for o in self.objects for name in (o.mesh, o.material.file) if name is not None),
         ]
 

@@ -1,7 +1,7 @@
 """Lamps that hang before the walls: what several probes see, in different directions, of one thing.
 
 Projected onto a wall, a lamp that hangs before it lands in another place for each probe. From two probes its place
-follows, so it is taken out of their maps before these are joined, and shown in the joined map where it is seen from there.
+follows, so it is taken out of their maps before these are joined, and put back where the joined map sees it.
 """
 
 from __future__ import annotations
