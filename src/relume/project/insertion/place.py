@@ -100,7 +100,8 @@ def find_place(
         made_from = [
             even, camera, bare, calibrated.probe.confidence, calibrated.probe.mirrored_at, calibrated.probe.nearness,
             [table.model_dump() for table in shot.surfaces()],
-            [view.model_dump() for view in shot.views], [shot.path(name) for each in shot.views for name in each.files()],
+            [view.model_dump() for view in shot.views],
+            [shot.path(name) for view in shot.views for name in view.files()],
             ball and ball.model_dump(), shot.render.seed, without_threads(renderer),
         ]  # fmt: skip
         views = [view.lit(bare, shot.folder, number) for number, view in enumerate(shot.views)]
