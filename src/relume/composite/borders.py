@@ -139,7 +139,7 @@ class _Small:
             wide = RadianceMap(np.repeat(picture.astype(np.float32)[..., None], 3, axis=-1))
             return resized(wide, width, height).radiance[..., 0].astype(np.float64)
 
-        covered = maximum_filter(shrunk(change.matte) > 1e-3, 3)
+        covered = np.asarray(maximum_filter(shrunk(change.matte) > 1e-3, 3), bool)
         return _Small(
             camera.resized(width, height), shrunk(luminance(change.difference)), shrunk(shown), ~covered, shrunk(noise)
         )  # fmt: skip

@@ -389,7 +389,7 @@ def _with(
         share = float(np.median(fit.f0[~fit.metal])) / 0.04 if not fit.metal.all() else 1.0
         usual = Material(colour, roughness=float(np.median(fit.roughness)), specular_color=(share, share, share))
         return replace(shape, material=usual)
-    base = np.where(metal[..., None], f0, np.broadcast_to(np.float32(colour), f0.shape)).astype(np.float32)
+    base = np.where(metal[..., None], f0, np.broadcast_to(np.asarray(colour, np.float32), f0.shape)).astype(np.float32)
     share = np.where(metal[..., None], 1.0, f0 / 0.04).astype(np.float32)
     made = Material(base, metallic=metal.astype(np.float32), roughness=roughness, specular_color=share)
     return replace(shape, material=made)
