@@ -131,7 +131,7 @@ def test_maps_that_are_missing_or_unlike_are_refused_before_any_frame(folder: Pa
         ('map = "a.exr"\nmaps = "probe/*.exr"', "has map and maps; give one"),
         ('map = "a.exr"\nrate = 2', "has rate, which is of maps that change"),
         ("maps = []", "maps are none"),
-        ("turn = 3", "give one of balls, map, maps and sky"),
+        ("turn = 3", "give one of balls, map, maps, probes and sky"),
         ('maps = "p*.exr"\nrate = 0', "rate: input should be greater than 0"),
         ("sky = { latitude = 50 }", "light.sky: give latitude, longitude and date"),
         ("sky = { sun = [-4, 90] }", "light.sky: the sun is 4° below the horizon"),

@@ -46,7 +46,7 @@ def test_a_short_shot_file_has_a_plane_and_defaults(tmp_path: Path) -> None:
         (GOOD + "[[local]]\nshape = 'cone'", "local.0.shape"),
         ("folder = 'x'\n" + GOOD, "folder: unknown key"),
         (GOOD + "[develop]\nresponse = 'film'", "develop.response"),
-        (GOOD.replace('map = "light.exr"', ""), "light: give one of balls, map, maps and sky"),
+        (GOOD.replace('map = "light.exr"', ""), "light: give one of balls, map, maps, probes and sky"),
         (
             GOOD.replace('map = "light.exr"', 'balls = [{ photographs = ["b.jpg"], camera = [0, 0, 1] }]'),
             "balls need ball",

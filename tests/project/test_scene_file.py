@@ -329,7 +329,7 @@ def test_a_mesh_alone_is_framed_from_a_little_above(folder: Path) -> None:
         (HEAD, "objects: none, so only the light would be seen; add [[objects]] with a sphere or a mesh"),
         (
             HEAD.replace('map = "light.exr"', "") + BALL,
-            "light: has none of them; give one of map, maps, sky and colour",
+            "light: has none of them; give one of map, maps, probes, sky and colour",
         ),
         (HEAD.replace("[light]", "[lihgt]"), "lihgt: unknown key; did you mean light?"),
         (

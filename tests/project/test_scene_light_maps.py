@@ -106,8 +106,8 @@ def test_a_sky_is_the_light_of_a_scene(folder: Path):
 @pytest.mark.parametrize(
     ("light", "part"),
     [
-        ('maps = "probe/*.exr"\ncolour = 1', "has maps and colour; give one of map, maps, sky and colour"),
-        ("turn = 3", "has none of them; give one of map, maps, sky and colour"),
+        ('maps = "probe/*.exr"\ncolour = 1', "has maps and colour; give one of map, maps, probes, sky and colour"),
+        ("turn = 3", "has none of them; give one of map, maps, probes, sky and colour"),
         ("colour = 1\nrate = 3", "has rate, which is of maps that change"),
         ("sky = { sun = [95, 0] }", "light.sky: the sun's elevation is"),
     ],

@@ -271,7 +271,7 @@ def test_the_docs_say_the_renderers_defaults() -> None:
         ),
         (
             CAMERA + "[light]\nscale = 2\n" + BLOB + BALL,
-            "light: has none of them; give one of map, maps, sky and colour",
+            "light: has none of them; give one of map, maps, probes, sky and colour",
         ),
         (CAMERA + "[light]\ncolour = 1\nturn = 3\n" + BLOB + BALL, "light: has turn, but a colour is the same from"),
         (CAMERA + "[light]\ncolour = -1\n" + BLOB + BALL, "light.colour: radiance holds negative or non-finite"),

@@ -15,7 +15,10 @@ from relume.image import files
 from relume.light.daylight.sky import Sky, sky
 from relume.light.daylight.sun_position import SunPosition
 from relume.light.light_sequence import LightSequence
-from relume.project.schema import GreyOrColour, Names, Positive, Table
+from relume.project.probe_tables import ProbeTable, joined_probes
+from relume.project.schema import GreyOrColour, Names, Positive, Table, Vector
+from relume.renderers.several_probes.interpolation import InterpolatedLight
+from relume.scene.scene import Distant
 from relume.sphere.environment_files import as_environment
 from relume.sphere.environment_map import EnvironmentMap
 
@@ -70,7 +73,7 @@ class SkyTable(Table):
 
 
 class FinishedLight(Table):
-    """The part of a [light] table that names finished light; at most one of map, maps and sky.
+    """The part of a [light] table that names finished light; at most one of map, maps, probes and sky.
 
     map : the file of a map
     maps : files or patterns of maps that follow one another, by the last number in each name
@@ -78,6 +81,7 @@ class FinishedLight(Table):
     interpolation : "linear" in radiance between two maps, or "none"
     time : seconds into the maps; of a sequence they begin with its first frame
     shutter : when it opens and closes, seconds about `time`: the mean light between; of a sequence its own
+    probes : maps taken at several places of one place, each with its position
     sky : a clear sky
     """
 
@@ -87,14 +91,17 @@ class FinishedLight(Table):
     interpolation: Literal["linear", "none"] = "linear"
     time: float = 0.0
     shutter: tuple[float, float] = (0.0, 0.0)
+    probes: list[ProbeTable] | None = None
     sky: SkyTable | None = None
 
     @model_validator(mode="after")
     def _one_kind(self) -> FinishedLight:
         if len(self.given()) > 1:
-            raise ValueError(f"has {' and '.join(self.given())}; give one of map, maps and sky")
+            raise ValueError(f"has {' and '.join(self.given())}; give one of map, maps, probes and sky")
         if self.maps is not None and not self.maps:
             raise ValueError("maps are none; give files or a pattern, as probe/*.exr")
+        if self.probes is not None and not self.probes:
+            raise ValueError('probes are none; give each as { map = "a.exr", position = [x, y, z] }')
         for name in ("rate", "interpolation", "time", "shutter"):
             if self.maps is None and name in self.model_fields_set:
                 raise ValueError(f"has {name}, which is of maps that change with time; give maps, or leave it out")
@@ -103,8 +110,8 @@ class FinishedLight(Table):
         return self
 
     def given(self) -> list[str]:
-        """Which of the keys map, maps and sky there are."""
-        return [name for name in ("map", "maps", "sky") if getattr(self, name) is not None]
+        """Which of the keys map, maps, probes and sky there are."""
+        return [name for name in ("map", "maps", "probes", "sky") if getattr(self, name) is not None]
 
     def sequence_of_maps(self, folder: Path, rate: float | None = None) -> LightSequence | None:
         """The maps that follow one another, or None; raises UnreadableFile.
@@ -137,8 +144,20 @@ class FinishedLight(Table):
         paths = [moment.before, moment.after] if moment.share else [moment.before]
         return {"maps": [_named(path, folder) for path in paths], "rate": 1.0, "time": moment.share}
 
+    def joined(
+        self, distant: Distant, at: Vector | None, folder: Path, refused: type[RelumeError], table_is: str = "light"
+    ) -> InterpolatedLight | None:
+        """The light of several probes at a place, the middle of them where that is None; None without probes.
+
+        Raises `refused` for maps that do not go together and places outside of the distant scene.
+        """
+        return None if self.probes is None else joined_probes(self.probes, at, distant, folder, refused, table_is)
+
     def finished(self, folder: Path, refused: type[RelumeError]) -> EnvironmentMap | None:
-        """The light, at `time`; None where it is not finished. Raises `refused` for a map of unknown mapping."""
+        """The light, at `time`; None where it is not finished, or is of several probes.
+
+        Raises `refused` for a map of unknown mapping.
+        """
         if self.sky is not None:
             return self.sky.light()
         if (maps := self.sequence_of_maps(folder)) is not None:
@@ -152,7 +171,12 @@ class FinishedLight(Table):
             raise refused(f"{path}: {error}") from None
 
     def names_of_maps(self, folder: Path) -> list[str]:
-        """The files of maps that follow one another, as a file in this folder names them; raises UnreadableFile."""
+        """The files of maps that follow one another or are probes', as a file in this folder names them.
+
+        Raises UnreadableFile.
+        """
+        if self.probes is not None:
+            return [each.map for each in self.probes]
         found = self.sequence_of_maps(folder)
         return [] if found is None else [_named(path, folder) for path in found.paths]
 

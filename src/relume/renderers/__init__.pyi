@@ -7,3 +7,6 @@ from .radiosity.form_factors import FormFactors as FormFactors
 from .radiosity.form_factors import form_factors as form_factors
 from .radiosity.radiosity import Radiosity as Radiosity
 from .renderer import ConstantRenderer as ConstantRenderer
+from .several_probes.interpolation import InterpolatedLight as InterpolatedLight
+from .several_probes.interpolation import interpolate_probes as interpolate_probes
+from .several_probes.placed_probe import PlacedProbe as PlacedProbe

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -92,3 +93,8 @@ class RecoveredLocal:
     def shapes(self) -> tuple[Shape, ...]:
         """All surfaces, for `Scene.local`."""
         return tuple(shape for surface in self.surfaces for shape in surface.shapes)
+
+
+def called(local: Sequence[Shape], index: int) -> str:
+    """What messages call a local surface."""
+    return f"local surface {index + 1} ({getattr(local[index], 'name', 'plane')!r})"

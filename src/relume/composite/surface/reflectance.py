@@ -24,6 +24,7 @@ from relume.composite.surface.recovery import (
     RecoveredSurface,
     Recovery,
     TexturedAlbedo,
+    called,
 )
 from relume.composite.surface.two_views import ViewOfProbe
 from relume.errors import warn
@@ -153,7 +154,7 @@ def recover_reflectance(
     ]  # fmt: skip
     given = [None if isinstance(wish.gloss, EstimatedGloss) else wish.gloss for wish in wanted]
     glosses = [known if fit is None else fit.gloss for fit, known in zip(fits, given, strict=True)]
-    notes = [f"{_called(scene.local, i)}: {note}" for i, fit in enumerate(fits) if fit for note in fit.notes]
+    notes = [f"{called(scene.local, i)}: {note}" for i, fit in enumerate(fits) if fit for note in fit.notes]
     progress(0.2)
 
     # The model in grey, and in black: what is left when nothing is diffuse is gloss, and all that is not recovered.
@@ -251,7 +252,7 @@ def _require_seen(
     for index, wish in enumerate(wanted):
         if not isinstance(wish.albedo, KnownMaterial) and usable[index].sum() < FEWEST_PIXELS:
             raise ValueError(
-                f"the camera sees {usable[index].sum()} measured pixels of {_called(scene.local, index)}; "
+                f"the camera sees {usable[index].sum()} measured pixels of {called(scene.local, index)}; "
                 "give its reflectance instead"
             )
 
@@ -332,7 +333,7 @@ def _medians(picture: np.ndarray, chosen: np.ndarray) -> np.ndarray:
 def _require_lit(local: Sequence[Shape], index: int, light: np.ndarray, usable: np.ndarray) -> None:
     if not np.all(_medians(light, usable) > 0):
         raise ValueError(
-            f"no light arrives at {_called(local, index)} in the model, so its reflectance cannot be recovered; "
+            f"no light arrives at {called(local, index)} in the model, so its reflectance cannot be recovered; "
             "check that the light's map is turned the right way up, or give the reflectance"
         )
 
@@ -384,7 +385,7 @@ def _doubts(local: Sequence[Shape], wanted: Sequence[Recovery], raw: np.ndarray,
             box = f"x {columns.min()}–{columns.max()}, y {rows.min()}–{rows.max()}"
             share = where.sum() / usable[index].sum()
             place = f"{where.sum()} pixels ({share:.1%} of it) within {box}"
-            line = f"the albedo of {_called(local, index)} {fault}, in {place}, and is held to 0 … 1: {why}"
+            line = f"the albedo of {called(local, index)} {fault}, in {place}, and is held to 0 … 1: {why}"
             if share < FEW:
                 notes.append(line)
             else:
@@ -392,7 +393,3 @@ def _doubts(local: Sequence[Shape], wanted: Sequence[Recovery], raw: np.ndarray,
                 held = np.maximum(raw[where] - 1, -raw[where]).clip(0, 1).max(-1)
                 warn(line, float(share * held.mean()))
     return notes
-
-
-def _called(local: Sequence[Shape], index: int) -> str:
-    return f"local surface {index + 1} ({getattr(local[index], 'name', 'plane')!r})"

@@ -98,20 +98,20 @@ def common_points(
     on_it = _well_inside((hits.shape == index).reshape(distance.shape), as_latlong(scene.light).size)
     points = places + np.where(on_it, distance, 1.0)[..., None] * ways
     on_it &= np.linalg.norm((points - probe)[..., [0, 2]], axis=-1) > CLEAR * view.radius
-    sure = _at(view.confidence[..., None].astype(np.float64), LatLong().image_points(fine))[..., 0]
+    sure = values_at(view.confidence[..., None].astype(np.float64), LatLong().image_points(fine))[..., 0]
     on_it &= sure > SURE
     at = camera.project(points)
-    on_it &= _shown(camera, caster, points, at, usable, index)
+    on_it &= shown_at(camera, caster, points, at, usable, index)
     seen = _cells(on_it).all((1, 3))
     if not seen.any():
         empty = np.zeros((0, 3))
         return Shared(empty, empty, empty, empty, empty, np.zeros(0, int))
-    from_plate = _at(plate.radiance, np.nan_to_num(at) / [camera.width, camera.height])
+    from_plate = values_at(plate.radiance, np.nan_to_num(at) / [camera.width, camera.height])
     from_probe = scene.light.lookup(fine)
     mean = [np.asarray(_cells(each).mean((1, 3)))[seen] for each in (points, places, from_plate, from_probe)]
     row, column = np.nonzero(seen)
     cells = np.unique((row // CELL) * ROWS + column // CELL, return_inverse=True)[1]
-    normals = _normals(scene, index, probe, mean[0])
+    normals = normals_at(scene, index, probe, mean[0])
     middle, seen_from, of_plate, of_probe = mean
     return Shared(middle, normals, seen_from, of_plate, of_probe, cells)
 
@@ -130,7 +130,7 @@ def plate_points(plate: RadianceMap, camera: Camera, scene: Scene, index: int, u
     seen = plate.radiance[row[on_it], column[on_it]].astype(np.float64)
     side = max(1, max(usable.shape) // 8)
     cells = np.unique((row[on_it] // side) * 64 + column[on_it] // side, return_inverse=True)[1]
-    normals, eyes = _normals(scene, index, eye, points), np.broadcast_to(eye, points.shape)
+    normals, eyes = normals_at(scene, index, eye, points), np.broadcast_to(eye, points.shape)
     return Shared(points, normals, eyes, seen, seen, cells)
 
 
@@ -143,7 +143,7 @@ def _well_inside(shown: np.ndarray, rows: int) -> np.ndarray:
     return minimum_filter(wrapped, 2 * reach + 1)[reach:-reach, reach:-reach]
 
 
-def _normals(scene: Scene, index: int, eye: np.ndarray, points: np.ndarray) -> np.ndarray:
+def normals_at(scene: Scene, index: int, eye: np.ndarray, points: np.ndarray) -> np.ndarray:
     """Unit normals on the side of the eye."""
     mesh = triangles_of_shape(scene.local[index])
     way = points - eye
@@ -155,7 +155,7 @@ def _normals(scene: Scene, index: int, eye: np.ndarray, points: np.ndarray) -> n
     return normal * np.where((normal * way).sum(-1, keepdims=True) > 0, -1, 1)
 
 
-def _shown(
+def shown_at(
     camera: Camera, caster: RayCaster, points: np.ndarray, at: np.ndarray, usable: np.ndarray, index: int
 ) -> np.ndarray:
     """Whether the plate shows the very points, at usable pixels."""
@@ -175,7 +175,7 @@ def _cells(fine: np.ndarray) -> np.ndarray:
     return fine.reshape(ROWS, FINER, 2 * ROWS, FINER, *fine.shape[2:])
 
 
-def _at(image: np.ndarray, points: np.ndarray) -> np.ndarray:
+def values_at(image: np.ndarray, points: np.ndarray) -> np.ndarray:
     """Bilinear values at (…, 2) shares of an image's width and height."""
     rows, columns = image.shape[:2]
     x = np.clip(points[..., 0] * columns, 0.5, columns - 0.5)

@@ -104,7 +104,7 @@ def on_one_scale(shot: Shot, calibrated: Calibrated, camera: Camera) -> Calibrat
     camera : the plate's
     Raises InvalidShot where the place cannot be made.
     """
-    place = bare_place(shot, calibrated.probe, calibrated.ball_centre)
+    place = bare_place(shot, calibrated.probe, calibrated.centre, calibrated.hanging)
     seen = seen_by_both(calibrated, camera, place)
     gains = np.ones(3)
     if shot.light.scale is not None:

@@ -2,19 +2,24 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 
 import numpy as np
 
+from relume.composite.borders import changed_borders
 from relume.errors import Doubt
 from relume.image.radiance import BLACK, SATURATED
 from relume.project.insertion.photographs import Calibrated
 from relume.project.insertion.place import Place
+from relume.renderers.results import Change
+from relume.scene.shapes.shapes import Shape
 
 DARK = 0.03
 """The reflectance of coal and of black velvet: hardly anything reflects less."""
 BRIGHT = 0.9
 """The reflectance of white paper and of snow: hardly anything reflects more."""
+BORDERS = 3
+"""Borders that are named, at most."""
 TWO_CAMERAS = 0.2
 """By what share two cameras' scales differ, usually: their ISO and aperture are true to a quarter of a stop or so."""
 
@@ -28,6 +33,16 @@ def doubts_on(calibrated: Calibrated, place: Place, matte_of_objects: np.ndarray
         *calibrated.probe.notes, *_of_clipping(calibrated), *_of_surfaces(place), *_of_cameras(calibrated),
         *([_unseen()] if matte_of_objects is not None and not matte_of_objects.any() else []),
     )  # fmt: skip
+
+
+def doubts_at_borders(
+    calibrated: Calibrated, place: Place, change: Change, objects: Sequence[Shape]
+) -> tuple[Doubt, ...]:
+    """Where the objects still change the picture at the end of a real surface, the most first."""
+    if not place.bare.local or not objects:
+        return ()
+    found = changed_borders(change, calibrated.plate, place.camera, place.bare.local, objects)
+    return tuple(Doubt(each.line(), abs(each.change)) for each in found[:BORDERS])
 
 
 def _unseen() -> Doubt:

@@ -19,7 +19,7 @@ from relume.errors import GatheredDoubts, ranked, warn
 from relume.project.forecast import memory_for, require_room
 from relume.project.insertion.agreement import on_one_scale
 from relume.project.insertion.composite import composited, development_of, plate_look
-from relume.project.insertion.doubts import doubts_on
+from relume.project.insertion.doubts import doubts_at_borders, doubts_on
 from relume.project.insertion.frame_shots import at_frame
 from relume.project.insertion.outcome import Inserted, require_folder, write_outcome, write_picture
 from relume.project.insertion.photographs import calibrate, plate_size, read_photographs
@@ -118,6 +118,7 @@ def insert(
         doubts = (
             *doubts_about(meshes, place.camera, place.bare.local),
             *doubts_on(calibrated, place, composite.change.matte if meshes else None),
+            *doubts_at_borders(calibrated, place, composite.change, meshes),
         )
     # Nothing but kept stages was written until here.
     doubts = ranked([*gathered.doubts, *doubts])
@@ -176,7 +177,10 @@ def _quick_look(
                     look_about(shot, small, place, roughly.composite, about, meshes, chosen, out)
                 steps.progress(AROUND, 1.0)
         result = looked(small, own)
-        doubts = doubts_about(meshes, result.camera, result.place.bare.local)
+        doubts = (
+            *doubts_about(meshes, result.camera, result.place.bare.local),
+            *doubts_at_borders(result.calibrated, result.place, result.change, meshes),
+        )
     with steps.timed("write"):
         write_picture(result, out, "preview")
     # For the next look to begin with.

@@ -15,7 +15,7 @@ from relume.capture.denoising import denoise
 from relume.capture.exposure.bracket import Bracket, read_bracket, require_known_exposures
 from relume.capture.exposure.exposures import exposed
 from relume.capture.response.calibration import Calibration
-from relume.errors import InvalidShot, NotABracket, warn
+from relume.errors import Doubt, InvalidShot, NotABracket, warn
 from relume.image import files
 from relume.image.files.signatures import kind_of
 from relume.image.radiance import RadianceMap
@@ -28,9 +28,15 @@ from relume.project.insertion.ball_light import blended, picked_outline
 from relume.project.insertion.slips import CHANGED, other_time_or_place, require_measures
 from relume.project.merging.merged_photographs import FirstFacts, Photographs, first_facts, merged_brackets
 from relume.project.merging.single_plate import is_single, read_single, why_untied
+from relume.project.place_tables import distant_scene
 from relume.project.shot_file.light_table import MergeTable
+from relume.project.shot_file.objects import placed_meshes
 from relume.project.shot_file.shot import Shot
 from relume.project.stages import Steps
+from relume.renderers.several_probes.interpolation import InterpolatedLight
+from relume.scene.materials.checks import triple
+from relume.scene.scene import Infinite
+from relume.sphere.environment_map import EnvironmentMap
 
 PLOTTED = 2000
 """Observations of a response that are kept, for its plot."""
@@ -63,6 +69,7 @@ class Calibrated:
     cameras : what is known of each camera, by its name
     untied : why the scale of the light is not that of the plate; None where exposures tie them, or maps are taken so
     stood : the plate's camera and the ball's place, where the camera was found from the ball
+    joined : the light of several probes, before it was brought on the plate's scale; None where there are none
     gains : by which what the plate's photographs show by their response was multiplied: balance and scale
     """
 
@@ -74,11 +81,19 @@ class Calibrated:
     untied: str | None = None
     stood: BallCamera | None = None
     gains: tuple[float, float, float] = (1.0, 1.0, 1.0)
+    joined: InterpolatedLight | None = None
 
     @property
-    def ball_centre(self) -> tuple[float, float, float] | None:
-        """Where the ball was found to be, metres; None where it was measured."""
+    def centre(self) -> tuple[float, float, float] | None:
+        """Where the ball was found to be, or several probes were joined for, metres; None where it was given."""
+        if self.joined is not None:
+            return self.joined.position
         return None if self.stood is None else self.stood.centre
+
+    @property
+    def hanging(self) -> tuple[tuple[float, float, float], ...]:
+        """Where lamps hang that several probes show, metres."""
+        return () if self.joined is None else tuple(triple(each) for each in self.joined.lamps.positions)
 
     @property
     def calibrations(self) -> dict[str, Calibration]:
@@ -188,9 +203,11 @@ def calibrate(shot: Shot, photographs: Photographs, steps: Steps) -> Calibrated:
         stood = steps.keep("ball", made_from, by_ball)
 
     # The light.
+    joined: InterpolatedLight | None = None
     if shot.light.given():
         with steps.timed("light"):
-            probe = finished_light(shot)
+            joined = joined_light(shot)
+            probe = finished_light(shot) if joined is None else _probe_of(joined.light, joined.notes)
     else:
         ball = shot.light.ball
         made_from = [
@@ -212,7 +229,7 @@ def calibrate(shot: Shot, photographs: Photographs, steps: Steps) -> Calibrated:
             "plate and light come from different files; relume cannot verify that they share one radiance scale. A "
             "recovered reflectance that is not believable says that they do not"
         )
-    return Calibrated(radiance, bracket, focal_length, probe, cameras, untied, stood, gains)
+    return Calibrated(radiance, bracket, focal_length, probe, cameras, untied, stood, gains, joined)
 
 
 def _why_untied(shot: Shot, photographs: Photographs) -> str | None:
@@ -230,7 +247,26 @@ def finished_light(shot: Shot) -> Probe:
     """A finished map, maps at their time, or a sky, as light; nothing of it is uncertain."""
     light = shot.light.finished(shot.folder, InvalidShot)
     assert light is not None  # given
-    return Probe(light, (), 0.0, 0.0, np.ones(light.radiance.shape[:2], np.float32))
+    return _probe_of(light)
+
+
+def joined_light(shot: Shot) -> InterpolatedLight | None:
+    """The light of the shot's several probes at its place; None where it has none. Raises InvalidShot.
+
+    In a place of known shape that is their middle unless it is given, so that nothing is measured anew when an object
+    moves; of a scene at infinity it is where the objects are.
+    """
+    if shot.light.probes is None:
+        return None
+    distant, at = distant_scene(shot.light.distant, shot.folder), shot.light.probe
+    if at is None and isinstance(distant, Infinite) and (meshes := placed_meshes(shot)):
+        low = np.min([mesh.vertices.min(axis=0) for mesh in meshes], axis=0)
+        at = triple((low + np.max([mesh.vertices.max(axis=0) for mesh in meshes], axis=0)) / 2)
+    return shot.light.joined(distant, at, shot.folder, InvalidShot)
+
+
+def _probe_of(light: EnvironmentMap, notes: tuple[Doubt, ...] = ()) -> Probe:
+    return Probe(light, (), 0.0, 0.0, np.ones(light.radiance.shape[:2], np.float32), notes)
 
 
 def _source(paths: Sequence[Path], times: Sequence[float] | None) -> BracketSource:

@@ -13,15 +13,15 @@ import numpy as np
 from relume.capture.lens.vignetting import Vignetting
 from relume.composite.surface.recovery import RecoveredLocal
 from relume.composite.surface.reflectance import recover_reflectance
+from relume.composite.surface.several_plates import LitView, recover_from_views
 from relume.composite.surface.two_views import ViewOfProbe
 from relume.errors import InvalidShot, warn
 from relume.image.radiance import RadianceMap
-from relume.light.constellations.local_lamps import free_lamp
-from relume.light.constellations.placement import PlacedLights
 from relume.probe.ball.blending import Probe
 from relume.project.insertion.photographs import Calibrated
 from relume.project.insertion.slips import require_outside_ball
 from relume.project.place_tables import distant_scene
+from relume.project.probe_tables import lamp_out_of, without_hanging
 from relume.project.shot_file.camera_table import camera_fit
 from relume.project.shot_file.objects import require_outside
 from relume.project.shot_file.shot import Shot
@@ -34,8 +34,7 @@ from relume.renderers.results import Progress
 from relume.scene.cameras.camera import Camera
 from relume.scene.cameras.fit import CameraFit
 from relume.scene.lights import SphereLight
-from relume.scene.materials.checks import triple
-from relume.scene.scene import Infinite, Scene
+from relume.scene.scene import Infinite, Point, Scene
 from relume.scene.shapes.shapes import Mesh
 from relume.sphere.directions import UP, rotation_about
 from relume.sphere.environment_map import EnvironmentMap
@@ -93,7 +92,7 @@ def find_place(
     """
     plate = calibrated.plate
     camera = _with_lens(shot, fit.camera, calibrated)
-    bare = bare_place(shot, calibrated.probe, calibrated.ball_centre)
+    bare = bare_place(shot, calibrated.probe, calibrated.centre, calibrated.hanging)
     require_in_place(bare, camera)
     require_outside(meshes, camera)
     vignetting = shot.match.vignetting_in(shot.folder, camera.focal_length, plate.size)
@@ -108,11 +107,16 @@ def find_place(
         made_from = [
             even, camera, bare, calibrated.probe.confidence, calibrated.probe.mirrored_at, calibrated.probe.nearness,
             [table.model_dump() for table in shot.surfaces()],
+            [view.model_dump() for view in shot.views],
+            [shot.path(name) for view in shot.views for name in view.files()],
             ball and ball.model_dump(), shot.render.seed, without_threads(renderer),
         ]  # fmt: skip
+        views = [view.lit(bare, shot.folder, number) for number, view in enumerate(shot.views)]
         progress: Progress = lambda share: steps.progress("reflectance", share)  # noqa: E731
         recovered = steps.keep(
-            "reflectance", made_from, lambda: _recovered(shot, even, camera, bare, calibrated.probe, renderer, progress)
+            "reflectance",
+            made_from,
+            lambda: _recovered(shot, even, camera, bare, calibrated.probe, views, renderer, progress),
         )
     return Place(fit, camera, bare, recovered, vignetting)
 
@@ -134,38 +138,39 @@ def _with_lens(shot: Shot, camera: Camera, calibrated: Calibrated) -> Camera:
     return replace(camera, aperture=diameter / 2, focus=focus)
 
 
-def bare_place(shot: Shot, probe: Probe, centre: tuple[float, float, float] | None = None) -> Scene:
+def bare_place(shot: Shot, probe: Probe, centre: Point | None = None, hanging: Sequence[Point] = ()) -> Scene:
     """The scene without objects, as it was photographed; its surfaces grey where they are to be recovered.
 
-    centre : of the ball, metres, where it was found and not measured
+    centre : of the ball, metres, where it was found and not measured; or the place that several probes are joined for
+    hanging : lamps that several probes show before the walls, metres
     Raises InvalidShot where a lamp is not seen in the light, and what reading the meshes raises.
     """
     where = (0.0, 0.0, 0.0)
     if shot.light.ball is not None:
         where = centre or shot.light.ball.centre or where
-    elif shot.light.probe is not None:
-        where = shot.light.probe
+    else:
+        where = centre or shot.light.probe or where
     light, lamps = _light_and_lamps(shot, probe.light, where)
+    distant = distant_scene(shot.light.distant, shot.folder)
+    if not isinstance(distant, Infinite):
+        light, found = without_hanging(light, hanging, where)
+        lamps = (*lamps, *found)
     local = tuple(shape for table in shot.surfaces() for shape in table.shapes(shot.folder))
     if not local:
         warn("there is no local surface: the objects throw no shadow; describe what they stand on as [[local]]")
-    medium = shot.medium and shot.medium.medium()
-    return Scene(light, local, (), lamps, distant_scene(shot.light.distant, shot.folder), where, medium)
+    return Scene(light, local, (), lamps, distant, where, shot.medium and shot.medium.medium())
 
 
-def _light_and_lamps(
-    shot: Shot, light: EnvironmentMap, where: tuple[float, float, float]
-) -> tuple[EnvironmentMap, tuple[SphereLight, ...]]:
+def _light_and_lamps(shot: Shot, light: EnvironmentMap, where: Point) -> tuple[EnvironmentMap, tuple[SphereLight, ...]]:
     """The light in the scene's frame without its lamps, and those; raises InvalidShot where one is not seen in it."""
     light = turned_light(light, shot.light.heading, 0.0)
     lamps: list[SphereLight] = []
     for index, position in enumerate(shot.light.lamps):
         try:
-            found = free_lamp(light, position, where)
+            light, lamp = lamp_out_of(light, position, where)
         except ValueError as error:
             raise InvalidShot(f"light.lamps.{index}: {error}") from None
-        light = found.rest
-        lamps.append(_sphere(found.lamp))
+        lamps.append(lamp)
     return light, tuple(lamps)
 
 
@@ -210,8 +215,8 @@ def relit(place: Scene, shot: Shot) -> Scene:
 
 
 def _recovered(
-    shot: Shot, plate: RadianceMap, camera: Camera, place: Scene, probe: Probe, renderer: Renderer | None,
-    progress: Progress,
+    shot: Shot, plate: RadianceMap, camera: Camera, place: Scene, probe: Probe, views: Sequence[LitView],
+    renderer: Renderer | None, progress: Progress,
 ) -> RecoveredLocal:  # fmt: skip
     """The place's surfaces with the reflectance that follows from plate and light (Debevec 1998, §7)."""
     ball = shot.light.ball
@@ -222,20 +227,19 @@ def _recovered(
     if ball is not None:
         view = ViewOfProbe(probe.confidence, ball.radius, probe.mirrored_at, probe.nearness)
     try:
+        if views:
+            first = LitView(plate, camera, place)
+            traced = renderer or Mitsuba(samples=64, depth=6)
+            joint = recover_from_views(
+                [first, *views], wanted, renderer=traced, seed=shot.render.seed, progress=progress
+            )
+            return replace(joint.local, notes=(*joint.local.notes, *joint.notes))
         return recover_reflectance(
             plate, camera, place, wanted, probe=view, renderer=renderer or Mitsuba(samples=64, depth=6),
             seed=shot.render.seed, progress=progress,
         )  # fmt: skip
     except ValueError as error:
         raise InvalidShot(f"local.reflectance: {error}") from None
-
-
-def _sphere(lamp: PlacedLights) -> SphereLight:
-    """The sphere that gives the lamp's light: a sphere of radiance L and radius r has intensity π r² L."""
-    assert lamp.radii is not None  # free_lamp finds it
-    radius = float(lamp.radii[0])
-    radiance = lamp.intensity[0] / (np.pi * radius**2)
-    return SphereLight(triple(lamp.positions[0]), radius, triple(radiance))
 
 
 def turned_light(light: EnvironmentMap, turn: float, exposure: float) -> EnvironmentMap:

@@ -8,17 +8,20 @@ from pathlib import Path
 import numpy as np
 from pydantic import model_validator
 
-from relume.errors import InvalidScene
+from relume.errors import InvalidScene, warn
 from relume.image import files
 from relume.light.light_sequence import LightSequence
 from relume.project.finished_light import FinishedLight
 from relume.project.keyed_values import table_at, values_at
 from relume.project.place_tables import DistantTable as DistantSceneTable
 from relume.project.place_tables import distant_scene
+from relume.project.probe_tables import without_hanging
 from relume.project.scene_file.images import naming
 from relume.project.schema import GreyOrColour, Positive, Vector
 from relume.project.shot_file.sequence_table import LightKey, require_rising
 from relume.renderers.mitsuba.distant import require_inside
+from relume.renderers.several_probes.interpolation import InterpolatedLight
+from relume.scene.lights import SphereLight
 from relume.scene.motion.keyframes import Interpolation
 from relume.scene.motion.moving_objects import columns_turned
 from relume.scene.scene import Distant, Infinite
@@ -36,7 +39,7 @@ class LightTable(FinishedLight):
 
     exposure : stops by which it is brighter, beside `scale`
     distant : the shape of the distant scene, onto which the map is projected, as in the shot file
-    probe : where the map was taken, metres
+    probe : where the map was taken, metres; of several probes the place they are joined for, their middle unless given
     keyframes : of a sequence: how far it is turned, and how much brighter it is
     """
 
@@ -52,9 +55,9 @@ class LightTable(FinishedLight):
     def _of_a_place(self) -> LightTable:
         require_rising(self.keyframes)
         near = self.distant.shape != "infinite"
-        if near and self.probe is None:
+        if near and self.probe is None and self.probes is None:
             raise ValueError("a near distant scene needs probe = [x, y, z], the place the map was taken at, metres")
-        if self.probe is not None and not near:
+        if self.probe is not None and not near and self.probes is None:
             raise ValueError("has probe, but the light is alike everywhere; give distant too, or leave probe out")
         if self.colour is not None and any(key.turn is not None for key in self.keyframes):
             raise ValueError("keyframes have turn, but a colour is the same from everywhere; remove turn")
@@ -64,17 +67,22 @@ class LightTable(FinishedLight):
     def _one_source(self) -> LightTable:
         kinds = [*self.given(), *(["colour"] if self.colour is not None else [])]
         if len(kinds) != 1:
-            raise ValueError(f"has {' and '.join(kinds) or 'none of them'}; give one of map, maps, sky and colour")
+            raise ValueError(
+                f"has {' and '.join(kinds) or 'none of them'}; give one of map, maps, probes, sky and colour"
+            )
         if self.colour is not None and "turn" in self.model_fields_set:
             raise ValueError("has turn, but a colour is the same from everywhere; remove turn")
         return self
 
 
-def distant_light(table: LightTable | None, path: Path) -> EnvironmentMap:
+def distant_light(table: LightTable | None, path: Path, joined: InterpolatedLight | None = None) -> EnvironmentMap:
     """The light from infinity as its file has it, black without a table; raises InvalidScene naming the key.
 
     path : the scene file, beside which the map is looked for
+    joined : of several probes
     """
+    if joined is not None:
+        return joined.light
     if table is None:
         return _even((0.0, 0.0, 0.0))
     if table.colour is not None:
@@ -86,6 +94,34 @@ def distant_light(table: LightTable | None, path: Path) -> EnvironmentMap:
         light = table.finished(path.parent, InvalidScene)
     assert light is not None  # _one_source
     return light
+
+
+def joined_of(table: LightTable | None, path: Path) -> InterpolatedLight | None:
+    """The light of several probes; None without. Raises InvalidScene naming the key."""
+    if table is None or table.probes is None:
+        return None
+    with naming(f"{path}: light.distant"):
+        distant = distant_scene(table.distant, path.parent)
+    joined = table.joined(distant, table.probe, path.parent, InvalidScene, f"{path}: light")
+    assert joined is not None  # there are probes
+    return joined
+
+
+def hanging_in(
+    light: EnvironmentMap, joined: InterpolatedLight | None, table: LightTable | None
+) -> tuple[EnvironmentMap, tuple[Light, ...]]:
+    """The adjusted light without the lamps that several probes show before the walls, and these lamps.
+
+    Where keys or a turn change the light they stay in the map, for lamps that have a place cannot follow.
+    """
+    if joined is None or table is None or table.distant.shape == "infinite":
+        return light, ()
+    if table.keyframes or table.turn % 360 != 0:
+        if len(joined.lamps.positions):
+            warn("light.turn and keyframes leave lamps that several probes show on the walls; leave them out")
+        return light, ()
+    rest, lamps = without_hanging(light, joined.lamps.positions.tolist(), joined.position)
+    return rest, tuple(lamps)
 
 
 def maps_of(table: LightTable | None, path: Path, rate: float) -> LightSequence | None:
@@ -113,8 +149,13 @@ def light_at(table: LightTable | None, frame: float, between: Interpolation, pat
     return table_at(table, changes, f"{path}: light", frame, InvalidScene)
 
 
-def distant_of(table: LightTable | None, path: Path) -> tuple[Distant, Vector]:
-    """The shape of the distant scene, and where its map was taken; raises InvalidScene naming the key."""
+def distant_of(table: LightTable | None, path: Path, joined: InterpolatedLight | None = None) -> tuple[Distant, Vector]:
+    """The shape of the distant scene, and where its map was taken; raises InvalidScene naming the key.
+
+    joined : of several probes
+    """
+    if table is not None and joined is not None:
+        return distant_scene(table.distant, path.parent), joined.position
     if table is None or table.probe is None:
         return Infinite(), (0.0, 0.0, 0.0)
     with naming(f"{path}: light.distant"):

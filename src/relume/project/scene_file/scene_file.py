@@ -12,7 +12,7 @@ from pathlib import Path
 import numpy as np
 from pydantic import Field, model_validator
 
-from relume.errors import InvalidScene, UnreadableFile
+from relume.errors import InvalidScene, UnreadableFile, warn
 from relume.project.keyed_values import BETWEEN
 from relume.project.place_tables import MediumTable
 from relume.project.scene_file.camera import FIELD_OF_VIEW, LARGEST, SIZE, CameraTable, camera_of, focal_length_of
@@ -23,6 +23,8 @@ from relume.project.scene_file.lights import (
     adjusted_light,
     distant_light,
     distant_of,
+    hanging_in,
+    joined_of,
     maps_of,
     read_light,
 )
@@ -173,10 +175,14 @@ def _read_table(path: Path) -> SceneFile:
     between = BETWEEN["linear" if table.sequence is None else table.sequence.interpolation]
     camera = camera_of(table.camera if first is None else table.camera.at(first, between, path), path,
                        None if first is None else 0.0)  # fmt: skip
-    read = distant_light(table.light, path)
+    joined = joined_of(table.light, path)
+    read = distant_light(table.light, path, joined)
     light = adjusted_light(read, table.light, path)
-    distant, probe = distant_of(table.light, path)
-    lights = lamps_of(table.lights, path)
+    distant, probe = distant_of(table.light, path, joined)
+    light, hanging = hanging_in(light, joined, table.light)
+    lights = (*lamps_of(table.lights, path), *hanging)
+    for doubt in () if joined is None else joined.notes:
+        warn(doubt.line, doubt.effect)
     # What they show.
     materials = {
         name: made(material, name, path.parent, f"{path}: materials.{name}")

@@ -90,10 +90,11 @@ class Ball(Table):
 
 
 class Light(FinishedLight):
-    """The light of the place: photographs of a mirrored ball, or finished light: a map, maps or a sky.
+    """The light of the place: photographs of a mirrored ball, or finished light: a map, maps, probes or a sky.
 
     distant : the shape of the distant scene, onto which the light is projected
-    probe : where a finished map was taken, metres; the ball's centre is known
+    probe : where a finished map was taken, metres; the ball's centre is known. Of several probes the place that they
+        are joined for: unless given their middle, and of a scene at infinity the middle of the objects
     heading : degrees about +Y by which a finished map is turned to stand in the scene's frame, counter-clockwise seen
         from above
     lamps : places of lamps that hang in the room, before its walls
@@ -124,7 +125,7 @@ class Light(FinishedLight):
         require_rising(self.keyframes)
         finished = bool(self.given())
         if (self.balls is None) != finished:
-            raise ValueError("give one of balls, map, maps and sky")
+            raise ValueError("give one of balls, map, maps, probes and sky")
         if self.balls is not None and (self.ball is None or not self.balls):
             raise ValueError("balls need ball = { radius }, and its centre where the camera is not found from the ball")
         if self.scale is not None and self.surface_reflectance is not None:
@@ -135,6 +136,8 @@ class Light(FinishedLight):
             raise ValueError("probe is for a finished map; of a ball the centre is known: leave it out")
         if not finished and self.heading:
             raise ValueError("heading is for a finished map; photographs of a ball have their own: leave it out")
-        if finished and self.probe is None and (self.distant.shape != "infinite" or self.lamps):
+        if self.probes is not None and self.heading:
+            raise ValueError("heading: of several probes each has its own; give it beside its position")
+        if finished and self.probes is None and self.probe is None and (self.distant.shape != "infinite" or self.lamps):
             raise ValueError("a near distant scene needs probe = [x, y, z], the place the map was taken at, metres")
         return self

@@ -25,6 +25,7 @@ from relume.project.shot_file.local_table import LocalTable
 from relume.project.shot_file.match_table import MatchTable
 from relume.project.shot_file.new_shot import NEW_RENDER, NewShot, write_new_shot
 from relume.project.shot_file.sequence_table import ObjectKey, SequenceTable, require_rising
+from relume.project.shot_file.views_table import ViewTable
 
 TABLE = 24.0
 """Ball radii across which a table of unknown size is taken to reach: 1.2 m for a ball of 10 cm."""
@@ -110,6 +111,7 @@ class Shot(Table):
     light: Light
     medium: MediumTable | None = None
     local: list[LocalTable] = Field(default_factory=lambda: [LocalTable(shape="plane")])
+    views: list[ViewTable] = Field(default_factory=list)
     objects: list[Object] = Field(default_factory=list)
     match: MatchTable = MatchTable()
     render: RenderTable = RenderTable()
@@ -226,12 +228,14 @@ class Shot(Table):
             *profiles,
             *light,
             *(name for table in self.local for name in table.files()),
+            *(name for view in self.views for name in view.files()),
             *(name for o in self.objects for name in (o.mesh, o.material.file) if name is not None),
         ]
 
     def name_of_light(self) -> str | None:
         """What messages call light that is not measured from photographs; None where it is."""
-        first = self.light.map or next(iter(self.light.maps or ()), None)
+        probes = [each.map for each in self.light.probes or ()]
+        first = self.light.map or next(iter([*(self.light.maps or ()), *probes]), None)
         return str(self.path(first)) if first else "light.sky" if self.light.sky is not None else None
 
     def path(self, name: str) -> Path:
