@@ -14,6 +14,7 @@ from relume.image.radiance import RadianceMap
 from relume.project.insertion.photographs import Calibrated
 from relume.project.insertion.place import Place
 from relume.project.insertion.render_tiles import change_in_tiles, forget_tiles, is_large
+from relume.project.shot_file.camera_table import camera_fit
 from relume.project.shot_file.objects import placed_meshes
 from relume.project.shot_file.shot import Shot
 from relume.project.stages import Steps
@@ -104,7 +105,7 @@ def render_change(
     moments: Moments | None = None
     if motion is not None:
         made_from.append(motion.key())
-        moments = lambda time: (_scene_at(place, motion.shot(time)), place.camera)  # noqa: E731
+        moments = lambda time: _seen_at(place, shot, motion.shot(time))  # noqa: E731
     # The plate says which pixels are the neediest, and when their noise is low enough.
     made_from.append(calibrated.plate)
     identity = fingerprint(made_from)
@@ -222,8 +223,15 @@ def _part_about(width: int, height: int, about: tuple[float, float]) -> tuple[sl
     return found[0], found[1]
 
 
-def _scene_at(place: Place, shot: Shot) -> Scene:
-    return place.relit(shot).adding(*placed_meshes(shot))
+def _seen_at(place: Place, shot: Shot, moved: Shot) -> tuple[Scene, Camera]:
+    """The scene and the camera at a moment of the exposure; `shot` is that of its middle."""
+    camera = place.camera
+    if moved.camera != shot.camera:
+        # A camera that moves blurs the objects as it has blurred the plate.
+        size, given = (camera.width, camera.height), camera.focal_length
+        there = camera_fit(moved.camera, size, moved.folder, given).camera
+        camera = replace(there, aperture=camera.aperture, focus=camera.focus)
+    return place.relit(moved).adding(*placed_meshes(moved)), camera
 
 
 @dataclass(frozen=True, eq=False)

@@ -1,4 +1,4 @@
-"""Cameras that other programs wrote: glTF, USD, Blender by way of a script, fSpy."""
+"""Cameras that other programs wrote: glTF, USD, Blender by way of a script, fSpy, Nuke's .chan."""
 
 from __future__ import annotations
 
@@ -6,14 +6,18 @@ import json
 from pathlib import Path
 
 from relume.errors import UnreadableFile
-from relume.scene.cameras.blender import read_blender_camera
+from relume.scene.cameras.blender import blender_span, read_blender_camera
 from relume.scene.cameras.camera import Camera
 from relume.scene.cameras.fspy import read_fspy
+from relume.scene.cameras.nuke_chan import read_chan, read_chan_camera
 from relume.scene.cameras.pose import UpAxis
-from relume.scene.cameras.usd import read_usd_camera
+from relume.scene.cameras.usd import read_usd_camera, usd_span
+from relume.scene.gltf.animation import read_animation
 from relume.scene.gltf.camera import read_gltf_camera
 
-KINDS = ".glb, .gltf, .usd, .usda, .usdc, .usdz, .fspy or .json"
+KINDS = ".glb, .gltf, .usd, .usda, .usdc, .usdz, .chan, .fspy or .json"
+NUMBERED = (".chan",)
+"""Suffixes of files whose cameras go by the numbers of frames, and not by seconds."""
 
 
 def read_camera(
@@ -25,20 +29,31 @@ def read_camera(
     up: UpAxis | None = None,
     unit: float | None = None,
     time: float | None = None,
+    frame: float | None = None,
+    focal_length: float | None = None,
 ) -> Camera:
     """Read a camera from a file of another program, by its suffix, for a picture of width × height pixels.
 
     .glb, .gltf : a perspective camera of glTF; .usd, .usda, .usdc, .usdz : of USD; .fspy : an fSpy project;
-    .json : fSpy's exported parameters, or what `blender_camera_script` writes in Blender
+    .json : fSpy's exported parameters, or what `blender_camera_script` writes in Blender; .chan : a camera of Nuke's
     name : of the camera, where a file of several kinds can hold more than one (glTF, USD)
     up : the axis of the file's frame that points up, "y" or "z"; what the format or the file says unless given
     unit : metres to a unit of the file; what the format or the file says unless given
     time : seconds since the file's motion began, for a camera that moves in it (glTF, USD, Blender); before the first
         key and after the last it rests. Unless given the camera stands where the file has it at rest
-    Raises UnreadableFile for a file that cannot be used.
+    frame : of the numbers that a .chan file gives its lines; not needed where it has one
+    focal_length : pixels, for a .chan file that has no field of view
+    Raises UnreadableFile for a file that cannot be used, and for a time, frame or focal length that it has no use for.
     """
     path = Path(path)
     suffix = path.suffix.lower()
+    if suffix in NUMBERED:
+        if name is not None or time is not None:
+            raise UnreadableFile(f"{path}: holds one camera, by frames; leave {'time' if name is None else 'name'} out")
+        return read_chan_camera(path, width, height, up, unit, frame, focal_length)
+    if frame is not None or focal_length is not None:
+        what = "frame" if frame is not None else "focal length"
+        raise UnreadableFile(f"{path}: only .chan files are asked for a {what}; leave it out")
     if suffix in (".glb", ".gltf"):
         return read_gltf_camera(path, width, height, name, up, unit, time)
     if suffix in (".usda", ".usd", ".usdc", ".usdz"):
@@ -51,6 +66,28 @@ def read_camera(
     if suffix == ".json" and not _is_fspy(path):
         return read_blender_camera(path, width, height, up, unit, time)
     return read_fspy(path, width, height, up=up, unit=unit)
+
+
+def motion_span(path: str | Path, name: str | None = None) -> tuple[float, float] | None:
+    """When the motion of a file's camera begins and ends; None where nothing in it moves.
+
+    Frames of a .chan file, by its numbers; of other files seconds, as `read_camera(time=…)` counts them.
+    Raises UnreadableFile.
+    """
+    path = Path(path)
+    suffix = path.suffix.lower()
+    if suffix == ".chan":
+        frames = read_chan(path).frames
+        return float(frames[0]), float(frames[-1])
+    if suffix in (".glb", ".gltf"):
+        animation = read_animation(path)
+        times = [] if animation is None else [track.times for node in animation.nodes for track in node.tracks.values()]
+        return (0.0, float(max(each[-1] for each in times))) if times else None
+    if suffix in (".usda", ".usd", ".usdc", ".usdz"):
+        return usd_span(path, name)
+    if suffix == ".json" and not _is_fspy(path):
+        return blender_span(path)
+    return None
 
 
 def _is_fspy(path: Path) -> bool:
