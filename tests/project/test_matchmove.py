@@ -228,7 +228,7 @@ def test_a_ball_inserted_in_a_film_covers_the_filmed_one(tmp_path):
 
 @pytest.mark.slow
 def test_the_grain_of_objects_moves_with_the_film_and_is_the_plates(tmp_path):
-    move, frames = Matchmove(), range(101, 103)
+    move, frames = Matchmove(check=1.5), range(101, 103)
     path = move.write(tmp_path, frames, noise=2.5, samples=64)
     made = insert_frames(read_shot(path), tmp_path / "out")
     inside = move.seen(101)[1] * move.seen(102)[1] > 0.999

@@ -55,10 +55,12 @@ class Matchmove:
 
     readout : seconds from the first row to the last
     lens : whether it bends
+    check : side of the floor's checks, metres
     """
 
     readout: float = 0.0
     lens: bool = False
+    check: float = 0.08
 
     def pose(self, frame: float) -> tuple[np.ndarray, np.ndarray]:
         """Position, and (3, 3) world-from-camera, at a frame: a walk past the ball, panning after it."""
@@ -106,7 +108,7 @@ class Matchmove:
             ball = np.linalg.norm(CENTRE - eye - along[:, None] * ways, axis=1) < RADIUS
             with np.errstate(divide="ignore", invalid="ignore"):
                 ground = eye + np.where(ways[:, 1:2] < 0, -eye[1] / ways[:, 1:2], np.nan) * ways
-            checks = (np.floor(ground[:, 0] / 0.08) + np.floor(ground[:, 2] / 0.08)) % 2
+            checks = (np.floor(ground[:, 0] / self.check) + np.floor(ground[:, 2] / self.check)) % 2
             floor = np.where(np.isfinite(ground[:, :1]), 0.25 + 0.15 * checks[:, None], 0.2) * [1.0, 0.95, 0.9]
             picture[row], covered[row] = np.where(ball[:, None], 0.05, floor), ball
         whole = picture.reshape(HEIGHT, fine, WIDTH, fine, 3).mean((1, 3))

@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 import re
 from collections.abc import Mapping
+from dataclasses import asdict
 from pathlib import Path
 from typing import Annotated, Any
 
@@ -322,6 +323,15 @@ def info(
     from_: Annotated[
         str | None, Parameter(name="--from", help="Mapping of the map to draw, where the file does not remember it.")
     ] = None,
+    brackets: Annotated[
+        bool, Parameter(negative="", help="Say which exposures cover the place that a photograph shows.")
+    ] = False,
+    brightest: Annotated[
+        float | None, Parameter(help="For --brackets: cd/m² of the brightest lamp; a frosted bulb has 1e5, the sun 1.6e9.")
+    ] = None,
+    profile: Annotated[
+        Path | None, Parameter(help="For --brackets: the camera's profile, .json, for its working range.")
+    ] = None,
     options: ReadingOptions = ReadingOptions(),
     output: OutputOptions = OutputOptions(),
 ) -> None:
@@ -339,18 +349,56 @@ def info(
             _draw(paths or [], draw, from_, reading)
         elif from_ is not None:
             raise ValueError("--from is for --draw; give that too")
+        if not brackets and (brightest is not None or profile is not None):
+            raise ValueError(f"--{'profile' if brightest is None else 'brightest'} is for --brackets; give that too")
         unreadable: list[rl.RelumeError] = []
         for path in paths or ():
             try:
                 facts = rl.report.describe(path, reading)
+                advised = _advised(path, brightest, profile, reading) if brackets else None
             except rl.RelumeError as error:
                 unreadable.append(error)
                 continue
-            print_facts(output, facts if output.json else lines_of(facts, whole=output.verbose), title=str(path))
+            lines = facts if output.json else lines_of(facts, whole=output.verbose)
+            if advised is not None:
+                lines = {**lines, "brackets": asdict(advised)} if output.json else lines | advice_lines(advised)
+            print_facts(output, lines, title=str(path))
         if unreadable:
             for error in unreadable[:-1]:
                 refuse(str(error), 2)
             raise unreadable[-1]
+
+
+def _advised(
+    path: Path, brightest: float | None, profile: Path | None, reading: rl.files.ReadOptions
+) -> rl.capture.BracketAdvice:
+    response = None if profile is None else rl.capture.read_profile(profile).response
+    photograph = rl.read_photograph(path, reading)
+    return rl.capture.advise_brackets(photograph, response=response, brightest=brightest)
+
+
+def advice_lines(advice: rl.capture.BracketAdvice) -> dict[str, str]:
+    """What `rl.capture.advise_brackets` says, as label → text."""
+    ends = {"white": (advice.white, advice.open_above), "too dark": (advice.dark, advice.open_below)}
+    shown = [f"{100 * share:.2g} % {word}" for word, (share, _) in ends.items() if share > 0]
+    more = " or more" if advice.open_above or advice.open_below else ""
+    stops = ", ".join(f"{each:+.3g}" for each in advice.stops)
+    lines = {
+        "to be measured": f"{advice.scene:.1f} stops{more}" + (f"; here {' and '.join(shown)}" if shown else ""),
+        "working range": f"{advice.working:.1f} stops, so {_photographs(advice.fewest)} at least",
+        "take": f"{_photographs(len(advice.stops))}, at {stops} stops from this one",
+    }
+    if advice.exposures:
+        lines["exposures"] = ", ".join(_seconds(str(each.seconds)) for each in advice.exposures)
+    if advice.open_above:
+        lines["then"] = "look at the shortest: while any of it is white, take one more, or give --brightest"
+    if advice.too_short:
+        lines["filter"] = f"{len(advice.too_short)} are shorter than 1/8000 s: use a neutral filter for them"
+    return lines
+
+
+def _photographs(count: int) -> str:
+    return f"{count} photograph" + ("s" if count > 1 else "")
 
 
 def _draw(paths: list[Path], out: Path, from_: str | None, reading: rl.files.ReadOptions) -> None:

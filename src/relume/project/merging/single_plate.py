@@ -26,9 +26,8 @@ from relume.image.colour_space import name_of, response_of
 from relume.image.files.video import read_video_frame
 from relume.image.photograph import Exposure, Photograph
 from relume.image.radiance import BLACK, SATURATED, RadianceMap
-from relume.image.response import Response
+from relume.image.response import Response, srgb_response
 from relume.probe.clipped_light import WHITE
-from relume.virtual_camera.film.film import srgb_response
 from relume.virtual_camera.film.grain import ROUNDING
 from relume.virtual_camera.film.undeveloping import AllButEnds
 from relume.virtual_camera.plate_matching.grain_measuring import photograph_grain
