@@ -12,7 +12,6 @@ from matchmoves import CENTRE, HEIGHT, RADIUS, RATE, WIDTH, Matchmove, middle_of
 from relume.errors import DoubtWarning, InvalidShot, UnreadableFile
 from relume.image import files
 from relume.image.files.video import Movie, read_video_frame
-from relume.image.photograph import Photograph
 from relume.project.insertion.frame_shots import at_frame, frames_of
 from relume.project.insertion.insert_frames import insert_frames
 from relume.project.insertion.photographs import read_photographs
@@ -229,12 +228,11 @@ def test_a_ball_inserted_in_a_film_covers_the_filmed_one(tmp_path):
 @pytest.mark.slow
 def test_the_grain_of_objects_moves_with_the_film_and_is_the_plates(tmp_path):
     move, frames = Matchmove(check=1.5), range(101, 103)
-    path = move.write(tmp_path, frames, noise=2.5, samples=64)
+    path = move.write(tmp_path, frames, noise=2.5, samples=256)
     made = insert_frames(read_shot(path), tmp_path / "out")
     inside = move.seen(101)[1] * move.seen(102)[1] > 0.999
     pictures = [files.read_photograph(each.folder / "composite.png").pixels.astype(float) for each in made.frames]
+    # Two frames' grain: √2 times the plate's, and nothing of one is in the other; the light is one.
     change = (pictures[1] - pictures[0])[inside]
-    change -= np.median(change, axis=0)
-    # Two frames' grain: √2 times the plate's, and nothing of one is in the other.
-    assert np.std(change) / np.sqrt(2) == pytest.approx(2.5, rel=0.25)
-    assert isinstance(files.read(tmp_path / "plates/plate_0101.png"), Photograph)
+    assert np.std(change) / np.sqrt(2) == pytest.approx(2.5, rel=0.3)
+    assert np.abs(np.mean(change)) < 1

@@ -39,7 +39,7 @@ plates = "{plates}"
 {sequence}
 [[objects]]
 mesh = "ball.ply"
-material = {{ base_color = [0.05, 0.05, 0.05], roughness = 1.0 }}
+material = {{ base_color = [0.05, 0.05, 0.05], roughness = 1.0, specular = 0.0 }}
 [match]
 sharpness = false
 grain = {grain}
