@@ -109,7 +109,7 @@ class Matchmove:
             with np.errstate(divide="ignore", invalid="ignore"):
                 ground = eye + np.where(ways[:, 1:2] < 0, -eye[1] / ways[:, 1:2], np.nan) * ways
             checks = (np.floor(ground[:, 0] / self.check) + np.floor(ground[:, 2] / self.check)) % 2
-            floor = np.where(np.isfinite(ground[:, :1]), 0.25 + 0.15 * checks[:, None], 0.2) * [1.0, 0.95, 0.9]
+            floor = np.where(np.isfinite(ground[:, :1]), 0.25 + 0.15 * checks[:, None], 0.25) * [1.0, 0.95, 0.9]
             picture[row], covered[row] = np.where(ball[:, None], 0.05, floor), ball
         whole = picture.reshape(HEIGHT, fine, WIDTH, fine, 3).mean((1, 3))
         return whole, covered.reshape(HEIGHT, fine, WIDTH, fine).mean((1, 3))

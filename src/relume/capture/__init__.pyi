@@ -56,6 +56,7 @@ from .scale.absolute import scale_from_spot as scale_from_spot
 from .scale.readings import ChannelGains as ChannelGains
 from .scale.readings import DarkPlace as DarkPlace
 from .scale.readings import ExposureScale as ExposureScale
+from .scale.readings import LampInTheDark as LampInTheDark
 from .scale.readings import LuminaireReading as LuminaireReading
 from .scale.readings import LuxReading as LuxReading
 from .scale.readings import Rectangle as Rectangle
@@ -64,4 +65,5 @@ from .scale.readings import WhiteCard as WhiteCard
 from .scale.readings import apply_balance as apply_balance
 from .scale.readings import balance_from_luminaire as balance_from_luminaire
 from .scale.readings import scale_from_luminaire as scale_from_luminaire
+from .scans import merge_scan_files as merge_scan_files
 from .scans import merge_scans as merge_scans

@@ -53,6 +53,13 @@ class Lens:
             BOX, like="40,60,8,8", group=LENS, help="A black place of the picture: the veil of glare it shows goes."
         ),
     ] = None
+    glare_lamp: Annotated[
+        tuple[int, int, int, int] | None,
+        numbers(BOX, like="300,200,6,6", group=LENS, help="A small lamp in --glare-map: its veil and halo of glare go."),
+    ] = None
+    glare_map: Annotated[
+        Path | None, Parameter(group=LENS, help="A radiance map of a lamp in a dark room by the same lens and aperture.")
+    ] = None
     flat_field: Annotated[
         list[Path] | None,
         Parameter(
@@ -106,12 +113,23 @@ def settings_of(steps: Steps, lens: Lens, readings: Readings) -> rl.capture.Merg
         align=steps.align,
         deghost=steps.deghost,
         neutral=steps.neutral,
-        glare=None if lens.glare is None else rl.capture.DarkPlace(rl.capture.Rectangle(*lens.glare)),
+        glare=_glare(lens),
         vignetting=rl.capture.read_flat_fields(lens.flat_field or ()),
         balance=None if lens.white is None else rl.capture.WhiteCard(rl.capture.Rectangle(*lens.white)),
         scale=_scale(readings),
         focal_length=lens.focal_length,
     )
+
+
+def _glare(lens: Lens) -> Callable[[rl.RadianceMap], rl.capture.Glare] | None:
+    """What shows the glare; raises ValueError for two, and for a half of one."""
+    if (lens.glare_lamp is None) != (lens.glare_map is None):
+        raise ValueError("--glare-lamp and --glare-map go together: the lamp's pixels, and the map that shows it")
+    if lens.glare_lamp is not None and lens.glare_map is not None:
+        if lens.glare is not None:
+            raise ValueError("--glare and --glare-lamp both give the glare; give one")
+        return rl.capture.LampInTheDark(lens.glare_map, rl.capture.Rectangle(*lens.glare_lamp))
+    return None if lens.glare is None else rl.capture.DarkPlace(rl.capture.Rectangle(*lens.glare))
 
 
 def _scale(readings: Readings) -> Callable[..., rl.capture.Scale] | None:
@@ -170,6 +188,13 @@ def merge(
     steps: Steps = Steps(),
     lens: Lens = Lens(),
     readings: Readings = Readings(),
+    scans: Annotated[
+        list[Path] | None,
+        Parameter(
+            negative="", consume_multiple=True,
+            help="The photographs are scans of one negative: the profile of each one's density setting, in their order.",
+        ),
+    ] = None,
     each: Annotated[
         bool,
         Parameter(
@@ -195,6 +220,11 @@ def merge(
         for path, suffix, option in ((save_profile, ".json", "--save-profile"), (report, ".html", "--report")):
             if path is not None:
                 require_suffix(path, suffix, option=option)
+        if scans:
+            given = {"each": each or None, "cluster": cluster, "profile": profile, "save_profile": save_profile}
+            _scans(photographs, scans, out, times, steps, output, **given, report=report)
+            finish(output, doubts, accept=accept)
+            return
         if each:
             _refuse_of_one_shoot(out, times=times, save_profile=save_profile, report=report)
             shared = {"times_from_names": times_from_names, "ignore": ignore, "true_shutter": true_shutter}
@@ -228,6 +258,24 @@ def merge(
             for title, lines in blocks:
                 print_facts(output, lines, title=title)
         finish(output, doubts, accept=accept or dry_run, rest=report)
+
+
+def _scans(
+    scans: list[Path], profiles: list[Path], out: Path, times: tuple[float, ...] | Path | None, steps: Steps,
+    output: OutputOptions, **given: object,
+) -> None:  # fmt: skip
+    """Scans of one negative at different density settings, into one map."""
+    for name, value in given.items():
+        if value is not None:
+            raise ValueError(f"--{name.replace('_', '-')} is not for --scans, each of which has its profile; leave it out")
+    require_suffix(out, ".exr", ".hdr", option="-o")
+    if isinstance(times, Path) or (times is not None and len(set(times)) > 1):
+        raise ValueError("--scans are of one negative, so --times is its one exposure; give one number")
+    weighting = rl.capture.Hat() if steps.paper_weights else rl.capture.InverseVariance()
+    seconds = None if times is None else times[0]
+    made = rl.capture.merge_scan_files(scans, profiles, seconds=seconds, weighting=weighting)
+    rl.write(out, made)
+    print_facts(output, {"written": str(out), "scans": len(scans)})
 
 
 def _refuse_of_one_shoot(out: Path, **given: object) -> None:
