@@ -252,7 +252,7 @@ def test_scans_are_merged_from_files_by_the_profiles_of_their_settings(tmp_path)
         scans.append(tmp_path / f"scan_{index}.png")
         write(scans[-1], replace(scanner.scan(exposure, seed=index), exposure=None))
         profiles.append(tmp_path / f"setting_{index}.json")
-        write_profile(CameraProfile("scanner", scanner.response()), profiles[-1])
+        write_profile(profiles[-1], CameraProfile("scanner", scanner.response()))
     made = merge_scan_files(scans, profiles, seconds=0.5)
     pairs = [(replace(read_photograph(scan), exposure=Exposure(0.5)), scanner.response())
              for scan, scanner in zip(scans, scanners, strict=True)]  # fmt: skip

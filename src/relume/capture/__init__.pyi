@@ -28,6 +28,9 @@ from .lens.glare import diminish_glare as diminish_glare
 from .lens.glare_recovery import largest_glare as largest_glare
 from .lens.glare_recovery import recover_glare_from_dark as recover_glare_from_dark
 from .lens.glare_recovery import recover_glare_from_lamp as recover_glare_from_lamp
+from .lens.lateral_colour import LateralColour as LateralColour
+from .lens.lateral_colour import recover_lateral_colour as recover_lateral_colour
+from .lens.lateral_colour import without_lateral_colour as without_lateral_colour
 from .lens.vignetting import Vignetting as Vignetting
 from .lens.vignetting import read_flat_fields as read_flat_fields
 from .lens.vignetting import recover_vignetting as recover_vignetting

@@ -67,6 +67,16 @@ class Lens:
             help="Radiance maps of an evenly lit wall by the same lens and aperture: its vignetting is taken out.",
         ),
     ] = None  # fmt: skip
+    lateral: Annotated[
+        bool, Parameter(group=LENS, negative="", help="Bring red and blue onto green: find lateral colour in the edges.")
+    ] = False
+    lateral_colour: Annotated[
+        tuple[float, float, float, float] | None,
+        numbers(
+            "RED_A,RED_B,BLUE_A,BLUE_B", like="0.0004,-0.0002,-0.0003,0.0001", group=LENS,
+            help="Or by a + b ρ² of the radius, ρ in half diagonals, as a map's lateral_colour says it.",
+        ),
+    ] = None  # fmt: skip
     white: Annotated[
         tuple[int, int, int, int] | None,
         numbers(BOX, like="40,60,8,8", group=LENS, help="A white light or card that is to come out grey."),
@@ -115,6 +125,7 @@ def settings_of(steps: Steps, lens: Lens, readings: Readings) -> rl.capture.Merg
         neutral=steps.neutral,
         glare=_glare(lens),
         vignetting=rl.capture.read_flat_fields(lens.flat_field or ()),
+        lateral=_lateral(lens),
         balance=None if lens.white is None else rl.capture.WhiteCard(rl.capture.Rectangle(*lens.white)),
         scale=_scale(readings),
         focal_length=lens.focal_length,
@@ -130,6 +141,14 @@ def _glare(lens: Lens) -> Callable[[rl.RadianceMap], rl.capture.Glare] | None:
             raise ValueError("--glare and --glare-lamp both give the glare; give one")
         return rl.capture.LampInTheDark(lens.glare_map, rl.capture.Rectangle(*lens.glare_lamp))
     return None if lens.glare is None else rl.capture.DarkPlace(rl.capture.Rectangle(*lens.glare))
+
+
+def _lateral(lens: Lens) -> rl.capture.LateralColour | Callable[..., rl.capture.LateralColour] | None:
+    if lens.lateral_colour is None:
+        return rl.capture.recover_lateral_colour if lens.lateral else None
+    if lens.lateral:
+        raise ValueError("--lateral finds what --lateral-colour gives; leave one of them out")
+    return rl.capture.LateralColour(lens.lateral_colour[:2], lens.lateral_colour[2:])
 
 
 def _scale(readings: Readings) -> Callable[..., rl.capture.Scale] | None:
