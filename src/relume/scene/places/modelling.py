@@ -7,14 +7,14 @@ from pathlib import Path
 
 import numpy as np
 
-from relume.errors import InvalidPlace, RelumeError, warn
+from relume.errors import InvalidPlace, warn
 from relume.image import files
-from relume.image.files.signatures import MAPS, kind_of
 from relume.scene.materials.materials import Diffuse
+from relume.scene.places.photographs import PhotographFacts, photograph_facts
 from relume.scene.places.place import CameraDeviation, Place, PlaceBlock, PlacePhotograph
 from relume.scene.places.place_tables import FoundBlock, PlaceTables, read_tables
 from relume.scene.places.quantities import SoughtBlock, modelled
-from relume.scene.places.solving import PhotographFacts, Solution, camera_of, residual_of, solved
+from relume.scene.places.solving import Solution, camera_of, residual_of, solved
 from relume.scene.places.writing import found_text, require_mesh_suffix, without_found, write_meshes
 from relume.scene.shapes.shapes import Mesh
 from relume.sphere.directions import rotation_about
@@ -102,12 +102,7 @@ def _facts(path: Path, file: str, size: tuple[int, int] | None) -> PhotographFac
     picture = path.parent / file
     if size is not None and not picture.exists():
         return PhotographFacts(size)
-    if kind_of(picture) in MAPS:
-        height, width = files.read(picture).radiance.shape[:2]
-        found = PhotographFacts((width, height))
-    else:
-        photograph = files.read_photograph(picture)
-        found = PhotographFacts(photograph.size, photograph.focal_length)
+    found = photograph_facts(picture)
     if size is not None and size != found.size:
         raise InvalidPlace(
             f"{path}: {file} has {found.size[0]}×{found.size[1]} pixels, not {size[0]}×{size[1]}; the marks are of the "

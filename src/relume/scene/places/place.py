@@ -8,6 +8,7 @@ from pathlib import Path
 import numpy as np
 
 from relume.scene.cameras.camera import Camera
+from relume.scene.places.place_tables import SIZES
 from relume.scene.shapes.shapes import Mesh
 
 
@@ -98,6 +99,28 @@ class Place:
     def photograph(self, name: str) -> PlacePhotograph:
         """The photograph of that name; raises ValueError with the names that there are."""
         return _named(self.photographs, name, "photograph")
+
+    def facts(self) -> dict[str, object]:
+        """What was found, in words, for a report: each size and each camera with its deviation."""
+        blocks = {
+            block.name: {
+                word: f"{value:.4g} m" + (f" ± {deviation:.2g}" if deviation > 0 else "")
+                for word, value, deviation in zip(SIZES, block.size, block.deviation, strict=True)
+                if value > 0
+            }
+            for block in self.blocks
+        }
+        cameras = {
+            each.name: {
+                "marks": each.marks,
+                "off by": f"{each.residual:.2f} pixels (RMS)",
+                "position": f"± {each.deviation.position:.2g} m",
+                "rotation": f"± {np.degrees(each.deviation.rotation):.2g}°",
+                "focal length": f"{each.camera.focal_length:.5g} ± {each.deviation.focal_length:.2g} pixels",
+            }
+            for each in self.photographs
+        }
+        return {"blocks": blocks, "cameras": cameras, "chi square": f"{self.chi_square:.4g} of {self.freedom}"}
 
 
 def _named(among: tuple, name: str, what: str):

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from pathlib import Path
 
 import numpy as np
 
@@ -11,6 +10,7 @@ from relume.scene.cameras.camera import Camera
 from relume.scene.cameras.distortion import Distortion
 from relume.scene.places.first_views import Lens, Start, first_views
 from relume.scene.places.fitting import Distance, Fit, View
+from relume.scene.places.photographs import PhotographFacts
 from relume.scene.places.place_tables import PhotographTable, PlaceTables, require_known
 from relume.scene.places.quantities import Model, modelled
 from relume.scene.places.sightings import sightings
@@ -27,14 +27,6 @@ STRAY = 5.0
 """Standard deviations from which on a single mark is named."""
 EXIF_DEVIATION = 0.02
 """Share by which focal lengths of EXIF are off: they are rounded to millimetres, and a lens breathes."""
-
-
-@dataclass(frozen=True, eq=False)
-class PhotographFacts:
-    """Of a photograph's file: size, pixels, and the focal length of its EXIF, pixels, or None."""
-
-    size: tuple[int, int]
-    exif_focal_length: float | None = None
 
 
 @dataclass(frozen=True, eq=False)
@@ -215,13 +207,15 @@ def residual_of(fit: Fit, residuals: np.ndarray, k: int) -> float:
 def _require_one_place(
     fit: Fit, tables: PlaceTables, residuals: np.ndarray, facts: tuple[PhotographFacts, ...]
 ) -> None:
-    worst = [residual_of(fit, residuals, k) / max(facts[k].size) for k in range(len(fit.views))]
-    k = int(np.argmax(worst))
-    if not worst[k] <= ELSEWHERE:
-        name, off = tables.photographs[k].name, worst[k] * max(facts[k].size)
+    """A stray mark is named later; where a third of a photograph's marks or more are off, it is another place."""
+    off = [float(np.quantile(np.abs(_per_photograph(fit, residuals, k)), 2 / 3)) for k in range(len(fit.views))]
+    shares = [each * fit.deviation / max(fact.size) for each, fact in zip(off, facts, strict=True)]
+    k = int(np.argmax(shares))
+    if not shares[k] <= ELSEWHERE:
         raise ValueError(
-            f"photograph {name!r} does not agree with the others: its marks lie {off:.0f} pixels (RMS) from the "
-            "edges; does it show the same place, and has each mark its own edge's name?"
+            f"photograph {tables.photographs[k].name!r} does not agree with the others: a third of its marks lie more "
+            f"than {off[k] * fit.deviation:.0f} pixels from their edges; does it show the same place, and has each mark "
+            "its own edge's name?"
         )
 
 
