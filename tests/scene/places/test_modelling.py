@@ -11,7 +11,7 @@ import pytest
 from place_shoot import BLOCKS, CAMERAS, SIZE, TRUTH
 
 import relume as rl
-from relume.errors import InvalidPlace
+from relume.errors import InvalidPlace, UnreadableFile
 from relume.scene.places.photographs import PhotographFacts
 from relume.scene.places.solving import Solution, solved
 from relume.sphere.directions import rotation_angle
@@ -99,6 +99,20 @@ def test_a_place_is_written_and_read_again(tmp_path):
     # Its marks are kept, so that it can be found again, and is the same text then.
     rl.model_place(tmp_path / "place.toml", out=tmp_path / "again.toml")
     assert (tmp_path / "again.toml").read_text() == (tmp_path / "place.toml").read_text()
+
+
+def test_a_place_file_gives_meshes_and_cameras_to_what_reads_those(tmp_path):
+    place = rl.model_place(place_file(tmp_path), out=tmp_path / "place.toml")
+    assert [mesh.name for mesh in rl.read_meshes(tmp_path / "place.toml")] == ["house", "roof", "tower", "annex"]
+    camera = rl.read_camera(tmp_path / "place.toml", 800, 600, name="photo1")  # the picture at half its size
+    assert camera.position == pytest.approx(place.photograph("photo1").camera.position)
+    assert camera.focal_length == pytest.approx(place.photograph("photo1").camera.focal_length / 2)
+    with pytest.raises(UnreadableFile, match="holds 'photo0', 'photo1', .*; give the name of one"):
+        rl.read_camera(tmp_path / "place.toml", 800, 600)
+    with pytest.raises(UnreadableFile, match="holds 'photo0', 'photo1', "):
+        rl.read_camera(tmp_path / "place.toml", 800, 600, name="photo9")
+    with pytest.raises(UnreadableFile, match="made for a picture of 1600×1200, not 800×800"):
+        rl.read_camera(tmp_path / "place.toml", 800, 800, name="photo1")
 
 
 def test_the_blocks_stand_where_they_truly_stand(tmp_path):
