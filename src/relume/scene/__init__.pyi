@@ -26,6 +26,8 @@ from .materials.presets import material_preset as material_preset
 from .materials.reflective import Reflective as Reflective
 from .materials.whitted import Checks as Checks
 from .materials.whitted import WhittedMaterial as WhittedMaterial
+from .places.photogrammetry.reading import KnownDistance as KnownDistance
+from .places.photogrammetry.reading import read_photogrammetry as read_photogrammetry
 from .places.modelling import read_place as read_place
 from .places.place import CameraDeviation as CameraDeviation
 from .places.place import Place as Place

@@ -26,6 +26,10 @@ class CameraDeviation:
     focal_length: float
 
 
+UNKNOWN_DEVIATION = CameraDeviation(float("nan"), float("nan"), float("nan"))
+"""Of a camera that another program found and said nothing of."""
+
+
 @dataclass(frozen=True, eq=False)
 class PlacePhotograph:
     """A photograph of the place.
@@ -78,6 +82,7 @@ class Place:
     chi_square : sum of squared residuals, each in its standard deviation
     freedom : how many residuals there are beyond the unknowns; chi_square is about as large where the marks are sound
     doubts : one line each on what should be looked at
+    points : (N, 3) world, metres, that photogrammetry found beside; none of a place of blocks
     """
 
     blocks: tuple[PlaceBlock, ...]
@@ -87,6 +92,7 @@ class Place:
     chi_square: float = 0.0
     freedom: int = 0
     doubts: tuple[str, ...] = ()
+    points: np.ndarray = field(default_factory=lambda: np.zeros((0, 3)))
 
     def meshes(self) -> tuple[Mesh, ...]:
         """One mesh a block, with its name, in world metres, +Y up."""
