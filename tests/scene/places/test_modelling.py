@@ -13,6 +13,7 @@ from place_shoot import BLOCKS, CAMERAS, SIZE, TRUTH
 import relume as rl
 from relume.errors import InvalidPlace, UnreadableFile
 from relume.scene.places.photographs import PhotographFacts
+from relume.scene.places.reading import read_shapes
 from relume.scene.places.solving import Solution, solved
 from relume.sphere.directions import rotation_angle
 
@@ -103,7 +104,7 @@ def test_a_place_is_written_and_read_again(tmp_path):
 
 def test_a_place_file_gives_meshes_and_cameras_to_what_reads_those(tmp_path):
     place = rl.model_place(place_file(tmp_path), out=tmp_path / "place.toml")
-    assert [mesh.name for mesh in rl.read_meshes(tmp_path / "place.toml")] == ["house", "roof", "tower", "annex"]
+    assert [mesh.name for mesh in read_shapes(tmp_path / "place.toml")] == ["house", "roof", "tower", "annex"]
     camera = rl.read_camera(tmp_path / "place.toml", 800, 600, name="photo1")  # the picture at half its size
     assert camera.position == pytest.approx(place.photograph("photo1").camera.position)
     assert camera.focal_length == pytest.approx(place.photograph("photo1").camera.focal_length / 2)

@@ -12,7 +12,7 @@ from relume.scene.cameras.fspy import read_fspy
 from relume.scene.cameras.pose import UpAxis, require_aspect, the_only
 from relume.scene.cameras.usd import read_usd_camera
 from relume.scene.gltf.camera import read_gltf_camera
-from relume.scene.places.modelling import read_place
+from relume.scene.places.reading import read_place
 
 KINDS = ".glb, .gltf, .usd, .usda, .usdc, .usdz, .fspy, .json or .toml (a place)"
 

@@ -117,16 +117,23 @@ class Place:
             for block in self.blocks
         }
         cameras = {
-            each.name: {
-                "marks": each.marks,
-                "off by": f"{each.residual:.2f} pixels (RMS)",
-                "position": f"± {each.deviation.position:.2g} m",
-                "rotation": f"± {np.degrees(each.deviation.rotation):.2g}°",
-                "focal length": f"{each.camera.focal_length:.5g} ± {each.deviation.focal_length:.2g} pixels",
-            }
+            each.name: _found(each) if each.marks else f"focal length {each.camera.focal_length:.5g} pixels"
             for each in self.photographs
         }
-        return {"blocks": blocks, "cameras": cameras, "chi square": f"{self.chi_square:.4g} of {self.freedom}"}
+        found: dict[str, object] = {"blocks": blocks, "cameras": cameras}
+        found |= {"chi square": f"{self.chi_square:.4g} of {self.freedom}"} if self.freedom else {}
+        return found | ({"points": len(self.points)} if len(self.points) else {})
+
+
+def _found(photograph: PlacePhotograph) -> dict[str, object]:
+    camera, deviation = photograph.camera, photograph.deviation
+    return {
+        "marks": photograph.marks,
+        "off by": f"{photograph.residual:.2f} pixels (RMS)",
+        "position": f"± {deviation.position:.2g} m",
+        "rotation": f"± {np.degrees(deviation.rotation):.2g}°",
+        "focal length": f"{camera.focal_length:.5g} ± {deviation.focal_length:.2g} pixels",
+    }
 
 
 def _named(among: tuple, name: str, what: str):

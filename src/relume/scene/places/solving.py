@@ -6,12 +6,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from relume.scene.cameras.camera import Camera
-from relume.scene.cameras.distortion import Distortion
 from relume.scene.places.first_views import Lens, Start, first_views
 from relume.scene.places.fitting import Distance, Fit, View
 from relume.scene.places.photographs import PhotographFacts
-from relume.scene.places.place_tables import PhotographTable, PlaceTables, require_known
+from relume.scene.places.place_tables import PhotographTable, PlaceTables, camera_of, require_known
 from relume.scene.places.quantities import Model, modelled
 from relume.scene.places.sightings import sightings
 
@@ -71,13 +69,6 @@ def solved(tables: PlaceTables, facts: tuple[PhotographFacts, ...]) -> Solution:
     covariance = _covariance(fit, values, residuals, names, scale)
     doubts = _doubts(fit, tables, values, residuals, covariance, names)
     return Solution(fit, values, covariance, names, residuals, float(np.sum(residuals**2)), doubts)
-
-
-def camera_of(table: PhotographTable, size: tuple[int, int], focal: float, position: np.ndarray,
-              rotation: np.ndarray) -> Camera:  # fmt: skip
-    """A photograph's camera with the lens that its table describes."""
-    lens = Distortion(**table.distortion.model_dump()) if table.distortion is not None else None
-    return Camera(size[0], size[1], focal, position, rotation, table.centre, lens)
 
 
 def _posed(tables: PlaceTables, facts: tuple[PhotographFacts, ...], model: Model) -> tuple[Fit, Start]:

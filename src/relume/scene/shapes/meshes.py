@@ -19,7 +19,6 @@ from relume.scene.gltf.vertices import plain_vertices
 from relume.scene.gltf.writing import glb_bytes
 from relume.scene.materials.materials import Material
 from relume.scene.materials.mtl import read_mtl_materials
-from relume.scene.places.modelling import read_place
 from relume.scene.shapes.shapes import Mesh, carried
 from relume.scene.shapes.vertex_colours import with_face_colours, with_vertex_colours
 from relume.scene.usd.meshes import read_usd_meshes
@@ -37,17 +36,14 @@ _COLOURS = "_VERTEX_COLOURS"
 def read_meshes(path: str | Path) -> tuple[Mesh, ...]:
     """Read every mesh of a file, placed by the file's own transforms, metres, +Y up.
 
-    Of a place file, .toml, the blocks that `model_place` found.
     Materials of glTF, of OBJ's .mtl and of USD come with their images. What of a file is not rendered is said in one
     warning.
-    Raises InvalidPlace for a place that was not solved, UnreadableFile when the file is missing, damaged, of an unknown kind or holds no triangles, or when a
+    Raises UnreadableFile when the file is missing, damaged, of an unknown kind or holds no triangles, or when a
     picture of its materials is missing.
     """
     path = Path(path)
     if not path.is_file():
         raise UnreadableFile(f"{path}: no such mesh file; check the path")
-    if path.suffix.lower() == ".toml":
-        return read_place(path).meshes()
     try:
         if path.suffix.lower() in USD_SUFFIXES:
             found, lost = read_usd_meshes(path)

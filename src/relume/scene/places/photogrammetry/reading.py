@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -12,6 +11,7 @@ import numpy as np
 from relume.errors import UnreadableFile
 from relume.scene.cameras.camera import Camera
 from relume.scene.places.photogrammetry.colmap import read_colmap
+from relume.scene.places.photogrammetry.gltf import read_gltf_views
 from relume.scene.places.photogrammetry.model import DOWN_AND_AHEAD, FoundModel
 from relume.scene.places.photogrammetry.sfm_json import read_sfm_json
 from relume.scene.places.place import UNKNOWN_DEVIATION, Place, PlaceBlock, PlacePhotograph
@@ -50,21 +50,21 @@ def read_photogrammetry(
 ) -> Place:
     """Read what a program of photogrammetry found in photographs as a place in metres, +Y up.
 
-    path : a folder of COLMAP's (cameras, images and points3D, .bin or .txt), or the .json or .sfm of Meshroom or
-        OpenMVG
-    scale : metres to a unit of the model, or a known distance; no such program knows it
-    up : what points up, in the model's frame; against y, as the first camera has it, unless given
+    path : a folder of COLMAP's (cameras, images and points3D, .bin or .txt), the .json or .sfm of Meshroom or OpenMVG,
+        or a glTF file whose cameras are named as the photographs
+    scale : metres to a unit of the model, or a known distance; no such program knows it. glTF is in metres
+    up : what points up, in the model's frame; against y, as the first camera has it, unless given; +y of glTF
     mesh : the mesh that the program made, in the model's frame; becomes the place's blocks
     photographs : their folder; that of the model unless given. The files need not be there
     Deviations and residuals are not known, NaN. Raises UnreadableFile for a model that is damaged, without a camera or
     of a lens that is not read, ValueError for one without scale.
     """
     path = Path(path)
-    found = _read(path)
-    unit = _unit(path, found, scale)
-    turn = _turn(found.up if up is None else up)
     folder = path if path.is_dir() else path.parent
     folder = folder if photographs is None else Path(photographs)
+    found = _read(path, folder)
+    unit = _unit(path, found, scale)
+    turn = _turn(found.up if up is None else up)
     views = []
     for view in found.views:
         camera = Camera(
@@ -79,17 +79,19 @@ def read_photogrammetry(
     return Place(blocks, tuple(views), points=unit * found.points @ turn.T)
 
 
-def _read(path: Path) -> FoundModel:
+def _read(path: Path, photographs: Path) -> FoundModel:
     if path.is_dir():
         return read_colmap(path)
     if not path.is_file():
         raise UnreadableFile(f"{path}: no such model of photogrammetry; check the path")
-    readers: dict[str, Callable[[Path], FoundModel]] = {".json": read_sfm_json, ".sfm": read_sfm_json}
-    if path.suffix.lower() in (".bin", ".txt"):
+    suffix = path.suffix.lower()
+    if suffix in (".bin", ".txt"):
         return read_colmap(path.parent)
-    if path.suffix.lower() not in readers:
-        raise UnreadableFile(f"{path}: no model of photogrammetry; give COLMAP's folder, or Meshroom's or OpenMVG's .json")
-    return readers[path.suffix.lower()](path)
+    if suffix in (".json", ".sfm"):
+        return read_sfm_json(path)
+    if suffix in (".glb", ".gltf"):
+        return read_gltf_views(path, photographs)
+    raise UnreadableFile(f"{path}: no model of photogrammetry; give COLMAP's folder, Meshroom's or OpenMVG's .json, or glTF")
 
 
 def _unit(path: Path, found: FoundModel, scale: float | KnownDistance | None) -> float:
@@ -115,6 +117,8 @@ def _place(path: Path, found: FoundModel, end: End) -> np.ndarray:
         for view in found.views:
             if end in (view.name, Path(view.name).stem):
                 return view.position
+        if end.isdecimal():
+            return _place(path, found, int(end))
         names = ", ".join(view.name for view in found.views[:5])
         raise ValueError(f"{path}: no camera of a photograph {end!r}; it holds {names}{', …' * (len(found.views) > 5)}")
     if isinstance(end, int):
