@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 import numpy as np
-import place_shoot
 
+import place_shoot
 from command_line import printed, refused, reported
 from relume.image import files
 from relume.image.photograph import Photograph

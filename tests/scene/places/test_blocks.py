@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from itertools import pairwise
 from typing import Any
 
 import numpy as np
@@ -32,7 +33,7 @@ def test_a_body_is_closed_and_its_faces_look_outward(kind):
     assert {(b, a) for a, b in pairs} == set(pairs)  # each side once either way
     assert body.vertices.min() == 0 and body.vertices.max() == 1
     sides = {frozenset(pair) for pair in pairs}
-    assert all(frozenset(pair) in sides for edge in body.edges.values() for pair in zip(edge, edge[1:], strict=False))
+    assert all(frozenset(pair) in sides for edge in body.edges.values() for pair in pairwise(edge))
 
 
 def test_names_lie_where_they_say():

@@ -6,11 +6,11 @@ import re
 from pathlib import Path
 
 import numpy as np
-import place_shoot
 import pytest
-from place_shoot import BLOCKS, CAMERAS, SIZE, TRUTH
 
+import place_shoot
 import relume as rl
+from place_shoot import BLOCKS, CAMERAS, SIZE, TRUTH
 from relume.errors import InvalidPlace, UnreadableFile
 from relume.scene.places.photographs import PhotographFacts
 from relume.scene.places.reading import read_shapes
@@ -74,7 +74,7 @@ def test_the_jacobian_is_the_slope_of_the_errors():
     tables = place_shoot.tables(
         0.5, lengths=[{"between": ["house.front_left_top", "annex.back_left_bottom"], "metres": 6.0, "deviation": 2.0}]
     )
-    corner = tuple(CAMERAS[0].project(np.array([4, 9, 0.7 + 1.75])) + [2.0, -1.0])
+    corner = tuple(CAMERAS[0].project(np.array([4, 9, 0.7 + 1.75])) + np.array([2.0, -1.0]))
     marked = {**tables.marks["photo0"], "tower": {**tables.marks["photo0"]["tower"], "front_left_top": (corner,)}}
     tables = tables.model_copy(update={"marks": {**tables.marks, "photo0": marked}})
     found = solved(tables, tuple(PhotographFacts(SIZE, 1400.0) for _ in CAMERAS))
@@ -108,9 +108,9 @@ def test_a_place_file_gives_meshes_and_cameras_to_what_reads_those(tmp_path):
     camera = rl.read_camera(tmp_path / "place.toml", 800, 600, name="photo1")  # the picture at half its size
     assert camera.position == pytest.approx(place.photograph("photo1").camera.position)
     assert camera.focal_length == pytest.approx(place.photograph("photo1").camera.focal_length / 2)
-    with pytest.raises(UnreadableFile, match="holds 'photo0', 'photo1', .*; give the name of one"):
+    with pytest.raises(UnreadableFile, match=r"holds 'photo0', 'photo1', .*; give the name of one"):
         rl.read_camera(tmp_path / "place.toml", 800, 600)
-    with pytest.raises(UnreadableFile, match="holds 'photo0', 'photo1', "):
+    with pytest.raises(UnreadableFile, match=r"holds 'photo0', 'photo1', "):
         rl.read_camera(tmp_path / "place.toml", 800, 600, name="photo9")
     with pytest.raises(UnreadableFile, match="made for a picture of 1600×1200, not 800×800"):
         rl.read_camera(tmp_path / "place.toml", 800, 800, name="photo1")
@@ -150,7 +150,7 @@ def test_a_photograph_of_another_place_is_named(tmp_path):
 @pytest.mark.parametrize("off", [9.0, 300.0])
 def test_a_mark_on_the_wrong_edge_is_named_and_hurts_little(tmp_path, off):
     marked = place_shoot.marks(0.5, 0)["photo1"]
-    points = np.array(marked["house"]["front_top"]) + [0, off]
+    points = np.array(marked["house"]["front_top"]) + np.array([0, off])
     marked["house"]["front_top"] = points.tolist()
     with pytest.warns(UserWarning, match=r"mark house\.front_top in 'photo1' lies [\d.]+ pixels from the edge"):
         place = rl.model_place(place_file(tmp_path, place_shoot.toml(photo1=marked)))
@@ -161,7 +161,11 @@ def test_a_mark_on_the_wrong_edge_is_named_and_hurts_little(tmp_path, off):
     ("old", "new", "message"),
     [
         ("width = 8.0\n", "", "nothing sets the scale; give one size in metres"),
-        ("front_top = [", "front_tob = [", "marks.photo0.house.front_tob: no edge or corner of a box 'front_tob'; did you"),
+        (
+            "front_top = [",
+            "front_tob = [",
+            "marks.photo0.house.front_tob: no edge or corner of a box 'front_tob'; did you",
+        ),
         ("on = 'house'", "on = 'hause'", "blocks.roof.on: no block above it 'hause'; did you mean house"),
         ("width = 'house.width'", "width = 'house.wide'", "blocks.roof.width: no size 'wide'; did you mean width"),
         ("left = 'house.right'", "left = 'house.front'", "blocks.tower.left: no side along that axis 'front'"),
@@ -189,7 +193,7 @@ def test_a_photograph_without_marks_or_with_too_few_is_named(tmp_path):
         rl.model_place(place_file(tmp_path, place_shoot.toml(photo2=one)))
     few = place_shoot.marks(0, 0)["photo2"]["house"]
     few = {"house": {edge: few[edge] for edge in ("front_top", "front_bottom", "front_left")}}
-    with pytest.raises(InvalidPlace, match="camera 'photo2' is not determined: .*mark more edges in that photograph"):
+    with pytest.raises(InvalidPlace, match=r"camera 'photo2' is not determined: .*mark more edges in that photograph"):
         rl.model_place(place_file(tmp_path, place_shoot.toml(photo2=few)))
 
 

@@ -146,7 +146,11 @@ def test_what_points_up_and_a_mesh_are_carried_with_the_cameras(tmp_path):
 @pytest.mark.parametrize(
     ("old", "new", "message"),
     [
-        ("SIMPLE_PINHOLE 800 600 1000 400 300", "OPENCV_FISHEYE 800 600 1 1 4 3 0 0 0 0", "is a OPENCV_FISHEYE; SIMPLE"),
+        (
+            "SIMPLE_PINHOLE 800 600 1000 400 300",
+            "OPENCV_FISHEYE 800 600 1 1 4 3 0 0 0 0",
+            "is a OPENCV_FISHEYE; SIMPLE",
+        ),
         ("PINHOLE 800 600 1000 1000", "PINHOLE 800 600 1000 1100", "pixels are not square"),
         ("SIMPLE_PINHOLE 800 600 1000 400 300", "SIMPLE_PINHOLE 800 600 1000", "1 parameters; a SIMPLE_PINHOLE has 3"),
         ("1 SIMPLE_PINHOLE", "6 SIMPLE_PINHOLE", "names camera 1, which is not there"),
@@ -240,7 +244,10 @@ def test_json_that_is_no_model_is_refused(tmp_path):
         ("{", "no model of Meshroom or OpenMVG"),
         ("[]", "no model of Meshroom or OpenMVG"),
         ('{"views": [], "intrinsics": []}', "holds no photograph with a pose"),
-        (json.dumps(alicevision(["1", "2", "6"], ["0", "0"], {"pxFocalLength": "9", "type": "fisheye4"})), "of type fish"),
+        (
+            json.dumps(alicevision(["1", "2", "6"], ["0", "0"], {"pxFocalLength": "9", "type": "fisheye4"})),
+            "of type fish",
+        ),
     ):
         path.write_text(text)
         with pytest.raises(UnreadableFile, match=message):

@@ -20,8 +20,8 @@ def model(
     place: Annotated[
         Path,
         Parameter(
-            help="A place file, .toml. To begin one: a folder of photographs, or photogrammetry made elsewhere, COLMAP's "
-            "folder, Meshroom's or OpenMVG's .json, or glTF."
+            help="A place file, .toml. To begin one: a folder of photographs, or photogrammetry made elsewhere, "
+            "COLMAP's folder, Meshroom's or OpenMVG's .json, or glTF."
         ),
     ],
     /,
@@ -63,6 +63,7 @@ def model(
             raise ValueError(f"{place} is no place file: give -o place.toml to begin one, and export that")
         if (between is None) != (metres is None) or (between is not None and scale is not None):
             raise ValueError("--between and --metres belong together, instead of --scale")
+        # Without a file to write nothing is begun; what is solved may only be looked at.
         written = [str(path) for path in (out, export) if path is not None]
         if dry_run:
             print_facts(output, {"would write": written})
@@ -74,5 +75,6 @@ def model(
                 note(output, f"name blocks and mark their edges in {out}, then run `relume model {out} -o {out}`")
             print_facts(output, {"written": written, **asdict(begun)})
             return
+        # Cameras and sizes.
         found = rl.model_place(place, out=out, export=export)
         print_facts(output, {"written": written, **found.facts()})

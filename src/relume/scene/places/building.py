@@ -20,7 +20,9 @@ def built(block: SoughtBlock, found: FoundBlock) -> PlaceBlock:
     """The block in the world."""
     size, body = np.array(found.size), block.body
     if np.any(size < 0):
-        raise InvalidPlace(f"block {block.name!r} came out inside out, {list(size)} m; are its marks named the right way?")
+        raise InvalidPlace(
+            f"block {block.name!r} came out inside out, {list(size)} m; are its marks named the right way?"
+        )
     upright = rotation_about([0.0, 1.0, 0.0], float(np.radians(found.turn)))
     points = (np.array(found.low) + body.vertices * size) @ upright.T
     faces = body.triangles

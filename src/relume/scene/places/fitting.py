@@ -211,4 +211,6 @@ def about_y(angles: np.ndarray, *, slope: bool = False) -> np.ndarray:
     """Rotations (N, 3, 3) about +Y, or their derivatives by the angle."""
     cos, sin = (-np.sin(angles), np.cos(angles)) if slope else (np.cos(angles), np.sin(angles))
     zero, one = np.zeros_like(cos), np.zeros_like(cos) if slope else np.ones_like(cos)
-    return np.stack([np.stack([cos, zero, sin], -1), np.stack([zero, one, zero], -1), np.stack([-sin, zero, cos], -1)], -2)
+    return np.stack(
+        [np.stack([cos, zero, sin], -1), np.stack([zero, one, zero], -1), np.stack([-sin, zero, cos], -1)], -2
+    )

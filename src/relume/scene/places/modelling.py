@@ -42,7 +42,9 @@ def model_place(
     tables = read_tables(path)
     if tables.photogrammetry is not None:
         if out is not None:
-            raise ValueError(f"{path}: its cameras are those of {tables.photogrammetry.model}; there is nothing to find")
+            raise ValueError(
+                f"{path}: its cameras are those of {tables.photogrammetry.model}; there is nothing to find"
+            )
         return _exported(read_place(path), export)
     facts = tuple(_facts(path, table.file, table.size) for table in tables.photographs)
     try:

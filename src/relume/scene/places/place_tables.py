@@ -1,26 +1,26 @@
 """The place file: photographs, blocks with their constraints, marked edges and known lengths, in TOML.
 
-    [[photographs]]
-    name = "north"
-    file = "north.jpg"            # beside the place file
+[[photographs]]
+name = "north"
+file = "north.jpg"            # beside the place file
 
-    [[blocks]]
-    name = "house"
-    kind = "box"
-    width = 8.0                   # metres; what is left out is found
+[[blocks]]
+name = "house"
+kind = "box"
+width = 8.0                   # metres; what is left out is found
 
-    [[blocks]]
-    name = "roof"
-    kind = "roof"
-    on = "house"                  # stands on it, turned as it is
-    width = "house.width"         # as wide
-    depth = "house.depth"
-    centre_x = "house.centre_x"   # aligned with it
-    centre_z = "house.centre_z"
+[[blocks]]
+name = "roof"
+kind = "roof"
+on = "house"                  # stands on it, turned as it is
+width = "house.width"         # as wide
+depth = "house.depth"
+centre_x = "house.centre_x"   # aligned with it
+centre_z = "house.centre_z"
 
-    [marks.north.house]           # photograph, block
-    front_top = [[312.5, 208.0], [655.0, 190.5]]     # points on an edge, pixels: x right, y down
-    front_left_top = [[311.0, 207.5]]                # or a corner
+[marks.north.house]           # photograph, block
+front_top = [[312.5, 208.0], [655.0, 190.5]]     # points on an edge, pixels: x right, y down
+front_left_top = [[311.0, 207.5]]                # or a corner
 """
 
 from __future__ import annotations
@@ -209,7 +209,9 @@ class PlaceTables(Table):
     photographs: tuple[PhotographTable, ...] = ()
     blocks: tuple[BlockTable, ...] = ()
     lengths: tuple[LengthTable, ...] = ()
-    marks: dict[str, dict[str, dict[str, Annotated[tuple[Pixel, ...], Field(min_length=1)]]]] = {}
+    marks: dict[str, dict[str, dict[str, Annotated[tuple[Pixel, ...], Field(min_length=1)]]]] = Field(
+        default_factory=dict
+    )
     photogrammetry: PhotogrammetryTable | None = None
     found: Found | None = None
 

@@ -158,8 +158,10 @@ def _lens_focals(fit: Fit, start: Start) -> list[float]:
 def _extent(fit: Fit, values: np.ndarray) -> float:
     """How large the place is, metres: the root mean square of its sizes and the cameras' distances."""
     six = values[fit.first_camera : fit.first_lens].reshape(-1, 6)
-    return float(np.sqrt(np.mean(np.sum((six[:, 3:] - six[:, 3:].mean(0)) ** 2, axis=-1)))) + 1e-3 + float(
-        np.median(np.abs(values[: len(fit.model.lengths)])) if fit.model.lengths else 0.0
+    return (
+        float(np.sqrt(np.mean(np.sum((six[:, 3:] - six[:, 3:].mean(0)) ** 2, axis=-1))))
+        + 1e-3
+        + float(np.median(np.abs(values[: len(fit.model.lengths)])) if fit.model.lengths else 0.0)
     )
 
 
@@ -205,8 +207,8 @@ def _require_one_place(
     if not shares[k] <= ELSEWHERE:
         raise ValueError(
             f"photograph {tables.photographs[k].name!r} does not agree with the others: a third of its marks lie more "
-            f"than {off[k] * fit.deviation:.0f} pixels from their edges; does it show the same place, and has each mark "
-            "its own edge's name?"
+            f"than {off[k] * fit.deviation:.0f} pixels from their edges; does it show the same place, and has each "
+            "mark its own edge's name?"
         )
 
 
@@ -270,7 +272,11 @@ def _doubts(
         deviation, value = float(np.sqrt(covariance[number, number])), float(values[number])
         if names[number].split(" ")[0] in ("width", "height", "depth"):
             if value <= 0:
-                doubts.append(f"{names[number]} comes out as {value:.3g} m; are left and right, or front and back, swapped?")
+                doubts.append(
+                    f"{names[number]} comes out as {value:.3g} m; are left and right, or front and back, swapped?"
+                )
             elif deviation > LOOSE * value:
-                doubts.append(f"{names[number]} is {value:.3g} m ± {100 * deviation / value:.0f} % only; mark more of it")
+                doubts.append(
+                    f"{names[number]} is {value:.3g} m ± {100 * deviation / value:.0f} % only; mark more of it"
+                )
     return tuple(dict.fromkeys(doubts))

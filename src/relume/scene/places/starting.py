@@ -70,7 +70,9 @@ def new_place_file(
         raise ValueError(f"{source}: {given[0]} is of photogrammetry; blocks are found from marks, leave it out")
     found = pictures_in(source)
     if not found:
-        raise InvalidPlace(f"{source}: no photographs in it; give a folder of photographs, or a model of photogrammetry")
+        raise InvalidPlace(
+            f"{source}: no photographs in it; give a folder of photographs, or a model of photogrammetry"
+        )
     tables, marks, names = [], [], set()
     for path in found:
         facts = photograph_facts(path)

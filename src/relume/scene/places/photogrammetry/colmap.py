@@ -36,7 +36,11 @@ def read_colmap(folder: Path) -> FoundModel:
     names = [folder / f"{name}{kind}" for name in ("cameras", "images", "points3D")]
     try:
         if kind == ".bin":
-            lenses, poses, (numbers, points) = _binary_lenses(names[0]), _binary_poses(names[1]), _binary_points(names[2])
+            lenses, poses, (numbers, points) = (
+                _binary_lenses(names[0]),
+                _binary_poses(names[1]),
+                _binary_points(names[2]),
+            )
         else:
             lenses, poses, (numbers, points) = _text_lenses(names[0]), _text_poses(names[1]), _text_points(names[2])
     except (ValueError, IndexError, struct.error, UnicodeDecodeError) as error:
@@ -54,7 +58,8 @@ def _view(folder: Path, lenses: dict[int, Lens], pose: Pose) -> FoundView:
     model, width, height, given = lenses[number]
     if model not in READ:
         raise UnreadableFile(
-            f"{folder}: camera {number} is a {model}; {', '.join(READ)} are read: undistort the images with COLMAP first"
+            f"{folder}: camera {number} is a {model}; {', '.join(READ)} are read: undistort the images with "
+            "COLMAP first"
         )
     two = model in ("PINHOLE", "OPENCV")
     focal = one_focal_length(folder, f"camera {number}", given[0], given[1 if two else 0])
@@ -68,7 +73,9 @@ def _view(folder: Path, lenses: dict[int, Lens], pose: Pose) -> FoundView:
         [2 * (x * y + w * z), 1 - 2 * (x * x + z * z), 2 * (y * z - w * x)],
         [2 * (x * z - w * y), 2 * (y * z + w * x), 1 - 2 * (x * x + y * y)],
     ])  # fmt: skip
-    return FoundView(picture, (width, height), focal, (across, down), rotation, -rotation.T @ translation, lens_of(*rest))
+    return FoundView(
+        picture, (width, height), focal, (across, down), rotation, -rotation.T @ translation, lens_of(*rest)
+    )
 
 
 def _lines(path: Path) -> list[str]:

@@ -20,17 +20,21 @@ def read_gltf_views(path: Path, photographs: Path) -> FoundModel:
     for name in gltf_camera_names(path):
         if name not in pictures:
             raise UnreadableFile(
-                f"{path}: camera {name!r} has no photograph in {photographs}; name cameras as the photographs, and give "
-                "their folder"
+                f"{path}: camera {name!r} has no photograph in {photographs}; name cameras as the photographs, and "
+                "give their folder"
             )
         picture = pictures[name]
         width, height = photograph_facts(picture).size
         camera = read_gltf_camera(path, width, height, name, None, None)
         views.append(
             FoundView(
-                picture.name, (width, height), camera.focal_length, camera.principal_point,
-                DOWN_AND_AHEAD @ camera.rotation.T, camera.position,
-            )  # fmt: skip
+                picture.name,
+                (width, height),
+                camera.focal_length,
+                camera.principal_point,
+                DOWN_AND_AHEAD @ camera.rotation.T,
+                camera.position,
+            )
         )
     if not views:
         raise UnreadableFile(f"{path}: holds no camera that a node places; export it with its cameras")

@@ -91,15 +91,17 @@ def _read(path: Path, photographs: Path) -> FoundModel:
         return read_sfm_json(path)
     if suffix in (".glb", ".gltf"):
         return read_gltf_views(path, photographs)
-    raise UnreadableFile(f"{path}: no model of photogrammetry; give COLMAP's folder, Meshroom's or OpenMVG's .json, or glTF")
+    raise UnreadableFile(
+        f"{path}: no model of photogrammetry; give COLMAP's folder, Meshroom's or OpenMVG's .json, or glTF"
+    )
 
 
 def _unit(path: Path, found: FoundModel, scale: float | KnownDistance | None) -> float:
     """Metres to a unit of the model."""
     if scale is None and not found.scaled:
         raise ValueError(
-            f"{path}: photogrammetry has no scale; give the metres of one unit, or a distance that was measured between "
-            "two cameras or points"
+            f"{path}: photogrammetry has no scale; give the metres of one unit, or a distance that was measured "
+            "between two cameras or points"
         )
     if not isinstance(scale, KnownDistance):
         unit = 1.0 if scale is None else float(scale)

@@ -88,9 +88,14 @@ def _alicevision(path: Path, found: dict[str, Any]) -> tuple[list[FoundView], li
         centre = np.array(pose["center"], np.float64)
         views.append(
             FoundView(
-                Path(str(view["path"]).replace("\\", "/")).name, (width, height), _focal(path, lens, width),
-                (x + middle[0], y + middle[1]), rotation, centre, _distortion(path, lens),
-            )  # fmt: skip
+                Path(str(view["path"]).replace("\\", "/")).name,
+                (width, height),
+                _focal(path, lens, width),
+                (x + middle[0], y + middle[1]),
+                rotation,
+                centre,
+                _distortion(path, lens),
+            )
         )
     points = [(int(entry["landmarkId"]), [float(x) for x in entry["X"]]) for entry in found.get("structure") or []]
     return views, points
