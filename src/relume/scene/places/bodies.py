@@ -6,7 +6,7 @@ In the cube x runs from left to right, y from the bottom to the top and z from t
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from itertools import pairwise
 
@@ -55,7 +55,7 @@ _FLOOR = ("back_left_bottom", "back_right_bottom", "front_right_bottom", "front_
 
 
 def _named(
-    corners: dict[str, Sequence[float]],
+    corners: Mapping[str, Sequence[float]],
     edges: dict[str, tuple[str, str]],
     faces: Sequence[tuple[str, ...]],
     flat: int | None = None,
@@ -147,7 +147,7 @@ def _pyramid() -> Body:
     return _named(_BOTTOM | {"top": (0.5, 1, 0.5)}, edges, [_FLOOR, *sides])
 
 
-def _rectangle(corners: dict[str, Sequence[float]], edges: dict[str, tuple[str, str]], flat: int) -> Body:
+def _rectangle(corners: Mapping[str, Sequence[float]], edges: dict[str, tuple[str, str]], flat: int) -> Body:
     return _named(corners, edges, [tuple(corners)], flat)
 
 

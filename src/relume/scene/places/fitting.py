@@ -122,8 +122,8 @@ class Fit:
         ends = self._chords(one, upright, values)
         k = marks.photograph
         a, b = (np.einsum("nij,nj->ni", upright, ends[:, i] @ one) for i in (0, 1))
-        arguments = [a, b, turned[k], position[k], focal[k]]
-        rows.append(line_errors(*arguments, start[k], self.seen) / self.deviation)
+        arguments: list[np.ndarray] = [a, b, turned[k], position[k], focal[k]]
+        rows.append(line_errors(a, b, turned[k], position[k], focal[k], start[k], self.seen) / self.deviation)
         if wanted:
             by = derivatives(line_errors, arguments, start[k], self.seen)
             slope = np.zeros((len(k), self.count))
@@ -137,7 +137,7 @@ class Fit:
         if len(k):
             a = np.einsum("nij,nj->ni", about_y(angles[marks.corner_turn]), factors @ one)
             arguments = [a, turned[k], position[k], focal[k]]
-            rows.append(corner_errors(*arguments, start[k], self.corner_seen) / self.deviation)
+            rows.append(corner_errors(a, turned[k], position[k], focal[k], start[k], self.corner_seen) / self.deviation)
             if wanted:
                 by = derivatives(corner_errors, arguments, start[k], self.corner_seen)
                 slope = np.zeros((2 * len(k), self.count))

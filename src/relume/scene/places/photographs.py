@@ -21,7 +21,7 @@ class PhotographFacts:
 def photograph_facts(picture: Path) -> PhotographFacts:
     """Of a photograph or a radiance map; raises UnreadableFile."""
     if kind_of(picture) in MAPS:
-        height, width = files.read(picture).radiance.shape[:2]
+        height, width = files.read_radiance(picture).radiance.shape[:2]
         return PhotographFacts((width, height))
     photograph = files.read_photograph(picture)
     return PhotographFacts(photograph.size, photograph.focal_length)

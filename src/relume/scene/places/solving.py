@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 
@@ -58,10 +59,14 @@ def solved(tables: PlaceTables, facts: tuple[PhotographFacts, ...]) -> Solution:
     fit, start = _posed(tables, facts, model)
     begin = fit.start(start.lengths, start.turns, _lens_focals(fit, start))
     scale = _steps(fit, begin)
-    found = least_squares(
-        lambda x: fit.errors(x * scale), begin / scale, lambda x: fit.jacobian(x * scale) * scale,
-        loss="huber", f_scale=ROBUST, method="trf", xtol=1e-12, ftol=1e-12, gtol=1e-10, max_nfev=300,
-    )  # fmt: skip
+    slope: Any = lambda x: fit.jacobian(x * scale) * scale  # noqa: E731  SciPy's stubs know strings alone
+    try:
+        found = least_squares(
+            lambda x: fit.errors(x * scale), begin / scale, jac=slope, loss="huber", f_scale=ROBUST, method="trf",
+            xtol=1e-12, ftol=1e-12, gtol=1e-10, max_nfev=300,
+        )  # fmt: skip
+    except ValueError:  # SciPy's, of numbers that are not finite
+        raise ValueError("no place explains the marks; has each mark its own edge's name?") from None
     values = found.x * scale
     residuals = fit.errors(values)
     names = _names(fit, tables)
@@ -224,9 +229,7 @@ def _covariance(
     # Marks that fit better than a person draws do so by chance; those that fit worse make all less sure.
     noise = max(1.0, float(np.sqrt(np.mean(np.minimum(residuals**2, ROBUST**2)) * len(residuals) / spare)))
     covariance = noise**2 * (axes.T * weights**2) @ axes * np.outer(scale, scale)
-    free = np.sum(axes[loose] ** 2, axis=0) > 1e-6 if loose.any() else np.zeros(len(values), bool)
-    if len(slope) < len(values):
-        free = np.ones(len(values), bool) if not free.any() else free
+    free = 1 - np.sum(axes[~loose] ** 2, axis=0) > 1e-6
     deviations = np.sqrt(np.diag(covariance))
     extent = _extent(fit, values)
     lengths = len(fit.model.lengths)

@@ -74,7 +74,7 @@ def read_photogrammetry(
         views.append(PlacePhotograph(view.name, folder / view.name, camera, UNKNOWN_DEVIATION, float("nan"), 0))
     matrix = np.eye(4)
     matrix[:3, :3] = unit * turn
-    meshes = () if mesh is None else tuple(_carried(each, matrix) for each in read_meshes(mesh))
+    meshes = () if mesh is None else tuple(_carried(each, matrix) for each in read_meshes(Path(mesh)))
     blocks = tuple(_block(each) for each in meshes)
     return Place(blocks, tuple(views), points=unit * found.points @ turn.T)
 
