@@ -242,3 +242,40 @@ def test_the_grain_of_objects_moves_with_the_film_and_is_the_plates(tmp_path):
     # The light is the same in both.
     balls = [picture[move.seen(n)[1] > 0.999].mean() for picture, n in zip(pictures, frames, strict=True)]
     assert np.abs(balls[1] - balls[0]) < 1
+
+
+def test_cameras_that_colmap_found_go_by_the_numbers_of_the_plates(tmp_path):
+    """Three views to the right of one another, half a unit apart; two metres to a unit; the fourth was not found."""
+    (tmp_path / "cameras.txt").write_text("1 SIMPLE_RADIAL 192 128 190 96 64 -0.1\n")
+    (tmp_path / "points3D.txt").write_text("1 0 0 5 0 0 0 0.5\n")
+    views = [f"{n} 1 0 0 0 {-0.5 * n} 0 0 1 plate_{n:03}.png\n\n" for n in (1, 2, 3, 5)]
+    (tmp_path / "images.txt").write_text("".join(views))
+    (tmp_path / "place.toml").write_text('[photogrammetry]\nmodel = "."\nmetres_per_unit = 2.0\n')
+    for frame in range(1, 6):
+        (tmp_path / f"plate_{frame:03}.png").write_bytes(b"")
+    text = """
+[plate]
+photographs = "plate_001.png"
+[camera]
+file = "place.toml"
+readout = 0.02
+[light]
+map = "plate_001.png"
+[sequence]
+frames = "{}"
+plates = "plate_*.png"
+"""
+    shot = shot_of(tmp_path, text.format("1-3"))
+    assert frames_of(shot) == [1, 2, 3]
+    camera = camera_fit(at_frame(shot, 2).camera, SIZE, tmp_path, None).camera
+    np.testing.assert_allclose(camera.position, [2, 0, 0], atol=1e-9)
+    np.testing.assert_allclose(-camera.rotation[:, 2], [0, 0, -1], atol=1e-9)
+    assert camera.focal_length == pytest.approx(190) and camera.distortion is not None
+    assert camera.distortion.k1 == pytest.approx(-0.1)
+    # From frame to frame a metre: 0.48 of a frame's time between the first row and the last.
+    assert camera.rolling is not None and camera.rolling.moves[0] == pytest.approx([0.48, 0, 0], abs=1e-6)
+    with pytest.raises(UnreadableFile, match="no photograph has the number of frame 4; its camera was not found"):
+        camera_fit(at_frame(shot_of(tmp_path, text.format("1-5")), 4).camera, SIZE, tmp_path, None)
+    with pytest.raises(InvalidShot, match=r"place\.toml has the frames 1 to 5, and the sequence asks for 0 to 3"):
+        (tmp_path / "plate_000.png").write_bytes(b"")
+        frames_of(shot_of(tmp_path, text.format("0-3")))

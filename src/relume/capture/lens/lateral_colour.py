@@ -18,16 +18,16 @@ LARGEST = 0.02
 """The largest share by which a channel's scale may differ; lenses of phones have 0.002 at most."""
 LIKELY = 0.005
 """The share up to which the border is left out where it comes from beyond the picture."""
-TILE = 8
+TILE = 16
 """Pixels of the squares in which one factor ties two channels: what lies in one is mostly of one colour."""
-SMOOTH = 0.7
+SMOOTH = 1.0
 """Pixels of blur before edges are compared: differences of sharpness and noise then count less."""
 ROUNDS, REWEIGHTED = 4, 5
 """Times that the channels are moved and compared again, and that what is far off is counted less in each."""
 FEWEST = 200
 """Effective pixels at edges below which nothing is said."""
 DARKEST = 1e-6
-"""Of the brightest: below, a logarithm says nothing."""
+"""Of the brightest: below, noise is all there is."""
 
 
 @dataclass(frozen=True)
@@ -84,9 +84,10 @@ def without_lateral_colour(picture: RadianceMap, lateral: LateralColour) -> Radi
 
 
 def recover_lateral_colour(picture: RadianceMap) -> LateralColour:
-    """The lateral colour that a picture's own edges show: to 0.1 pixels in one of 240×160 with 150 discs.
+    """The lateral colour that a picture's own edges show: to 0.15 pixels in one of 240×160 with 150 discs, of 1.
 
-    In squares of 8 pixels ln red is taken for a factor times ln green and a constant, and what is left for a shift along
+    In squares of 16 pixels red, on a scale that is even below the median and logarithmic above, is taken for a factor
+    times green and a constant, and what is left for a shift along
     the radius: two numbers for the whole picture, by weighted least squares, with outliers counted less (Huber 1964).
     Coloured edges that lie all round the middle alike would be taken for it. Raises ValueError for a picture without
     enough edges, or one whose channels differ by more than lenses do.
@@ -114,7 +115,7 @@ def _fitted(
 ) -> tuple[tuple[float, float], tuple[float, float]]:  # fmt: skip
     """a and b of a channel, and their deviations."""
     height, width = usable.shape
-    green = _logarithm(radiance[..., 1])
+    green = _compressed(radiance[..., 1])
     down, across = np.gradient(green)
     x, y = np.arange(width) + 0.5 - width / 2, (np.arange(height) + 0.5 - height / 2)[:, None]
     radial = across * x + down * y
@@ -128,7 +129,7 @@ def _fitted(
     source = np.ascontiguousarray(radiance[..., channel])
     for _ in range(ROUNDS):
         moved = _moved(source, *_places((width, height), (float(terms[0]), float(terms[1])))) if terms.any() else source
-        factor, rest = _tied(_logarithm(moved)[usable], green[usable], index)
+        factor, rest = _tied(_compressed(moved)[usable], green[usable], index)
         # A channel drawn larger by a shows at p what green shows at p (1 − a): red(p) = green(p) − a p · ∇green.
         slope = -factor * radial[usable]
         design = np.stack([slope, slope * square[usable]], axis=-1)
@@ -160,10 +161,11 @@ def _tied(values: np.ndarray, green: np.ndarray, index: np.ndarray) -> tuple[np.
     return factor, np.where(factor > 0, own - factor * centred, 0.0)
 
 
-def _logarithm(plane: np.ndarray) -> np.ndarray:
+def _compressed(plane: np.ndarray) -> np.ndarray:
+    """Even below the median and logarithmic above: lamps count as edges, and dark sides of edges not for more."""
     plane = plane.astype(np.float64)
-    floor = DARKEST * float(plane.max(initial=0)) + 1e-30
-    return gaussian_filter(np.log(np.maximum(plane, floor)), SMOOTH, mode="nearest")
+    middle = max(float(np.median(plane)), DARKEST * float(plane.max(initial=0)), 1e-30)
+    return gaussian_filter(np.log1p(np.maximum(plane, 0) / middle), SMOOTH, mode="nearest")
 
 
 def _places(size: tuple[int, int], terms: tuple[float, float]) -> tuple[np.ndarray, np.ndarray]:

@@ -123,7 +123,7 @@ def _require_camera(shot: Shot, table: SequenceTable) -> None:
     if asked is None or table.plates is None:
         return
     path = shot.path(asked.path)
-    span = motion_span(path, asked.name)
+    span = None if asked.numbered and asked.name is not None else motion_span(path, asked.name)
     first, last = (asked.at(frame, table.frames[0], table.rate) for frame in (table.frames[0], table.frames[-1]))
     if span is None:
         return

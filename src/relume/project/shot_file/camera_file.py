@@ -21,7 +21,7 @@ from relume.scene.cameras.rolling_shutter import rolling_through
 class CameraFile(Table):
     """A camera that another program wrote; `up` and `unit` where they are not what the file says.
 
-    frame : which, of a file whose cameras go by the numbers of frames (.chan); that of each plate in a sequence
+    frame : which, of a file whose cameras go by the numbers of frames (.chan, places); that of each plate in a sequence
     time : seconds since the file's motion began, of other files; from the sequence's first frame in a sequence
     offset : frames added to those of a sequence for the camera's
     rate : frames a second of the camera's file; the sequence's unless given
@@ -49,6 +49,9 @@ class CameraFile(Table):
     def at(self, frame: float, first: int, rate: float) -> CameraFile:
         """The same at a frame of a sequence that begins with `first` and has `rate` frames a second."""
         own = self.rate or rate
+        if self.numbered and self.name is not None:
+            # One photograph of a place, which stands still.
+            return self
         begun = self.model_copy(update={"frame": first + self.offset, "rate": own, "offset": 0.0})
         return (begun if self.numbered else self).after((frame - first) / rate, own)
 
@@ -89,7 +92,7 @@ def camera_of_file(
     Raises InvalidShot naming the key, UnreadableFile.
     """
     given = None
-    if asked.numbered and not holds_focal_length(folder / asked.path):
+    if asked.path.lower().endswith(".chan") and not holds_focal_length(folder / asked.path):
         given = focal_length or exif
         if given is None:
             raise InvalidShot(f"camera.focal_length: missing, and {asked.path} and the plate have none; give it in pixels")
