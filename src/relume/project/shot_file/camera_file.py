@@ -100,7 +100,8 @@ def camera_of_file(
         raise InvalidShot(f"camera.focal_length: {asked.path} holds the field of view; leave focal_length out")
     camera = asked.read(size, folder, given)
     try:
-        camera = replace(camera, centre=camera.centre if centre is None else centre, distortion=distortion)
+        bent = camera.distortion if distortion is None else distortion
+        camera = replace(camera, centre=camera.centre if centre is None else centre, distortion=bent)
     except ValueError as error:
         raise InvalidShot(f"camera.distortion: {error}") from None
     if readout == 0:
