@@ -750,8 +750,8 @@ def test_lateral_colour_and_a_lamp_in_the_dark_are_asked_for():
         (["--glare-lamp", "1,2,3,4", "--glare-map", "a.exr", "--glare", "1,2,3,4"], "both give the glare; give one"),
         (["--lateral", "--lateral-colour", "0,0,0,0"], "leave one of them out"),
         (["--lateral-colour", "0.5,0,0,0"], "red is 0.5,0"),
-        (["--scans", "a.json", "--each"], "--each is not for --scans"),
-        (["--scans", "a.json", "--times", "1,2"], "--scans are of one negative"),
+        (["--scans", "a.json", "--each"], "--each is not for them"),
+        (["--scans", "a.json", "--times", "1,2"], "--times is its one exposure: give one number"),
         (["--scans", "a.json", "b.json"], "1 scans and 2 profiles"),
     ],
 )

@@ -55,14 +55,14 @@ def test_the_rays_of_a_row_are_those_of_a_still_camera_at_its_time(y, upwards, l
 def test_windows_and_smaller_pictures_keep_the_times_of_their_rows():
     camera, points = rolling_camera(), np.array([[10.0, 6.0], [20.0, 9.5]])
     part = camera.window(8, 40, 30, 20)
-    np.testing.assert_allclose(part.rays_through(points), camera.rays_through(points + [8, 40]), atol=1e-12)
-    np.testing.assert_allclose(part.eyes(points), camera.eyes(points + [8, 40]), atol=1e-12)
+    np.testing.assert_allclose(part.rays_through(points), camera.rays_through(points + np.array([8, 40])), atol=1e-12)
+    np.testing.assert_allclose(part.eyes(points), camera.eyes(points + np.array([8, 40])), atol=1e-12)
     half = camera.resized(48, 32)
     np.testing.assert_allclose(half.rays_through(points), camera.rays_through(2 * points), atol=1e-12)
     np.testing.assert_allclose(half.eyes(points), camera.eyes(2 * points), atol=1e-12)
     # Another aspect: rows above and below.
     tall = camera.resized(48, 40)
-    np.testing.assert_allclose(tall.eyes(points + [0, 4]), camera.eyes(2 * points), atol=1e-12)
+    np.testing.assert_allclose(tall.eyes(points + np.array([0, 4])), camera.eyes(2 * points), atol=1e-12)
 
 
 def test_an_undistorted_picture_is_of_one_moment():

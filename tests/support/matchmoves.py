@@ -1,7 +1,7 @@
 """A virtual matchmove: a camera carried past a ball on a checked floor, filmed row by row through a lens that bends.
 
-The pictures are made here, pixel by pixel, by plain geometry and OpenCV's model of the lens; nothing of relume's cameras
-or renderers takes part.
+The pictures are made here, pixel by pixel, by plain geometry and OpenCV's model of the lens; nothing of relume's
+cameras or renderers takes part.
 """
 
 from __future__ import annotations

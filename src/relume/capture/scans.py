@@ -66,8 +66,8 @@ def merge_scans(
 
 
 def merge_scan_files(
-    scans: Sequence[str | os.PathLike[str]], profiles: Sequence[str | os.PathLike[str]], *, seconds: float | None = None,
-    weighting: Weighting = InverseVariance(),
+    scans: Sequence[str | os.PathLike[str]], profiles: Sequence[str | os.PathLike[str]], *,
+    seconds: float | None = None, weighting: Weighting = InverseVariance(),
 ) -> RadianceMap:  # fmt: skip
     """`merge_scans` of files: scans of one negative, and the profile of each one's density setting, in their order.
 

@@ -327,7 +327,8 @@ def info(
         bool, Parameter(negative="", help="Say which exposures cover the place that a photograph shows.")
     ] = False,
     brightest: Annotated[
-        float | None, Parameter(help="For --brackets: cd/m² of the brightest lamp; a frosted bulb has 1e5, the sun 1.6e9.")
+        float | None,
+        Parameter(help="For --brackets: cd/m² of the brightest lamp; a frosted bulb has 1e5, the sun 1.6e9."),
     ] = None,
     profile: Annotated[
         Path | None, Parameter(help="For --brackets: the camera's profile, .json, for its working range.")
@@ -340,6 +341,7 @@ def info(
     Where a file cannot be read the others are shown, and the exit code is 2. With --json each file is one line.
     """
     with warnings_as_notes(output):
+        # What is asked for.
         if system:
             print_facts(output, rl.report.describe_system(), title="relume on this machine")
         elif not paths:
@@ -351,54 +353,27 @@ def info(
             raise ValueError("--from is for --draw; give that too")
         if not brackets and (brightest is not None or profile is not None):
             raise ValueError(f"--{'profile' if brightest is None else 'brightest'} is for --brackets; give that too")
+        response = None if profile is None else rl.capture.read_profile(profile).response
+        # Each file by itself; one that cannot be read does not keep the others.
         unreadable: list[rl.RelumeError] = []
         for path in paths or ():
             try:
                 facts = rl.report.describe(path, reading)
-                advised = _advised(path, brightest, profile, reading) if brackets else None
+                if brackets:
+                    shown = rl.read_photograph(path, reading)
+                    advice = rl.capture.advise_brackets(shown, response=response, brightest=brightest)
             except rl.RelumeError as error:
                 unreadable.append(error)
                 continue
-            lines = facts if output.json else lines_of(facts, whole=output.verbose)
-            if advised is not None:
-                lines = {**lines, "brackets": asdict(advised)} if output.json else lines | advice_lines(advised)
+            lines: dict[str, Any] = facts if output.json else lines_of(facts, whole=output.verbose)
+            if brackets:
+                lines |= {"brackets": asdict(advice)} if output.json else rl.report.advice_summary(advice)
             print_facts(output, lines, title=str(path))
+        # What could not be read.
         if unreadable:
             for error in unreadable[:-1]:
                 refuse(str(error), 2)
             raise unreadable[-1]
-
-
-def _advised(
-    path: Path, brightest: float | None, profile: Path | None, reading: rl.files.ReadOptions
-) -> rl.capture.BracketAdvice:
-    response = None if profile is None else rl.capture.read_profile(profile).response
-    photograph = rl.read_photograph(path, reading)
-    return rl.capture.advise_brackets(photograph, response=response, brightest=brightest)
-
-
-def advice_lines(advice: rl.capture.BracketAdvice) -> dict[str, str]:
-    """What `rl.capture.advise_brackets` says, as label → text."""
-    ends = {"white": (advice.white, advice.open_above), "too dark": (advice.dark, advice.open_below)}
-    shown = [f"{100 * share:.2g} % {word}" for word, (share, _) in ends.items() if share > 0]
-    more = " or more" if advice.open_above or advice.open_below else ""
-    stops = ", ".join(f"{each:+.3g}" for each in advice.stops)
-    lines = {
-        "to be measured": f"{advice.scene:.1f} stops{more}" + (f"; here {' and '.join(shown)}" if shown else ""),
-        "working range": f"{advice.working:.1f} stops, so {_photographs(advice.fewest)} at least",
-        "take": f"{_photographs(len(advice.stops))}, at {stops} stops from this one",
-    }
-    if advice.exposures:
-        lines["exposures"] = ", ".join(_seconds(str(each.seconds)) for each in advice.exposures)
-    if advice.open_above:
-        lines["then"] = "look at the shortest: while any of it is white, take one more, or give --brightest"
-    if advice.too_short:
-        lines["filter"] = f"{len(advice.too_short)} are shorter than 1/8000 s: use a neutral filter for them"
-    return lines
-
-
-def _photographs(count: int) -> str:
-    return f"{count} photograph" + ("s" if count > 1 else "")
 
 
 def _draw(paths: list[Path], out: Path, from_: str | None, reading: rl.files.ReadOptions) -> None:

@@ -40,6 +40,11 @@ class Steps:
         int | None,
         Parameter(group=STEPS, help="Pixel value whose equal channels are grey; white unless given, 128 for film."),
     ] = None
+    scans: Annotated[
+        list[Path] | None,
+        Parameter(group=STEPS, negative="", consume_multiple=True,
+                  help="These are scans of one negative: the profile of each one's density setting, in their order."),
+    ] = None  # fmt: skip
 
 
 @Parameter(name="*")
@@ -55,10 +60,13 @@ class Lens:
     ] = None
     glare_lamp: Annotated[
         tuple[int, int, int, int] | None,
-        numbers(BOX, like="300,200,6,6", group=LENS, help="A small lamp in --glare-map: its veil and halo of glare go."),
+        numbers(
+            BOX, like="300,200,6,6", group=LENS, help="A small lamp in --glare-map: its veil and halo of glare go."
+        ),
     ] = None
     glare_map: Annotated[
-        Path | None, Parameter(group=LENS, help="A radiance map of a lamp in a dark room by the same lens and aperture.")
+        Path | None,
+        Parameter(group=LENS, help="A radiance map of a lamp in a dark room by the same lens and aperture."),
     ] = None
     flat_field: Annotated[
         list[Path] | None,
@@ -68,7 +76,8 @@ class Lens:
         ),
     ] = None  # fmt: skip
     lateral: Annotated[
-        bool, Parameter(group=LENS, negative="", help="Bring red and blue onto green: find lateral colour in the edges.")
+        bool,
+        Parameter(group=LENS, negative="", help="Bring red and blue onto green: find lateral colour in the edges."),
     ] = False
     lateral_colour: Annotated[
         tuple[float, float, float, float] | None,
@@ -207,13 +216,6 @@ def merge(
     steps: Steps = Steps(),
     lens: Lens = Lens(),
     readings: Readings = Readings(),
-    scans: Annotated[
-        list[Path] | None,
-        Parameter(
-            negative="", consume_multiple=True,
-            help="The photographs are scans of one negative: the profile of each one's density setting, in their order.",
-        ),
-    ] = None,
     each: Annotated[
         bool,
         Parameter(
@@ -239,9 +241,15 @@ def merge(
         for path, suffix, option in ((save_profile, ".json", "--save-profile"), (report, ".html", "--report")):
             if path is not None:
                 require_suffix(path, suffix, option=option)
-        if scans:
-            given = {"each": each or None, "cluster": cluster, "profile": profile, "save_profile": save_profile}
-            _scans(photographs, scans, out, times, steps, output, **given, report=report)
+        if steps.scans:
+            others = {
+                "each": each,
+                "cluster": cluster,
+                "profile": profile,
+                "save-profile": save_profile,
+                "report": report,
+            }
+            _scans(photographs, out, times, steps, output, [name for name, value in others.items() if value])
             finish(output, doubts, accept=accept)
             return
         if each:
@@ -280,20 +288,17 @@ def merge(
 
 
 def _scans(
-    scans: list[Path], profiles: list[Path], out: Path, times: tuple[float, ...] | Path | None, steps: Steps,
-    output: OutputOptions, **given: object,
+    scans: list[Path], out: Path, times: tuple[float, ...] | Path | None, steps: Steps, output: OutputOptions,
+    others: list[str],
 ) -> None:  # fmt: skip
     """Scans of one negative at different density settings, into one map."""
-    for name, value in given.items():
-        if value is not None:
-            raise ValueError(f"--{name.replace('_', '-')} is not for --scans, each of which has its profile; leave it out")
     require_suffix(out, ".exr", ".hdr", option="-o")
-    if isinstance(times, Path) or (times is not None and len(set(times)) > 1):
-        raise ValueError("--scans are of one negative, so --times is its one exposure; give one number")
+    if others or isinstance(times, Path) or (times is not None and len(set(times)) > 1):
+        what = f"--{others[0]} is not for them" if others else "--times is its one exposure: give one number"
+        raise ValueError(f"--scans are of one negative, each with its profile, and {what}")
     weighting = rl.capture.Hat() if steps.paper_weights else rl.capture.InverseVariance()
     seconds = None if times is None else times[0]
-    made = rl.capture.merge_scan_files(scans, profiles, seconds=seconds, weighting=weighting)
-    rl.write(out, made)
+    rl.write(out, rl.capture.merge_scan_files(scans, steps.scans or (), seconds=seconds, weighting=weighting))
     print_facts(output, {"written": str(out), "scans": len(scans)})
 
 

@@ -33,7 +33,10 @@ class Orbit:
         centre = np.asarray(self.centre)
         rolling = None if camera.rolling is None else camera.rolling.carried(turn)
         moved = replace(
-            camera, position=centre + turn @ (camera.position - centre), rotation=turn @ camera.rotation, rolling=rolling
+            camera,
+            position=centre + turn @ (camera.position - centre),
+            rotation=turn @ camera.rotation,
+            rolling=rolling,
         )
         return moved, np.eye(3)
 

@@ -51,9 +51,10 @@ class LensSteps:
     def applied(
         self, picture: RadianceMap, bracket: Bracket, camera: Response | RawCalibration, doubts: Sequence[BracketDoubt]
     ) -> MergedBracket:
-        """The bracket's map without glare, vignetting and lateral colour, balanced and scaled, with its origin in its attributes.
+        """The bracket's map without glare, vignetting and lateral colour, balanced and scaled, with its origin.
 
-        The attributes hold its aperture, so that a map of an even wall knows at which one its vignetting was measured.
+        Its attributes hold that and its aperture, so that a map of an even wall says at which one its vignetting
+        was measured.
         """
         settings = self._settings
         apertures = {photograph.exposure.f_number for photograph in bracket.photographs if photograph.exposure}

@@ -55,7 +55,7 @@ class BracketAdvice:
 
     @property
     def too_short(self) -> tuple[Exposure, ...]:
-        """The exposures that most shutters cannot make: with a neutral filter before the lens, or a smaller aperture."""
+        """The exposures that most shutters cannot make: they need a neutral filter or a smaller aperture."""
         return tuple(each for each in self.exposures if each.seconds < FASTEST)
 
 
@@ -77,7 +77,9 @@ def advise_brackets(
     levels = int(np.iinfo(photograph.pixels.dtype).max) + 1
     response = response or response_of(photograph) or srgb_response(levels)
     if response.levels != levels:
-        raise ValueError(f"{photograph.name}: {levels} values, and a response of {response.levels}; give one of its own")
+        raise ValueError(
+            f"{photograph.name}: {levels} values, and a response of {response.levels}; give one of its own"
+        )
     low, high = _working_range(response)
     working = (high - low) / log(2)
     if step is None:

@@ -46,7 +46,9 @@ class LateralColour:
         for name in ("red", "blue"):
             a, b = getattr(self, name)
             if not (abs(a) < LARGEST and abs(a + b) < LARGEST):
-                raise ValueError(f"lateral colour: {name} is {a:g},{b:g}; expected shares of the radius below {LARGEST}")
+                raise ValueError(
+                    f"lateral colour: {name} is {a:g},{b:g}; expected shares of the radius below {LARGEST}"
+                )
 
     def at_corner(self, size: tuple[int, int]) -> tuple[float, float]:
         """Pixels by which red and blue lie outside of green in the corners of a picture (width, height)."""
@@ -60,8 +62,8 @@ class LateralColour:
 def without_lateral_colour(picture: RadianceMap, lateral: LateralColour) -> RadianceMap:
     """The map with red and blue moved onto green, which stays as it is; the attribute `lateral_colour` says by what.
 
-    Cubic between pixels, and nowhere beyond the nine pixels about a place, so that lamps get no dark rings. A place that
-    red or blue comes to from a clipped one is marked as that is; what comes from beyond the picture is its edge.
+    Cubic between pixels, and nowhere beyond the nine pixels about a place, so that lamps get no dark rings. What
+    red or blue brings from a clipped place is marked as that is; what comes from beyond the picture is its edge.
     """
     radiance = picture.radiance.copy()
     variance = None if picture.variance is None else picture.variance.copy()
@@ -169,7 +171,7 @@ def _compressed(plane: np.ndarray) -> np.ndarray:
 
 
 def _places(size: tuple[int, int], terms: tuple[float, float]) -> tuple[np.ndarray, np.ndarray]:
-    """Where a channel shows what green shows at each pixel: columns and rows (H, W) float32, 0 at the first's middle."""
+    """Where a channel shows what green shows at each pixel: columns and rows (H, W) float32, 0 the first's middle."""
     width, height = size
     x, y = np.arange(width) + 0.5 - width / 2, (np.arange(height) + 0.5 - height / 2)[:, None]
     grown = 1 + terms[0] + terms[1] * (x**2 + y**2) / (np.hypot(width, height) / 2) ** 2

@@ -242,7 +242,7 @@ class DarkPlace:
 
 @dataclass(frozen=True)
 class LampInTheDark:
-    """A radiance map of a small lamp in a dark room, by the same lens: the veil and the halo that it shows are taken out.
+    """A radiance map of a small lamp in a dark room, by the same lens: the veil and the halo that it shows go.
 
     path : of the map
     lamp : its pixels in it

@@ -161,7 +161,7 @@ def is_video(path: str | os.PathLike[str]) -> bool:
 
 
 def read_video(path: str | os.PathLike[str]) -> Video:
-    """How many pictures a video has, at which rate and of which size; raises UnreadableFile, ValueError without PyAV."""
+    """How many pictures a video has, at which rate and of which size; raises as `read_video_frame`."""
     path = Path(path)
     times, rate = _pictures_of(path)
     height, width = read_video_frame(path, 1).pixels.shape[:2]
@@ -186,14 +186,6 @@ def read_video_frame(path: str | os.PathLike[str], number: int) -> Photograph:
             if frame.pts == times[number - 1]:
                 return _photograph(path, frame, number)
     raise UnreadableFile(f"{path}: frame {number} cannot be decoded; convert the video to H.264 in .mp4")
-
-
-def frames_of(path: str | os.PathLike[str]) -> Iterator[Photograph]:
-    """All pictures of a video in order, as `read_video_frame` gives each; decoded once."""
-    path = Path(path)
-    with _decoding(path) as (container, stream):
-        for index, frame in enumerate(container.decode(stream)):
-            yield _photograph(path, frame, index + 1)
 
 
 def _pictures_of(path: Path) -> tuple[tuple[int, ...], Fraction]:
@@ -226,7 +218,7 @@ def _decoding(path: Path) -> Iterator[tuple[Any, Any]]:
     try:
         with av.open(str(path)) as container:
             if not container.streams.video:
-                raise UnreadableFile(f"{path}: holds no pictures; give a video")
+                raise UnreadableFile(f"{path}: holds no pictures; give the video")
             stream = container.streams.video[0]
             stream.thread_type = "AUTO"
             yield container, stream

@@ -107,8 +107,8 @@ def _require_plates(shot: Shot, table: SequenceTable, plates: Mapping[int, Path]
         others = f", nor of {len(missing) - 1} others" if len(missing) > 1 else ""
         with_offset = f", sequence.offset {table.offset} added" if table.offset else ""
         raise InvalidShot(
-            f"sequence.plates: no picture has the number of frame {missing[0]}{with_offset}{others}; the last number in "
-            "a name is its frame's"
+            f"sequence.plates: no picture has the number of frame {missing[0]}{with_offset}{others}; the last number "
+            "in a name is its frame's"
         )
     if is_video(path) and abs(float(read_video(path).rate) / table.rate - 1) > SAME_RATE:
         warn(

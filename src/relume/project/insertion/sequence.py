@@ -230,7 +230,7 @@ def _complete(folder: Path, key: str) -> dict[str, Any] | None:
 
 
 def files_named_in(shot: Shot) -> list[Path]:
-    """Every file that a string of the shot names, alone or by a pattern, and those that its .gltf and place files name."""
+    """Every file that a string of the shot names, alone or by a pattern, and those that .gltf and place files name."""
     found: list[Path] = []
     for text in strings_in(shot):
         if any(c in text for c in "*?["):

@@ -95,7 +95,9 @@ def camera_of_file(
     if asked.path.lower().endswith(".chan") and not holds_focal_length(folder / asked.path):
         given = focal_length or exif
         if given is None:
-            raise InvalidShot(f"camera.focal_length: missing, and {asked.path} and the plate have none; give it in pixels")
+            raise InvalidShot(
+                f"camera.focal_length: missing, and {asked.path} and the plate have none; give it in pixels"
+            )
     elif focal_length is not None:
         raise InvalidShot(f"camera.focal_length: {asked.path} holds the field of view; leave focal_length out")
     camera = asked.read(size, folder, given)

@@ -128,7 +128,8 @@ def matte_dictionary(mi: Any, scene: Scene, camera: Camera) -> dict[str, Any]:
 def sensor(mi: Any, camera: Camera) -> dict[str, Any]:
     """Mitsuba's camera looks along +Z with +X to its left: ours, turned half a turn about +Y.
 
-    Raises UnsupportedScene for a distorting lens, a rolling shutter, and for an aperture whose axis does not meet the picture's middle.
+    Raises UnsupportedScene for a distorting lens, a rolling shutter, and for an aperture whose axis
+    does not meet the picture's middle.
     """
     if camera.distortion is not None:
         raise UnsupportedScene(

@@ -1,4 +1,4 @@
-"""Cameras that other programs wrote: glTF, USD, Blender by way of a script, fSpy, Nuke; and those of modelled places."""
+"""Cameras that other programs wrote: glTF, USD, Blender by a script, fSpy, Nuke; and those of modelled places."""
 
 from __future__ import annotations
 
@@ -80,7 +80,8 @@ def read_camera(
 def motion_span(path: str | Path, name: str | None = None) -> tuple[float, float] | None:
     """When the motion of a file's camera begins and ends; None where nothing in it moves.
 
-    Frames of a .chan file and of a place's photographs, by their numbers; of other files seconds, as `read_camera(time=…)` counts them.
+    Frames of a .chan file and of a place's photographs, by their numbers; of other files seconds, as
+    `read_camera(time=…)` counts them.
     Raises UnreadableFile.
     """
     path = Path(path)

@@ -34,7 +34,7 @@ class ChanFile:
 
 
 def read_chan(path: Path) -> ChanFile:
-    """Read a .chan file; raises UnreadableFile naming the line that is wrong. Empty lines and # comments are skipped."""
+    """Read a .chan file, but for empty lines and # comments; raises UnreadableFile naming the line that is wrong."""
     try:
         lines = path.read_text(encoding="utf-8").splitlines()
     except (OSError, UnicodeDecodeError) as error:

@@ -16,7 +16,7 @@ from relume.scene.motion.keyframes import Slerp
 from relume.scene.places.place import PlacePhotograph
 
 BEYOND = 1.0
-"""Frames before the first photograph and after the last for which their cameras still count: a shutter reaches so far."""
+"""Frames before the first photograph and after the last for which their cameras count: a shutter reaches so far."""
 
 
 def numbered_cameras(path: Path, photographs: Sequence[PlacePhotograph]) -> dict[int, Camera]:

@@ -29,13 +29,14 @@ class RollingShutter:
         if given.shape != (2, 2, 3) or not np.isfinite(given).all() or not np.isfinite([self.middle, self.rows]).all():
             raise ValueError(f"a rolling shutter of moves {self.moves} and turns {self.turns}; expected (2, 3) numbers")
         if self.rows == 0 or np.linalg.norm(self.turns, axis=1).max() > np.pi / 2:
+            turn = np.degrees(np.linalg.norm(self.turns[0]))
             raise ValueError(
-                f"a rolling shutter of {self.rows:g} rows that turns by {np.degrees(np.linalg.norm(self.turns[0])):.0f}°; "
+                f"a rolling shutter of {self.rows:g} rows that turns by {turn:.0f}°; "
                 "expected rows, and less than a right angle between the first and the last"
             )
 
     def shares(self, rows: np.ndarray) -> np.ndarray:
-        """The share of the readout at rows, pixels from the upper edge; that of a picture's height beyond it at most."""
+        """The share of the readout at rows, pixels from the upper edge; at most that of a height beyond it."""
         return np.clip((rows - self.middle) / self.rows, -1.5, 1.5)
 
     def moved(self, shares: np.ndarray) -> np.ndarray:

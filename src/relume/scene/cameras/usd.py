@@ -42,7 +42,7 @@ def read_usd_camera(
 
 
 def usd_span(path: Path, name: str | None) -> tuple[float, float] | None:
-    """Seconds from a stage's first time code to its last, if its camera moves; None otherwise; raises UnreadableFile."""
+    """Seconds from a stage's first time code to its last, if its camera moves; else None; raises UnreadableFile."""
     with stage_of(path, "Usd", "UsdGeom") as (stage, usd, geometry):
         prim = _chosen(path, stage, name, usd, geometry)
         if not _moves(prim, geometry) or not stage.HasAuthoredTimeCodeRange():

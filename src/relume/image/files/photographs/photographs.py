@@ -48,7 +48,7 @@ _LONG_TEXT = 1024  # letters; five of these fit
 
 
 def read(path: str | os.PathLike[str], options: ReadOptions = ReadOptions()) -> Photograph:
-    """The photograph in a JPEG, PNG, TIFF, HEIF, BMP or PPM, with the exposure, settings, camera and focal length in its EXIF.
+    """The photograph in a JPEG, PNG, TIFF, HEIF, BMP or PPM, with exposure, settings, camera, focal length of its EXIF.
 
     Grey becomes three equal channels. Where alpha is 0 the picture is `outside`. Of a file with a gain map it is the
     base picture; of a TIFF the first page, of a HEIF the main picture. Its profile is the embedded one, else that of

@@ -96,7 +96,9 @@ def _of_pixmap(path: str | os.PathLike[str]) -> np.ndarray:
             raise FormatError(path, "PNM", "its pixels", "numbers", "other words") from None
     else:
         # The higher byte comes first.
-        values = np.frombuffer(data[: len(data) // 2 * 2] if found.white > 255 else data, ">u2" if found.white > 255 else "u1")
+        values = np.frombuffer(
+            data[: len(data) // 2 * 2] if found.white > 255 else data, ">u2" if found.white > 255 else "u1"
+        )
         values = values[:count]
     if len(values) < count:
         raise FormatError(path, "PNM", "its pixels", f"{count} values", f"{len(values)}")
