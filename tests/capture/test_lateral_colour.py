@@ -35,8 +35,8 @@ def drawn(lateral: LateralColour, seed: int = 0, fine: int = 4) -> np.ndarray:
     return picture
 
 
-def as_map(picture: np.ndarray, **planes: np.ndarray) -> RadianceMap:
-    return RadianceMap(picture.astype(np.float32), **planes)
+def as_map(picture: np.ndarray, variance: np.ndarray | None = None, clipped: np.ndarray | None = None) -> RadianceMap:
+    return RadianceMap(picture.astype(np.float32), variance, clipped)
 
 
 def shift(lateral: LateralColour, other: LateralColour) -> float:

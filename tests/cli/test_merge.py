@@ -736,9 +736,9 @@ def test_what_is_saturated_is_reported_in_numbers(merged, shoot):
 
 
 def test_lateral_colour_and_a_lamp_in_the_dark_are_asked_for():
-    settings = settings_of(Steps(), Lens(lateral_colour=(0.001, 0.0, -0.002, 0.0)), Readings())
+    settings = settings_of(Steps(), Lens(lateral=(0.001, 0.0, -0.002, 0.0)), Readings())
     assert settings.lateral == LateralColour((0.001, 0.0), (-0.002, 0.0))
-    assert settings_of(Steps(), Lens(lateral=True), Readings()).lateral is recover_lateral_colour
+    assert settings_of(Steps(), Lens(lateral="auto"), Readings()).lateral is recover_lateral_colour
     lamp = settings_of(Steps(), Lens(glare_lamp=(3, 4, 5, 6), glare_map=Path("dark.exr")), Readings())
     assert lamp.glare == LampInTheDark(Path("dark.exr"), Rectangle(3, 4, 5, 6))
 
@@ -748,10 +748,9 @@ def test_lateral_colour_and_a_lamp_in_the_dark_are_asked_for():
     [
         (["--glare-lamp", "1,2,3,4"], "--glare-lamp and --glare-map go together"),
         (["--glare-lamp", "1,2,3,4", "--glare-map", "a.exr", "--glare", "1,2,3,4"], "both give the glare; give one"),
-        (["--lateral", "--lateral-colour", "0,0,0,0"], "leave one of them out"),
-        (["--lateral-colour", "0.5,0,0,0"], "red is 0.5,0"),
-        (["--scans", "a.json", "--each"], "--each is not for them"),
-        (["--scans", "a.json", "--times", "1,2"], "--times is its one exposure: give one number"),
+        (["--lateral", "0.5,0,0,0"], "red is 0.5,0"),
+        (["--scans", "a.json", "--each"], "--report are not for --scans"),
+        (["--scans", "a.json", "--times", "1,2"], "--times is its one exposure; give one number"),
         (["--scans", "a.json", "b.json"], "1 scans and 2 profiles"),
     ],
 )

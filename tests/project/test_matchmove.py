@@ -231,7 +231,7 @@ def test_the_grain_of_objects_moves_with_the_film_and_is_the_plates(tmp_path):
     move, frames = Matchmove(check=np.inf), range(101, 103)
     path = move.write(tmp_path, frames, noise=2.5, samples=256)
     made = insert_frames(read_shot(path), tmp_path / "out")
-    inside = binary_erosion(move.seen(101)[1] * move.seen(102)[1] > 0.999)
+    inside = np.asarray(binary_erosion(move.seen(101)[1] * move.seen(102)[1] > 0.999), bool)
     pictures = [files.read_photograph(each.folder / "composite.png").pixels.astype(float) for each in made.frames]
     # Beside its four neighbours a pixel of independent noise has 5/4 of its variance, and shading nothing.
     grain = [(each - sum(np.roll(each, step, axis) for step in (-1, 1) for axis in (0, 1)) / 4)[inside]

@@ -5,6 +5,7 @@ from __future__ import annotations
 import os
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from pathlib import Path
 
 import numpy as np
 
@@ -79,7 +80,7 @@ def merge_scan_files(
         raise NotABracket(f"{len(scans)} scans and {len(profiles)} profiles; give one a scan, of its density setting")
     read = []
     for path, profile in zip(scans, profiles, strict=True):
-        response = read_profile(profile).response
+        response = read_profile(Path(profile)).response
         if response is None:
             raise NotABracket(f"{profile}: holds no response of photographs; save one from a bracket of scans")
         photograph = files.read_photograph(path)

@@ -76,14 +76,10 @@ class Lens:
         ),
     ] = None  # fmt: skip
     lateral: Annotated[
-        bool,
-        Parameter(group=LENS, negative="", help="Bring red and blue onto green: find lateral colour in the edges."),
-    ] = False
-    lateral_colour: Annotated[
-        tuple[float, float, float, float] | None,
+        tuple[float, float, float, float] | str | None,
         numbers(
-            "RED_A,RED_B,BLUE_A,BLUE_B", like="0.0004,-0.0002,-0.0003,0.0001", group=LENS,
-            help="Or by a + b ρ² of the radius, ρ in half diagonals, as a map's lateral_colour says it.",
+            "RED_A,RED_B,BLUE_A,BLUE_B", like="auto or 0.0004,-0.0002,-0.0003,0.0001", group=LENS, words=("auto",),
+            help="Bring red and blue onto green: lateral colour found in the edges, or a + b ρ², ρ in half diagonals.",
         ),
     ] = None  # fmt: skip
     white: Annotated[
@@ -134,7 +130,7 @@ def settings_of(steps: Steps, lens: Lens, readings: Readings) -> rl.capture.Merg
         neutral=steps.neutral,
         glare=_glare(lens),
         vignetting=rl.capture.read_flat_fields(lens.flat_field or ()),
-        lateral=_lateral(lens),
+        lateral=_lateral(lens.lateral),
         balance=None if lens.white is None else rl.capture.WhiteCard(rl.capture.Rectangle(*lens.white)),
         scale=_scale(readings),
         focal_length=lens.focal_length,
@@ -152,12 +148,10 @@ def _glare(lens: Lens) -> Callable[[rl.RadianceMap], rl.capture.Glare] | None:
     return None if lens.glare is None else rl.capture.DarkPlace(rl.capture.Rectangle(*lens.glare))
 
 
-def _lateral(lens: Lens) -> rl.capture.LateralColour | Callable[..., rl.capture.LateralColour] | None:
-    if lens.lateral_colour is None:
-        return rl.capture.recover_lateral_colour if lens.lateral else None
-    if lens.lateral:
-        raise ValueError("--lateral finds what --lateral-colour gives; leave one of them out")
-    return rl.capture.LateralColour(lens.lateral_colour[:2], lens.lateral_colour[2:])
+def _lateral(given: tuple[float, float, float, float] | str | None) -> Any:
+    if given is None or isinstance(given, str):
+        return None if given is None else rl.capture.recover_lateral_colour
+    return rl.capture.LateralColour(given[:2], given[2:])
 
 
 def _scale(readings: Readings) -> Callable[..., rl.capture.Scale] | None:
@@ -231,34 +225,23 @@ def merge(
     """Measure radiance from differently exposed photographs: several brackets of a camera come out on one scale.
 
     Exposures come from --times or --times-from-names, else from a list beside the photographs, else from EXIF, else
-    from the pixels. --times go with the photographs in the order given, those of a folder by name, IMG_9 before
-    IMG_10; a list in a file has a line like "IMG_9.jpg 1/640" for each. What is read in a picture (--spot, --lux,
-    --luminaire, --white, --glare) is read in the first bracket and holds for all. A doubtful result is written all the
-    same, with exit code 4.
+    from the pixels. What is read in a picture (--spot, --lux, --luminaire, --white, --glare) is read in the first
+    bracket and holds for all. A doubtful result is written all the same, with exit code 4.
     """
     with warnings_as_doubts(output) as doubts:
-        # What is to be done; refused before any work where it cannot.
+        # What is to be done.
         for path, suffix, option in ((save_profile, ".json", "--save-profile"), (report, ".html", "--report")):
             if path is not None:
                 require_suffix(path, suffix, option=option)
         if steps.scans:
-            others = {
-                "each": each,
-                "cluster": cluster,
-                "profile": profile,
-                "save-profile": save_profile,
-                "report": report,
-            }
-            _scans(photographs, out, times, steps, output, [name for name, value in others.items() if value])
-            finish(output, doubts, accept=accept)
-            return
-        if each:
+            _scans(photographs, out, times, steps, output, bool(each or cluster or profile or save_profile or report))
+        elif each:
             _refuse_of_one_shoot(out, times=times, save_profile=save_profile, report=report)
             shared = {"times_from_names": times_from_names, "ignore": ignore, "true_shutter": true_shutter}
             chosen = shared | {"profile": profile, "settings": settings_of(steps, lens, readings)}
             _each(photographs, out, chosen, cluster, dry_run, output)
-            finish(output, doubts, accept=accept or dry_run)
-            return
+        if steps.scans or each:
+            return finish(output, doubts, accept=accept or dry_run)
         if cluster is not None:
             raise ValueError("--cluster is for many brackets; give --each too, or leave it out")
         plan = rl.capture.plan_merge(
@@ -288,17 +271,23 @@ def merge(
 
 
 def _scans(
-    scans: list[Path], out: Path, times: tuple[float, ...] | Path | None, steps: Steps, output: OutputOptions,
-    others: list[str],
-) -> None:  # fmt: skip
+    scans: list[Path],
+    out: Path,
+    times: tuple[float, ...] | Path | None,
+    steps: Steps,
+    output: OutputOptions,
+    more: bool,
+) -> None:
     """Scans of one negative at different density settings, into one map."""
     require_suffix(out, ".exr", ".hdr", option="-o")
-    if others or isinstance(times, Path) or (times is not None and len(set(times)) > 1):
-        what = f"--{others[0]} is not for them" if others else "--times is its one exposure: give one number"
-        raise ValueError(f"--scans are of one negative, each with its profile, and {what}")
-    weighting = rl.capture.Hat() if steps.paper_weights else rl.capture.InverseVariance()
-    seconds = None if times is None else times[0]
-    rl.write(out, rl.capture.merge_scan_files(scans, steps.scans or (), seconds=seconds, weighting=weighting))
+    if more:
+        raise ValueError(
+            "--each, --cluster, --profile, --save-profile and --report are not for --scans; leave them out"
+        )
+    if isinstance(times, Path) or len(set(times or ())) > 1:
+        raise ValueError("--scans are of one negative, and --times is its one exposure; give one number")
+    seconds = times[0] if times else None
+    rl.write(out, rl.capture.merge_scan_files(scans, steps.scans or (), seconds=seconds))
     print_facts(output, {"written": str(out), "scans": len(scans)})
 
 

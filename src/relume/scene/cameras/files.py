@@ -52,6 +52,7 @@ def read_camera(
     """
     path = Path(path)
     suffix = path.suffix.lower()
+    # Files whose cameras go by frames.
     if suffix in NUMBERED and time is not None:
         raise UnreadableFile(f"{path}: its cameras go by frames; leave time out")
     if suffix == ".chan":
@@ -61,12 +62,14 @@ def read_camera(
     if focal_length is not None or (frame is not None and suffix not in NUMBERED):
         what = "focal length" if focal_length is not None else "frame"
         raise UnreadableFile(f"{path}: files of this kind are not asked for a {what}; leave it out")
+    # Files that may hold several cameras.
     if suffix in (".glb", ".gltf"):
         return read_gltf_camera(path, width, height, name, up, unit, time)
     if suffix in (".usda", ".usd", ".usdc", ".usdz"):
         return read_usd_camera(path, width, height, name, up, unit, time)
     if suffix == ".toml":
         return _of_place(path, (width, height), name, up, unit, frame)
+    # Files that hold one.
     if suffix not in (".fspy", ".json"):
         kind = f"of kind {suffix}" if suffix else "without a suffix"
         raise UnreadableFile(f"{path}: no camera is read from files {kind}; use {KINDS}")
