@@ -1,4 +1,4 @@
-"""Round pictures: mirrors by their own reflection, fisheyes by their radii, joined into the light they were made from."""
+"""Round pictures: mirrors by their own reflection, fisheyes by their radii, joined into the light they show."""
 
 from __future__ import annotations
 

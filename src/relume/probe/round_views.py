@@ -1,7 +1,7 @@
 """Round pictures of nearly all around, joined into one map: fisheyes, and mirrors seen through a telecentric lens.
 
-A telecentric lens sees along parallel rays. Then a mirrored ball and a parabolic mirror show every direction at a radius
-that has a formula; what a parabola shows is seen from its focus alone (Nayar 1997).
+A telecentric lens sees along parallel rays. Then a mirrored ball and a parabolic mirror show every direction at a
+radius that has a formula; what a parabola shows is seen from its focus alone (Nayar 1997).
 """
 
 from __future__ import annotations
@@ -165,7 +165,7 @@ def join_round_views(views: Sequence[RoundView], size: int = 512, *, balance: bo
             warn(f"view {index + 1} has nothing in common with those before it; its brightness is left as it is")
         else:
             gains[index] = float(np.exp(np.median(common)))
-    total = sum(weight for _, weight in seen)
+    total = np.sum([weight for _, weight in seen], axis=0)
     light = sum(radiance * (gain * weight)[..., None] for (radiance, weight), gain in zip(seen, gains, strict=True))
     shown = total > 0
     light = np.where(shown[..., None], light / np.maximum(total, 1e-12)[..., None], 0.0)
