@@ -8,7 +8,10 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from relume.errors import UnsupportedScene
+from relume.errors import InvalidShot, UnsupportedScene
+from relume.export.shot_lamps import undistorted as exported
+from relume.image.radiance import RadianceMap
+from relume.project.insertion.prepared import PreparedShot
 from relume.renderers.mitsuba.path_tracer import Mitsuba
 from relume.renderers.whitted.whitted import view_of
 from relume.scene.cameras.camera import Camera, undistorted
@@ -112,3 +115,10 @@ def test_the_path_tracer_renders_each_row_at_its_time():
     assert share.sum() > 100 and np.sum(share != seen) < 8
     frozen = Mitsuba(samples=64, depth=2).render(scene, replace(camera, rolling=None)).depth
     assert np.sum(share != (np.isfinite(frozen) & (frozen > 0))) > 40
+
+
+def test_an_export_refuses_it():
+    plate = RadianceMap(np.ones((SIZE[1], SIZE[0], 3), np.float32))
+    scene = Scene(EnvironmentMap(np.ones((8, 16, 3), np.float32)))
+    with pytest.raises(InvalidShot, match=r"camera\.readout: other programs' cameras see all rows at once"):
+        exported(PreparedShot(scene, rolling_camera(), plate))
