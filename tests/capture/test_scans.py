@@ -8,8 +8,10 @@ import pytest
 from relume.capture.exposure.bracket import Bracket
 from relume.capture.merging import Hat, merge
 from relume.capture.response.calibration import recover_response
-from relume.capture.scans import merge_scans
+from relume.capture.response.camera_profile import CameraProfile, write_profile
+from relume.capture.scans import merge_scan_files, merge_scans
 from relume.errors import NotABracket
+from relume.image.files import read_photograph, write
 from relume.image.photograph import Exposure, Photograph
 from relume.image.radiance import BLACK, OUTSIDE, SATURATED
 from relume.image.response import Response
@@ -240,3 +242,22 @@ def test_scans_that_are_not_in_register_are_reported():
     moved = replace(scans[1][0], pixels=np.roll(scans[1][0].pixels, 2, axis=1))
     with pytest.warns(UserWarning, match=r"scan_0\.tif and scan_1\.tif disagree by .*; register the scans"):
         merge_scans([scans[0], (moved, scans[1][1])])
+
+
+def test_scans_are_merged_from_files_by_the_profiles_of_their_settings(tmp_path):
+    exposure = np.geomspace(0.002, 5, 64 * 48).reshape(48, 64, 1) * np.ones(3)
+    scanners = [Scanner(0.1, 1.4), Scanner(1.0, 2.6)]
+    scans, profiles = [], []
+    for index, scanner in enumerate(scanners):
+        scans.append(tmp_path / f"scan_{index}.png")
+        write(scans[-1], replace(scanner.scan(exposure, seed=index), exposure=None))
+        profiles.append(tmp_path / f"setting_{index}.json")
+        write_profile(profiles[-1], CameraProfile("scanner", scanner.response()))
+    made = merge_scan_files(scans, profiles, seconds=0.5)
+    pairs = [(replace(read_photograph(scan), exposure=Exposure(0.5)), scanner.response())
+             for scan, scanner in zip(scans, scanners, strict=True)]  # fmt: skip
+    assert np.array_equal(made.radiance, merge_scans(pairs).radiance)
+    # A negative exposed twice as long had half the radiance.
+    np.testing.assert_allclose(made.radiance, 2 * merge_scan_files(scans, profiles).radiance, rtol=1e-5)
+    with pytest.raises(NotABracket, match="2 scans and 1 profiles; give one a scan"):
+        merge_scan_files(scans, profiles[:1])

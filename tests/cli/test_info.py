@@ -300,3 +300,17 @@ def test_a_mesh_is_described_by_its_size_and_what_it_is_made_of(capsys):
     assert facts["materials"] == ["gold_rough"] and facts["low"][1] == pytest.approx(0, abs=1e-6)
     assert "0.109 × 0.08 × 0.109 m, if its unit is the metre" in said and "12, 24 vertices" in said
     assert "no such mesh" not in refused(["info", cube.with_name("none.glb")], capsys)
+
+
+def test_brackets_are_advised_for_a_photograph(tmp_path, capsys):
+    pixels = np.full((20, 40, 3), 120, np.uint8)
+    pixels[:, 30:] = 255
+    pixels[:, :10] = 20
+    write(tmp_path / "a.png", Photograph(pixels, exposure=Exposure(1 / 60, 8.0, 100.0)))
+    text = printed(["info", tmp_path / "a.png", "--brackets"], capsys).out
+    assert "25 % white" in text and "7.0 stops, so 2 photographs at least" in text
+    assert "1/7680 s" in text and "while any of it is white" in text
+    told = reported(["info", tmp_path / "a.png", "--brackets", "--brightest", "1.6e9"], capsys)["brackets"]
+    assert told["fewest"] == 4 and len(told["stops"]) == len(told["exposures"]) > 3
+    words = refused(["info", tmp_path / "a.png", "--brightest", "100"], capsys)
+    assert "--brightest is for --brackets; give that too" in words

@@ -13,6 +13,7 @@ from command_line import printed, refused, reported
 from moving_scenes import known_response
 from relume.capture.brackets.settings import MergeSettings
 from relume.capture.brackets.shoot import targets
+from relume.capture.lens.lateral_colour import LateralColour, recover_lateral_colour
 from relume.capture.lens.vignetting import Vignetting
 from relume.capture.merging import Hat
 from relume.capture.raw.sensor import Sensor, SensorNoise
@@ -23,6 +24,7 @@ from relume.capture.scale.absolute import THIRD_OF_A_STOP
 from relume.capture.scale.readings import (
     DarkPlace,
     ExposureScale,
+    LampInTheDark,
     LuminaireReading,
     LuxReading,
     Rectangle,
@@ -30,9 +32,10 @@ from relume.capture.scale.readings import (
     WhiteCard,
 )
 from relume.cli import main
+from relume.cli.merge import Lens, Readings, Steps, settings_of
 from relume.errors import NotABracket
 from relume.image.files import read_layers, read_photograph, read_radiance, write
-from relume.image.photograph import Exposure
+from relume.image.photograph import Exposure, Photograph
 from relume.image.radiance import OUTSIDE, SATURATED, RadianceMap
 from shoots import MAKER, exposed, raw_files, textured, written
 
@@ -730,3 +733,28 @@ def test_what_is_saturated_is_reported_in_numbers(merged, shoot):
     unknown = merged(photographs=shoot[-2:])[1]
     assert unknown["solid_angle_sr"] is None and unknown["irradiance_at_least"] is None
     assert unknown["luminance_at_least"] == facts["luminance_at_least"]
+
+
+def test_lateral_colour_and_a_lamp_in_the_dark_are_asked_for():
+    settings = settings_of(Steps(), Lens(lateral=(0.001, 0.0, -0.002, 0.0)), Readings())
+    assert settings.lateral == LateralColour((0.001, 0.0), (-0.002, 0.0))
+    assert settings_of(Steps(), Lens(lateral="auto"), Readings()).lateral is recover_lateral_colour
+    lamp = settings_of(Steps(), Lens(glare_lamp=(3, 4, 5, 6), glare_map=Path("dark.exr")), Readings())
+    assert lamp.glare == LampInTheDark(Path("dark.exr"), Rectangle(3, 4, 5, 6))
+
+
+@pytest.mark.parametrize(
+    ("options", "words"),
+    [
+        (["--glare-lamp", "1,2,3,4"], "--glare-lamp and --glare-map go together"),
+        (["--glare-lamp", "1,2,3,4", "--glare-map", "a.exr", "--glare", "1,2,3,4"], "both give the glare; give one"),
+        (["--lateral", "0.5,0,0,0"], "red is 0.5,0"),
+        (["--scans", "a.json", "--each"], "--report are not for --scans"),
+        (["--scans", "a.json", "--times", "1,2"], "--times is its one exposure; give one number"),
+        (["--scans", "a.json", "b.json"], "1 scans and 2 profiles"),
+    ],
+)
+def test_options_of_lens_and_scans_that_contradict_themselves_are_refused(tmp_path, capsys, options, words):
+    write(tmp_path / "a.png", Photograph(np.zeros((8, 8, 3), np.uint8)))
+    out = tmp_path / "out.exr"
+    assert words in refused(["merge", tmp_path / "a.png", "-o", out, *options], capsys) and not out.exists()

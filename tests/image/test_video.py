@@ -6,8 +6,8 @@ from fractions import Fraction
 import numpy as np
 import pytest
 
-from relume.errors import OutputNotWritten
-from relume.image.files.video import Movie
+from relume.errors import OutputNotWritten, UnreadableFile
+from relume.image.files.video import Movie, read_video, read_video_frame
 
 av = pytest.importorskip("av")
 
@@ -134,3 +134,45 @@ def test_a_wrong_call_is_reported(tmp_path, monkeypatch):
     monkeypatch.setitem(sys.modules, "av", None)
     with pytest.raises(ValueError, match=r'pip install "relume\[video\]"'):
         Movie(tmp_path / "a.mp4")
+
+
+def test_a_video_is_read_picture_by_picture(tmp_path):
+    path = written(tmp_path / "a.mp4", [halves(shift=5 * index) for index in range(30)], frames_per_second=25)
+    facts = read_video(path)
+    assert (facts.frames, facts.rate, facts.size) == (30, 25, (64, 48))
+    for number in (1, 13, 30, 2):
+        read = read_video_frame(path, number)
+        assert np.abs(read.pixels[10, 30].astype(int) - TOP).max() <= 2
+        assert abs(int(read.pixels[40, 30, 0]) - (20 + 5 * (number - 1))) <= 2 and f"frame {number}" in read.name
+    with pytest.raises(UnreadableFile, match=r"a\.mp4: it has the frames 1 to 30, and frame 31 was asked for"):
+        read_video_frame(path, 31)
+
+
+@pytest.mark.parametrize(
+    ("form", "colours", "bits"),
+    [("yuv444p", (2, 1), 8), ("yuv444p", (1, 5), 8), ("yuv444p10le", (1, 5), 16), ("yuv444p10le", (2, 1), 16)],
+)
+def test_colours_go_by_the_range_and_the_matrix_that_a_video_names(tmp_path, form, colours, bits):
+    path, (span, matrix) = tmp_path / "a.mkv", colours
+    colour = np.array([250, 3, 128])
+    with av.open(str(path), "w") as container:
+        stream = container.add_stream("ffv1", rate=24)
+        stream.width, stream.height, stream.pix_fmt = 64, 48, form
+        stream.codec_context.color_range, stream.codec_context.colorspace = span, matrix
+        frame = np.broadcast_to((colour * 257).astype(np.uint16), (48, 64, 3))
+        picture = av.VideoFrame.from_ndarray(np.ascontiguousarray(frame), format="rgb48le")
+        picture = picture.reformat(format=form, dst_colorspace=matrix, dst_color_range=span)
+        picture.color_range, picture.colorspace = span, matrix
+        container.mux(stream.encode(picture))
+        container.mux(stream.encode())
+    read = read_video_frame(path, 1).pixels
+    assert read.dtype.itemsize * 8 == bits
+    assert np.abs(read[9, 9] / (1 if bits == 8 else 257) - colour).max() < (4 if bits == 8 else 1)
+
+
+def test_what_is_no_video_is_refused_in_one_line(tmp_path):
+    (tmp_path / "a.mp4").write_bytes(b"nothing of the kind")
+    for path, words in (("a.mp4", "cannot be read as a video"), ("b.mp4", "cannot be opened: No such file")):
+        with pytest.raises(UnreadableFile, match=words) as caught:
+            read_video(tmp_path / path)
+        assert "\n" not in str(caught.value)

@@ -16,13 +16,14 @@ from relume.image.colour import decode_srgb
 from relume.image.files import read_photograph, read_radiance, write
 from relume.image.photograph import Exposure, Photograph
 from relume.image.radiance import BLACK, SATURATED
+from relume.image.response import srgb_response
 from relume.project.insertion.insert import insert
 from relume.project.insertion.outcome import Inserted
 from relume.project.insertion.photographs import read_photographs
 from relume.project.merging.single_plate import merge_single, read_single, why_untied
 from relume.project.shot_file.shot import Shot, read_shot
 from relume.renderers.renderer import ConstantRenderer
-from relume.virtual_camera.film.film import Film, srgb_response
+from relume.virtual_camera.film.film import Film
 
 Room = tuple[Inserted, Path]
 FAKE = ConstantRenderer((3.0, 2.0, 1.0))

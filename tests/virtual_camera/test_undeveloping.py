@@ -9,9 +9,9 @@ from relume.capture.lens.vignetting import Vignetting
 from relume.errors import NotABracket
 from relume.image.photograph import Exposure, Photograph
 from relume.image.radiance import BLACK, OUTSIDE, SATURATED, RadianceMap
-from relume.image.response import Response
+from relume.image.response import Response, srgb_response
 from relume.virtual_camera.developing import develop
-from relume.virtual_camera.film.film import Film, srgb_response
+from relume.virtual_camera.film.film import Film
 from relume.virtual_camera.film.undeveloping import AllButEnds, undevelop
 from relume.virtual_camera.lens.undoing import undo_optics
 from relume.virtual_camera.lens.vignetting import MeasuredVignetting

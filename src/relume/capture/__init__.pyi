@@ -17,6 +17,8 @@ from .brackets.shoot import MergePlan as MergePlan
 from .brackets.shoot import merge_shoot as merge_shoot
 from .brackets.shoot import plan_merge as plan_merge
 from .denoising import denoise as denoise
+from .exposure.advice import BracketAdvice as BracketAdvice
+from .exposure.advice import advise_brackets as advise_brackets
 from .exposure.bracket import Bracket as Bracket
 from .exposure.grouping import group_files as group_files
 from .ghosts.deghosting import Consistency as Consistency
@@ -26,6 +28,9 @@ from .lens.glare import diminish_glare as diminish_glare
 from .lens.glare_recovery import largest_glare as largest_glare
 from .lens.glare_recovery import recover_glare_from_dark as recover_glare_from_dark
 from .lens.glare_recovery import recover_glare_from_lamp as recover_glare_from_lamp
+from .lens.lateral_colour import LateralColour as LateralColour
+from .lens.lateral_colour import recover_lateral_colour as recover_lateral_colour
+from .lens.lateral_colour import without_lateral_colour as without_lateral_colour
 from .lens.vignetting import Vignetting as Vignetting
 from .lens.vignetting import read_flat_fields as read_flat_fields
 from .lens.vignetting import recover_vignetting as recover_vignetting
@@ -54,6 +59,7 @@ from .scale.absolute import scale_from_spot as scale_from_spot
 from .scale.readings import ChannelGains as ChannelGains
 from .scale.readings import DarkPlace as DarkPlace
 from .scale.readings import ExposureScale as ExposureScale
+from .scale.readings import LampInTheDark as LampInTheDark
 from .scale.readings import LuminaireReading as LuminaireReading
 from .scale.readings import LuxReading as LuxReading
 from .scale.readings import Rectangle as Rectangle
@@ -62,4 +68,5 @@ from .scale.readings import WhiteCard as WhiteCard
 from .scale.readings import apply_balance as apply_balance
 from .scale.readings import balance_from_luminaire as balance_from_luminaire
 from .scale.readings import scale_from_luminaire as scale_from_luminaire
+from .scans import merge_scan_files as merge_scan_files
 from .scans import merge_scans as merge_scans

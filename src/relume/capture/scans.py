@@ -2,15 +2,19 @@
 
 from __future__ import annotations
 
+import os
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from pathlib import Path
 
 import numpy as np
 
 from relume.capture.lens.vignetting import robust_deviation
 from relume.capture.merging import InverseVariance, Weighting, clipping_bounds, log_deviation
+from relume.capture.response.camera_profile import read_profile
 from relume.errors import NotABracket, warn
-from relume.image.photograph import Photograph
+from relume.image import files
+from relume.image.photograph import Exposure, Photograph
 from relume.image.radiance import BLACK, OUTSIDE, SATURATED, RadianceMap
 from relume.image.response import Response
 
@@ -60,6 +64,30 @@ def merge_scans(
     radiance = np.where(nowhere[..., None], 0.0, np.exp(np.where(np.isfinite(value), value, 0.0)))
     spread = np.where(measured, radiance**2 * variance, np.inf)
     return RadianceMap(radiance.astype(np.float32), spread.astype(np.float32), clipped)
+
+
+def merge_scan_files(
+    scans: Sequence[str | os.PathLike[str]], profiles: Sequence[str | os.PathLike[str]], *,
+    seconds: float | None = None, weighting: Weighting = InverseVariance(),
+) -> RadianceMap:  # fmt: skip
+    """`merge_scans` of files: scans of one negative, and the profile of each one's density setting, in their order.
+
+    profiles : as `relume merge --save-profile` writes them, of a bracket that was scanned at that setting
+    seconds : exposure of the negative; that of the scans' EXIF unless given. Without any the scale is that of 1 s
+    Raises NotABracket for other numbers of profiles and as `merge_scans`; UnreadableFile, ValueError for files.
+    """
+    if len(profiles) != len(scans):
+        raise NotABracket(f"{len(scans)} scans and {len(profiles)} profiles; give one a scan, of its density setting")
+    read = []
+    for path, profile in zip(scans, profiles, strict=True):
+        response = read_profile(Path(profile)).response
+        if response is None:
+            raise NotABracket(f"{profile}: holds no response of photographs; save one from a bracket of scans")
+        photograph = files.read_photograph(path)
+        if seconds is not None or photograph.exposure is None:
+            photograph = replace(photograph, exposure=Exposure(1.0 if seconds is None else seconds))
+        read.append((photograph, response))
+    return merge_scans(read, weighting=weighting)
 
 
 @dataclass(frozen=True, eq=False)

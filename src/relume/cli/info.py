@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 import re
 from collections.abc import Mapping
+from dataclasses import asdict
 from pathlib import Path
 from typing import Annotated, Any
 
@@ -322,6 +323,16 @@ def info(
     from_: Annotated[
         str | None, Parameter(name="--from", help="Mapping of the map to draw, where the file does not remember it.")
     ] = None,
+    brackets: Annotated[
+        bool, Parameter(negative="", help="Say which exposures cover the place that a photograph shows.")
+    ] = False,
+    brightest: Annotated[
+        float | None,
+        Parameter(help="For --brackets: cd/m² of the brightest lamp; a frosted bulb has 1e5, the sun 1.6e9."),
+    ] = None,
+    profile: Annotated[
+        Path | None, Parameter(help="For --brackets: the camera's profile, .json, for its working range.")
+    ] = None,
     options: ReadingOptions = ReadingOptions(),
     output: OutputOptions = OutputOptions(),
 ) -> None:
@@ -330,6 +341,7 @@ def info(
     Where a file cannot be read the others are shown, and the exit code is 2. With --json each file is one line.
     """
     with warnings_as_notes(output):
+        # What is asked for.
         if system:
             print_facts(output, rl.report.describe_system(), title="relume on this machine")
         elif not paths:
@@ -339,14 +351,25 @@ def info(
             _draw(paths or [], draw, from_, reading)
         elif from_ is not None:
             raise ValueError("--from is for --draw; give that too")
+        if not brackets and (brightest is not None or profile is not None):
+            raise ValueError(f"--{'profile' if brightest is None else 'brightest'} is for --brackets; give that too")
+        response = None if profile is None else rl.capture.read_profile(profile).response
+        # Each file by itself; one that cannot be read does not keep the others.
         unreadable: list[rl.RelumeError] = []
         for path in paths or ():
             try:
                 facts = rl.report.describe(path, reading)
+                if brackets:
+                    shown = rl.read_photograph(path, reading)
+                    advice = rl.capture.advise_brackets(shown, response=response, brightest=brightest)
             except rl.RelumeError as error:
                 unreadable.append(error)
                 continue
-            print_facts(output, facts if output.json else lines_of(facts, whole=output.verbose), title=str(path))
+            lines: dict[str, Any] = facts if output.json else lines_of(facts, whole=output.verbose)
+            if brackets:
+                lines |= {"brackets": asdict(advice)} if output.json else rl.report.advice_summary(advice)
+            print_facts(output, lines, title=str(path))
+        # What could not be read.
         if unreadable:
             for error in unreadable[:-1]:
                 refuse(str(error), 2)

@@ -40,6 +40,11 @@ class Steps:
         int | None,
         Parameter(group=STEPS, help="Pixel value whose equal channels are grey; white unless given, 128 for film."),
     ] = None
+    scans: Annotated[
+        list[Path] | None,
+        Parameter(group=STEPS, negative="", consume_multiple=True,
+                  help="These are scans of one negative: the profile of each one's density setting, in their order."),
+    ] = None  # fmt: skip
 
 
 @Parameter(name="*")
@@ -53,11 +58,28 @@ class Lens:
             BOX, like="40,60,8,8", group=LENS, help="A black place of the picture: the veil of glare it shows goes."
         ),
     ] = None
+    glare_lamp: Annotated[
+        tuple[int, int, int, int] | None,
+        numbers(
+            BOX, like="300,200,6,6", group=LENS, help="A small lamp in --glare-map: its veil and halo of glare go."
+        ),
+    ] = None
+    glare_map: Annotated[
+        Path | None,
+        Parameter(group=LENS, help="A radiance map of a lamp in a dark room by the same lens and aperture."),
+    ] = None
     flat_field: Annotated[
         list[Path] | None,
         Parameter(
             group=LENS, negative="", consume_multiple=True,
             help="Radiance maps of an evenly lit wall by the same lens and aperture: its vignetting is taken out.",
+        ),
+    ] = None  # fmt: skip
+    lateral: Annotated[
+        tuple[float, float, float, float] | str | None,
+        numbers(
+            "RED_A,RED_B,BLUE_A,BLUE_B", like="auto or 0.0004,-0.0002,-0.0003,0.0001", group=LENS, words=("auto",),
+            help="Bring red and blue onto green: lateral colour found in the edges, or a + b ρ², ρ in half diagonals.",
         ),
     ] = None  # fmt: skip
     white: Annotated[
@@ -106,12 +128,30 @@ def settings_of(steps: Steps, lens: Lens, readings: Readings) -> rl.capture.Merg
         align=steps.align,
         deghost=steps.deghost,
         neutral=steps.neutral,
-        glare=None if lens.glare is None else rl.capture.DarkPlace(rl.capture.Rectangle(*lens.glare)),
+        glare=_glare(lens),
         vignetting=rl.capture.read_flat_fields(lens.flat_field or ()),
+        lateral=_lateral(lens.lateral),
         balance=None if lens.white is None else rl.capture.WhiteCard(rl.capture.Rectangle(*lens.white)),
         scale=_scale(readings),
         focal_length=lens.focal_length,
     )
+
+
+def _glare(lens: Lens) -> Callable[[rl.RadianceMap], rl.capture.Glare] | None:
+    """What shows the glare; raises ValueError for two, and for a half of one."""
+    if (lens.glare_lamp is None) != (lens.glare_map is None):
+        raise ValueError("--glare-lamp and --glare-map go together: the lamp's pixels, and the map that shows it")
+    if lens.glare_lamp is not None and lens.glare_map is not None:
+        if lens.glare is not None:
+            raise ValueError("--glare and --glare-lamp both give the glare; give one")
+        return rl.capture.LampInTheDark(lens.glare_map, rl.capture.Rectangle(*lens.glare_lamp))
+    return None if lens.glare is None else rl.capture.DarkPlace(rl.capture.Rectangle(*lens.glare))
+
+
+def _lateral(given: tuple[float, float, float, float] | str | None) -> Any:
+    if given is None or isinstance(given, str):
+        return None if given is None else rl.capture.recover_lateral_colour
+    return rl.capture.LateralColour(given[:2], given[2:])
 
 
 def _scale(readings: Readings) -> Callable[..., rl.capture.Scale] | None:
@@ -185,23 +225,23 @@ def merge(
     """Measure radiance from differently exposed photographs: several brackets of a camera come out on one scale.
 
     Exposures come from --times or --times-from-names, else from a list beside the photographs, else from EXIF, else
-    from the pixels. --times go with the photographs in the order given, those of a folder by name, IMG_9 before
-    IMG_10; a list in a file has a line like "IMG_9.jpg 1/640" for each. What is read in a picture (--spot, --lux,
-    --luminaire, --white, --glare) is read in the first bracket and holds for all. A doubtful result is written all the
-    same, with exit code 4.
+    from the pixels. What is read in a picture (--spot, --lux, --luminaire, --white, --glare) is read in the first
+    bracket and holds for all. A doubtful result is written all the same, with exit code 4.
     """
     with warnings_as_doubts(output) as doubts:
-        # What is to be done; refused before any work where it cannot.
+        # What is to be done.
         for path, suffix, option in ((save_profile, ".json", "--save-profile"), (report, ".html", "--report")):
             if path is not None:
                 require_suffix(path, suffix, option=option)
-        if each:
+        if steps.scans:
+            _scans(photographs, out, times, steps, output, bool(each or cluster or profile or save_profile or report))
+        elif each:
             _refuse_of_one_shoot(out, times=times, save_profile=save_profile, report=report)
             shared = {"times_from_names": times_from_names, "ignore": ignore, "true_shutter": true_shutter}
             chosen = shared | {"profile": profile, "settings": settings_of(steps, lens, readings)}
             _each(photographs, out, chosen, cluster, dry_run, output)
-            finish(output, doubts, accept=accept or dry_run)
-            return
+        if steps.scans or each:
+            return finish(output, doubts, accept=accept or dry_run)
         if cluster is not None:
             raise ValueError("--cluster is for many brackets; give --each too, or leave it out")
         plan = rl.capture.plan_merge(
@@ -228,6 +268,27 @@ def merge(
             for title, lines in blocks:
                 print_facts(output, lines, title=title)
         finish(output, doubts, accept=accept or dry_run, rest=report)
+
+
+def _scans(
+    scans: list[Path],
+    out: Path,
+    times: tuple[float, ...] | Path | None,
+    steps: Steps,
+    output: OutputOptions,
+    more: bool,
+) -> None:
+    """Scans of one negative at different density settings, into one map."""
+    require_suffix(out, ".exr", ".hdr", option="-o")
+    if more:
+        raise ValueError(
+            "--each, --cluster, --profile, --save-profile and --report are not for --scans; leave them out"
+        )
+    if isinstance(times, Path) or len(set(times or ())) > 1:
+        raise ValueError("--scans are of one negative, and --times is its one exposure; give one number")
+    seconds = times[0] if times else None
+    rl.write(out, rl.capture.merge_scan_files(scans, steps.scans or (), seconds=seconds))
+    print_facts(output, {"written": str(out), "scans": len(scans)})
 
 
 def _refuse_of_one_shoot(out: Path, **given: object) -> None:

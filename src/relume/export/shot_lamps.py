@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from relume.errors import UnsupportedScene
+from relume.errors import InvalidShot, UnsupportedScene
 from relume.export.lamps import LampFile
 from relume.image import files
 from relume.image.bilinear import bilinear
@@ -106,8 +106,10 @@ def undistorted(value: PreparedShot) -> tuple[PreparedShot, tuple[str, ...]]:
     """The shot as a camera without lens distortion would have taken it, and a note that says so where it changed.
 
     Other programs' cameras draw straight lines straight. The plate is drawn anew for one (bilinear); what lies outside
-    of it is its edge, drawn out. The scene stays as it is.
+    of it is its edge, drawn out. The scene stays as it is. Raises InvalidShot for a rolling shutter.
     """
+    if value.camera.rolling is not None:
+        raise InvalidShot("camera.readout: other programs' cameras see all rows at once; leave it out for the export")
     if value.camera.distortion is None:
         return value, ()
     camera = value.camera.pinhole()

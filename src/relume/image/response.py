@@ -7,6 +7,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from relume.image.colour import decode_srgb
+
 
 @dataclass(frozen=True, eq=False)
 class Response:
@@ -81,3 +83,13 @@ class Response:
             return Response(np.array(table["log_exposure"], np.float64), np.array(table["noise"], np.float64))
         except (KeyError, TypeError, ValueError) as error:
             raise ValueError(f"not a response file of relume: {error}") from None
+
+
+def srgb_response(levels: int = 256) -> Response:
+    """The sRGB curve as a response (IEC 61966-2-1), exposure 1 white, its only noise that of rounding.
+
+    The value 0 has no exposure of its own: it stands a quarter of the way to 1.
+    """
+    share = np.arange(levels) / (levels - 1)
+    share[0] = 0.25 * share[1]
+    return Response(np.tile(np.log(decode_srgb(share)), (3, 1)), np.full(3, np.sqrt(1 / 12)))

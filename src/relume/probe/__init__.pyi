@@ -27,3 +27,9 @@ from .panorama.view_files import known_orientations as known_orientations
 from .panorama.views import PanoramaView as PanoramaView
 from .probe_each import find_places as find_places
 from .probe_each import probe_each as probe_each
+from .round_views import FisheyeLens as FisheyeLens
+from .round_views import ParabolicMirror as ParabolicMirror
+from .round_views import RoundProbe as RoundProbe
+from .round_views import RoundView as RoundView
+from .round_views import TelecentricBall as TelecentricBall
+from .round_views import join_round_views as join_round_views

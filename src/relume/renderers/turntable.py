@@ -31,7 +31,13 @@ class Orbit:
         """The camera and the shapes' turn after this share of the way."""
         turn = rotation_about(UP, self.angle * share)
         centre = np.asarray(self.centre)
-        moved = replace(camera, position=centre + turn @ (camera.position - centre), rotation=turn @ camera.rotation)
+        rolling = None if camera.rolling is None else camera.rolling.carried(turn)
+        moved = replace(
+            camera,
+            position=centre + turn @ (camera.position - centre),
+            rotation=turn @ camera.rotation,
+            rolling=rolling,
+        )
         return moved, np.eye(3)
 
 

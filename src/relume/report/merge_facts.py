@@ -9,6 +9,7 @@ import numpy as np
 
 from relume.capture.brackets.result import MergedBracket
 from relume.capture.brackets.shoot import MergedShoot, MergePlan
+from relume.capture.exposure.advice import BracketAdvice
 from relume.report.capture_report import clipped_facts, counted, frame_facts, in_words, seconds_in_words
 
 Block = tuple[str, dict[str, object]]
@@ -25,6 +26,26 @@ def merge_facts(shoot: MergedShoot) -> dict[str, object]:
         "notes": list(shoot.result.notes),
         "profile": {name: str(path) for name, path in shoot.profiles.items()},
     }
+
+
+def advice_summary(advice: BracketAdvice) -> dict[str, object]:
+    """What `advise_brackets` says, as lines for a person."""
+    ends = {"white": advice.white, "too dark": advice.dark}
+    shown = [f"{100 * share:.2g} % {word}" for word, share in ends.items() if share > 0]
+    more = " or more" if advice.open_above or advice.open_below else ""
+    stops = ", ".join(f"{each:+.3g}" for each in advice.stops)
+    lines: dict[str, object] = {
+        "to be measured": f"{advice.scene:.1f} stops{more}" + (f"; here {' and '.join(shown)}" if shown else ""),
+        "working range": f"{advice.working:.1f} stops, so {counted(advice.fewest, 'photograph')} at least",
+        "take": f"{counted(len(advice.stops), 'photograph')}, at {stops} stops from this one",
+    }
+    if advice.exposures:
+        lines["exposures"] = ", ".join(seconds_in_words(each.seconds) for each in advice.exposures)
+    if advice.open_above:
+        lines["then"] = "look at the shortest: while any of it is white, take one more, or give --brightest"
+    if advice.too_short:
+        lines["filter"] = f"{len(advice.too_short)} are shorter than 1/8000 s: use a neutral filter for them"
+    return lines
 
 
 def plan_facts(plan: MergePlan) -> dict[str, object]:

@@ -12,6 +12,7 @@ from relume.capture.brackets.settings import MergeSettings
 from relume.capture.exposure.bracket import Bracket
 from relume.capture.exposure.consistency import BracketDoubt
 from relume.capture.lens.glare import Glare, diminish_glare
+from relume.capture.lens.lateral_colour import LateralColour, without_lateral_colour
 from relume.capture.lens.vignetting import corrected as without_vignetting
 from relume.capture.raw.merging import RawCalibration
 from relume.capture.scale.absolute import Scale, apply_scale
@@ -43,15 +44,17 @@ class LensSteps:
     def __init__(self, settings: MergeSettings, steps: Steps) -> None:
         self._settings, self._steps = settings, steps
         self._glare: Glare | None = None
+        self._lateral: LateralColour | None = None
         self._balance: ChannelGains | None = None
         self._scale: Scale | None = None
 
     def applied(
         self, picture: RadianceMap, bracket: Bracket, camera: Response | RawCalibration, doubts: Sequence[BracketDoubt]
     ) -> MergedBracket:
-        """The bracket's map without glare and vignetting, balanced and scaled, with its origin in its attributes.
+        """The bracket's map without glare, vignetting and lateral colour, balanced and scaled, with its origin.
 
-        The attributes hold its aperture, so that a map of an even wall knows at which one its vignetting was measured.
+        Its attributes hold that and its aperture, so that a map of an even wall says at which one its vignetting
+        was measured.
         """
         settings = self._settings
         apertures = {photograph.exposure.f_number for photograph in bracket.photographs if photograph.exposure}
@@ -65,6 +68,11 @@ class LensSteps:
                 picture = diminish_glare(picture, self._glare).picture
         if settings.vignetting:
             picture = without_vignetting(picture, settings.vignetting, f_number=f_number)
+        if settings.lateral is not None:
+            with self._steps.step("lateral colour"):
+                if self._lateral is None:
+                    self._lateral = settings.lateral(picture) if callable(settings.lateral) else settings.lateral
+                picture = without_lateral_colour(picture, self._lateral)
         if settings.balance is not None:
             if self._balance is None:
                 self._balance = settings.balance(picture) if callable(settings.balance) else settings.balance

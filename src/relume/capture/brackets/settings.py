@@ -7,6 +7,7 @@ from dataclasses import dataclass
 
 from relume.capture.exposure.bracket import Bracket
 from relume.capture.lens.glare import Glare
+from relume.capture.lens.lateral_colour import LateralColour
 from relume.capture.lens.vignetting import Vignetting
 from relume.capture.merging import InverseVariance, Weighting
 from relume.capture.raw.merging import RawCalibration
@@ -39,14 +40,16 @@ class MergeSettings:
         white, or the highest value that was observed in every channel
     glare : of the lens, or a `DarkPlace` that shows it; taken out first, for the veil lies over the vignetted light
     vignetting : of the lens, at one aperture or several; the profile's unless given
+    lateral : lateral colour of the lens, or `recover_lateral_colour`, which finds it in the first map
     balance : of the channels, or a `WhiteCard` that shows it (§2.6); the profile's unless given
     scale : to cd/m², or a reading that gives it: `ExposureScale`, `SpotReading`, `LuxReading`, `LuminaireReading`; the
         profile's unless given
     focal_length : pixels, where the photographs hold none
 
-    Functions of the merged map may stand for `glare`, `balance` and `scale`; each is called once, with the first map
-    of a camera, and holds for all of that camera. Camera raws are linear, are weighted by their sensor's noise and are
-    merged where they lie: method, weighting, refine, align, deghost and neutral have no effect on them.
+    Functions of the merged map may stand for `glare`, `lateral`, `balance` and `scale`; each is called once, with the
+    first map of a camera, and holds for all of that camera. Camera raws are linear, are weighted by
+    their sensor's noise and are merged where they lie: method, weighting, refine, align, deghost and neutral have no
+    effect on them.
     """
 
     method: ResponseMethod = DebevecMalik()
@@ -57,6 +60,7 @@ class MergeSettings:
     neutral: int | None = None
     glare: Glare | Callable[[RadianceMap], Glare] | None = None
     vignetting: Sequence[Vignetting] = ()
+    lateral: LateralColour | Callable[[RadianceMap], LateralColour] | None = None
     balance: ChannelGains | Callable[[RadianceMap], ChannelGains] | None = None
     scale: Scale | Callable[[RadianceMap, Bracket, Response | RawCalibration], Scale] | None = None
     focal_length: float | None = None

@@ -11,13 +11,14 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass, replace
 from math import isfinite
+from pathlib import Path
 from typing import ClassVar
 
 import numpy as np
 
 from relume.capture.exposure.bracket import Bracket
 from relume.capture.lens.glare import Glare
-from relume.capture.lens.glare_recovery import recover_glare_from_dark
+from relume.capture.lens.glare_recovery import recover_glare_from_dark, recover_glare_from_lamp
 from relume.capture.raw.merging import RawCalibration
 from relume.capture.scale.absolute import (
     Scale,
@@ -27,6 +28,7 @@ from relume.capture.scale.absolute import (
     scale_from_spot,
 )
 from relume.capture.scale.regions import measured_patch, rectangle, spot_radius
+from relume.image import files
 from relume.image.colour import luminance, triple
 from relume.image.radiance import RadianceMap
 from relume.image.response import Response
@@ -236,6 +238,24 @@ class DarkPlace:
     def __call__(self, picture: RadianceMap) -> Glare:
         with _named(self.name):
             return recover_glare_from_dark(picture, self.place.mask(picture))
+
+
+@dataclass(frozen=True)
+class LampInTheDark:
+    """A radiance map of a small lamp in a dark room, by the same lens: the veil and the halo that it shows go.
+
+    path : of the map
+    lamp : its pixels in it
+    """
+
+    path: Path
+    lamp: Rectangle
+    name: ClassVar[str] = "glare_lamp"
+
+    def __call__(self, picture: RadianceMap) -> Glare:
+        with _named(self.name):
+            shown = files.read_radiance(self.path)
+            return recover_glare_from_lamp(shown, self.lamp.mask(shown))
 
 
 PLACED = (SpotReading, LuxReading, LuminaireReading, WhiteCard, DarkPlace)

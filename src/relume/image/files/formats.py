@@ -38,6 +38,8 @@ _READERS = {
     "PNG": "photographs.photographs",
     "TIFF": "photographs.photographs",
     "HEIF": "photographs.photographs",
+    "BMP": "photographs.photographs",
+    "PNM": "photographs.photographs",
 }
 _WRITERS = {
     encodings.OpenEXR: "exr.maps",

@@ -14,7 +14,7 @@ from relume.image.files.tiff.directories import folders_in
 
 MAPS = ("EXR", "HDR", "PFM", "raw float", "float TIFF", "LogLuv TIFF", "DDS")
 """The kinds that hold radiance maps."""
-PHOTOGRAPHS = ("JPEG", "PNG", "TIFF", "HEIF")
+PHOTOGRAPHS = ("JPEG", "PNG", "TIFF", "HEIF", "BMP", "PNM")
 """The kinds that hold photographs as cameras develop them."""
 
 _MAGIC = {
@@ -45,6 +45,7 @@ _LOGLUV_PHOTOMETRICS = (32844, 32845)  # log luminance, with u′v′
 # Files from before 1991, and Radiance's own tools, leave out "#?RADIANCE" or FORMAT, but none the resolution line.
 _RADIANCE_HEADER = re.compile(rb"(FORMAT=32-bit_rle_|\n\r?\n[-+][XY] *\d+ [-+][XY] *\d+\r?\n)")
 
+_PNM_HEADER = re.compile(rb"P[2356][\s#]")
 _PFM_HEADER = re.compile(rb"P[Ff]\s")
 _STRANGERS = (
     (4, b"ftypavif", "an AVIF picture"),
@@ -54,11 +55,8 @@ _STRANGERS = (
     (0, b"\0\0\0\x0cjP  ", "a JPEG 2000 picture"),
     (8, b"WEBP", "a WebP picture"),
     (0, b"GIF8", "a GIF picture"),
-    (0, b"BM", "a BMP picture"),
     (0, b"\xabKTX ", "a KTX texture"),
     (0, b"FORM", "an IFF picture (NewTek's Flexible Format is one)"),
-    (0, b"P5", "a PGM picture"),
-    (0, b"P6", "a PPM picture"),
     (0, b"%PDF", "a PDF document"),
 )
 _CONVERT = "convert it to JPEG, PNG or TIFF, or to EXR or Radiance .hdr"
@@ -91,6 +89,10 @@ def kind_of(path: str | os.PathLike[str]) -> str:
             return kind
     if _is_heif(head):
         return "HEIF"
+    if _PNM_HEADER.match(head):
+        return "PNM"
+    if head.startswith(b"BM") and head[6:10] == b"\0\0\0\0":  # two numbers that are always 0
+        return "BMP"
     if _PFM_HEADER.match(head):
         return "PFM"
     if _RADIANCE_HEADER.search(head):

@@ -1,24 +1,38 @@
-"""Movies: 8-bit sRGB frames as H.264 in .mp4, which every browser and player shows. PyAV is imported at first use."""
+"""Movies: 8-bit sRGB frames as H.264 in .mp4, which every browser and player shows; and frames of anyone's videos.
+
+PyAV is imported at first use.
+"""
 
 from __future__ import annotations
 
 import contextlib
 import os
+from collections.abc import Iterator
+from dataclasses import dataclass
 from fractions import Fraction
+from functools import lru_cache
 from pathlib import Path
 from types import TracebackType
 from typing import Any
 
 import numpy as np
 
-from relume.errors import OutputNotWritten
+from relume.errors import OutputNotWritten, UnreadableFile, warn
 from relume.image.files.atomic import replacing
 from relume.image.files.signatures import one_line
+from relume.image.photograph import Photograph
 
 _QUALITY = "16"
 """x264's constant rate factor: finer than what looks like the frames (18), so that an editor may cut it again."""
 _BT709 = 1  # ITU-T H.273: primaries, transfer and matrix of Rec. 709 all have the number 1
 _LIMITED = 1  # black 16, white 235, which players expect of H.264
+VIDEOS = (".mp4", ".mov", ".m4v", ".mkv", ".webm", ".avi", ".mxf", ".mpg", ".mpeg", ".mts")
+"""Suffixes of the containers that video cameras and editors write."""
+_UNSPECIFIED, _BT601 = 2, 5
+_HIGH_DEFINITION = 720
+"""Rows from which on a video that does not say its matrix has that of Rec. 709, below that of Rec. 601."""
+_HDR = {16: "PQ", 18: "HLG"}
+"""H.273's numbers of the transfers that are for HDR screens."""
 
 
 class Movie:
@@ -125,3 +139,111 @@ class Movie:
 
 class _Abandoned(Exception):
     """Makes `replacing` remove its temporary file."""
+
+
+@dataclass(frozen=True)
+class Video:
+    """What a video file holds.
+
+    frames : how many pictures
+    rate : a second, on average
+    size : (width, height) in pixels, upright
+    """
+
+    frames: int
+    rate: Fraction
+    size: tuple[int, int]
+
+
+def is_video(path: str | os.PathLike[str]) -> bool:
+    """Whether a file goes by the suffix of a video."""
+    return Path(path).suffix.lower() in VIDEOS
+
+
+def read_video(path: str | os.PathLike[str]) -> Video:
+    """How many pictures a video has, at which rate and of which size; raises as `read_video_frame`."""
+    path = Path(path)
+    times, rate = _pictures_of(path)
+    height, width = read_video_frame(path, 1).pixels.shape[:2]
+    return Video(len(times), rate, (width, height))
+
+
+def read_video_frame(path: str | os.PathLike[str], number: int) -> Photograph:
+    """One picture of a video as an encoded photograph, upright: 8 bits, or 16 where the video has more.
+
+    number : 1 for the first, as frames of films are numbered
+    Colours are converted by the matrix and range that the video names; one that names none has Rec. 709's matrix from
+    720 rows on and Rec. 601's below. Values keep the video's own curve. Raises UnreadableFile for a damaged video, for
+    a number that it has not and for one made for HDR screens; ValueError where PyAV is missing. Warns of fields.
+    """
+    path = Path(path)
+    times, _ = _pictures_of(path)
+    if not 1 <= number <= len(times):
+        raise UnreadableFile(f"{path}: it has the frames 1 to {len(times)}, and frame {number} was asked for")
+    with _decoding(path) as (container, stream):
+        container.seek(times[number - 1], stream=stream, backward=True)
+        for frame in container.decode(stream):
+            if frame.pts == times[number - 1]:
+                return _photograph(path, frame, number)
+    raise UnreadableFile(f"{path}: frame {number} cannot be decoded; convert the video to H.264 in .mp4")
+
+
+def _pictures_of(path: Path) -> tuple[tuple[int, ...], Fraction]:
+    """When each picture of a video is shown, in its own unit of time, in order; and its rate."""
+    try:
+        facts = path.stat()
+    except OSError as error:
+        raise UnreadableFile(f"{path}: cannot be opened: {one_line(error.strerror or error)}; check the path") from None
+    return _listed(path, facts.st_size, facts.st_mtime_ns)
+
+
+@lru_cache(maxsize=16)
+def _listed(path: Path, size: int, modified: int) -> tuple[tuple[int, ...], Fraction]:
+    with _decoding(path) as (container, stream):
+        times = sorted(packet.pts for packet in container.demux(stream) if packet.pts is not None)
+        rate = stream.average_rate
+    if not times or not rate:
+        raise UnreadableFile(f"{path}: its pictures have no times; convert the video to H.264 in .mp4")
+    return tuple(times), rate
+
+
+@contextlib.contextmanager
+def _decoding(path: Path) -> Iterator[tuple[Any, Any]]:
+    """The open container and its first video stream; what PyAV raises is an UnreadableFile."""
+    try:
+        import av
+        from av.error import FFmpegError
+    except ImportError:
+        raise ValueError('a video needs PyAV, which is not installed: pip install "relume[video]"') from None
+    try:
+        with av.open(str(path)) as container:
+            if not container.streams.video:
+                raise UnreadableFile(f"{path}: holds no pictures; give the video")
+            stream = container.streams.video[0]
+            stream.thread_type = "AUTO"
+            yield container, stream
+    except (OSError, FFmpegError) as error:
+        reason = one_line(getattr(error, "strerror", None) or error)
+        raise UnreadableFile(f"{path}: cannot be read as a video: {reason}; copy it again or convert it") from None
+
+
+def _photograph(path: Path, frame: Any, number: int) -> Photograph:
+    """A decoded picture as a photograph, upright."""
+    if (made_for := _HDR.get(int(frame.color_trc))) is not None:
+        raise UnreadableFile(f"{path}: made for HDR screens ({made_for}); convert it to Rec. 709 or sRGB")
+    if frame.interlaced_frame:
+        warn(f"{path}: its pictures are fields of two moments, row by row; make whole pictures of them first")
+    deep = frame.format.components[0].bits > 8
+    matrix = int(frame.colorspace)
+    if matrix == _UNSPECIFIED:
+        matrix = _BT709 if frame.height >= _HIGH_DEFINITION else _BT601
+    from av.video.reformatter import ColorRange, Interpolation
+
+    exactly = Interpolation.BICUBIC | Interpolation.ACCURATE_RND | Interpolation.FULL_CHR_H_INT
+    full = {"src_color_range": ColorRange.JPEG} if int(frame.color_range) == int(ColorRange.JPEG) else {}
+    picture = frame.reformat(
+        format="rgb48le" if deep else "rgb24", src_colorspace=matrix, interpolation=exactly, **full
+    )
+    # The turn that players make, counter-clockwise.
+    pixels = np.rot90(picture.to_ndarray(), k=round(frame.rotation / 90) % 4)
+    return Photograph(np.ascontiguousarray(pixels), f"{path.name}, frame {number}")

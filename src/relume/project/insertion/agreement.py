@@ -104,6 +104,19 @@ def on_one_scale(shot: Shot, calibrated: Calibrated, camera: Camera) -> Calibrat
     camera : the plate's
     Raises InvalidShot where the place cannot be made.
     """
+    gains = gains_on_one_scale(shot, calibrated, camera)
+    if np.all(gains == 1):
+        return calibrated
+    light = calibrated.probe.light
+    scaled = replace(light, radiance=(light.radiance * gains).astype(np.float32))
+    return replace(calibrated, probe=replace(calibrated.probe, light=scaled))
+
+
+def gains_on_one_scale(shot: Shot, calibrated: Calibrated, camera: Camera) -> np.ndarray:
+    """(3,) factors on the light's channels that put it on the plate's scale and give it its white; warns of each.
+
+    Raises InvalidShot where the place cannot be made.
+    """
     place = bare_place(shot, calibrated.probe, calibrated.centre, calibrated.hanging)
     seen = seen_by_both(calibrated, camera, place)
     gains = np.ones(3)
@@ -137,12 +150,7 @@ def on_one_scale(shot: Shot, calibrated: Calibrated, camera: Camera) -> Calibrat
             "of another place or time, or is its frame turned (light.heading, the places of the ball's cameras)?",
             effect=ELSEWHERE,
         )
-    gains = gains * _white(calibrated, seen)
-    if np.all(gains == 1):
-        return calibrated
-    light = calibrated.probe.light
-    scaled = replace(light, radiance=(light.radiance * gains).astype(np.float32))
-    return replace(calibrated, probe=replace(calibrated.probe, light=scaled))
+    return gains if isinstance(shot.light.scale, tuple) else gains * _white(calibrated, seen)
 
 
 def seen_by_both(calibrated: Calibrated, camera: Camera, place: Scene) -> SeenByBoth | None:

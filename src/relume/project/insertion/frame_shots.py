@@ -2,16 +2,24 @@
 
 from __future__ import annotations
 
+import os
 import re
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 
-from relume.errors import InvalidShot, UnreadableFile
+import numpy as np
+
+from relume.errors import InvalidShot, UnreadableFile, warn
+from relume.image.files.video import is_video, read_video
 from relume.project.keyed_values import BETWEEN, motion_of, placement_at, table_at, values_at
 from relume.project.shot_file.added_lights import AddedLight
 from relume.project.shot_file.sequence_table import SequenceTable
 from relume.project.shot_file.shot import Shot
+from relume.scene.cameras.files import motion_span
 from relume.scene.motion.keyframes import Interpolation
+
+SAME_RATE = 1e-3
+"""Share by which two rates may differ: that of 24000/1001 and 24 is left out of the warning."""
 
 
 def frames_of(shot: Shot) -> list[int]:
@@ -22,18 +30,13 @@ def frames_of(shot: Shot) -> list[int]:
             "camera.keyframes: the plate is one photograph, in which the camera stood still; give a plate for each "
             "frame in sequence.plates, or move the objects"
         )
+    _require_camera(shot, table)
     if shot.camera.keyframes and shot.camera.pose is None:
         raise InvalidShot("camera.keyframes: the camera comes from elsewhere; give camera.pose to move it from")
     if (maps := shot.light.sequence_of_maps(shot.folder, table.rate)) is not None:
         maps.checked()
     if table.plates is not None:
-        plates = _plates(shot, table.plates)
-        if missing := [frame for frame in table.frames if frame not in plates]:
-            others = f", nor of {len(missing) - 1} others" if len(missing) > 1 else ""
-            raise InvalidShot(
-                f"sequence.plates: no picture has the number of frame {missing[0]}{others}; the last number in a name "
-                "is its frame's"
-            )
+        _require_plates(shot, table, _plates(shot, table.plates))
     return list(table.frames)
 
 
@@ -80,6 +83,9 @@ def _at(shot: Shot, frame: float, exposed: bool) -> Shot:
     pose = {name: camera.pop(name) for name in ("position", "look_at") if name in camera}
     if pose and shot.camera.pose is not None:
         camera["pose"] = shot.camera.pose.model_dump() | pose
+    moving = shot.camera.file if table.plates is not None else None
+    if moving is not None:
+        camera["file"] = moving.at(frame, table.frames[0], table.rate).model_dump()
     light = values_at(shot.light.keyframes, frame, between, ("turn", "exposure"))
     if shot.light.added:
         light["added"] = [_added_at(each, index, frame, between) for index, each in enumerate(shot.light.added)]
@@ -94,8 +100,12 @@ def _at(shot: Shot, frame: float, exposed: bool) -> Shot:
     if table.plates is not None:
         # Between two frames, and while the shutter is open beyond the last, the plate is that of the nearest.
         plates = _plates(shot, table.plates)
-        plate = plates[min(plates, key=lambda number: abs(number - frame))]
-        changes["plate"] = shot.plate.model_copy(update={"photographs": [str(plate.relative_to(shot.folder))]})
+        number = min(plates, key=lambda number: abs(number - frame - table.offset))
+        name = os.path.relpath(plates[number], shot.folder)
+        of_video = number if is_video(plates[number]) else None
+        changes["plate"] = shot.plate.model_copy(update={"photographs": [name], "frame": of_video})
+        # Every frame of a film has grain of its own, and so have the objects in it.
+        changes["match"] = shot.match.model_copy(update={"seed": seed_of_frame(shot.match.seed, number)})
     return shot.model_copy(update=changes)
 
 
@@ -104,15 +114,73 @@ def _added_at(table: AddedLight, index: int, frame: float, between: Interpolatio
     return table_at(table, changes, f"light.added.{index}", frame, InvalidShot)
 
 
+def seed_of_frame(seed: int, frame: int) -> int:
+    """The seed of what is drawn anew in each frame."""
+    return int(np.random.SeedSequence([seed, frame]).generate_state(1)[0])
+
+
 def _sequence(shot: Shot) -> SequenceTable:
     if shot.sequence is None:
         raise InvalidShot('sequence: missing; give the frames to make, as [sequence] frames = "1-120"')
     return shot.sequence
 
 
+def _require_plates(shot: Shot, table: SequenceTable, plates: Mapping[int, Path]) -> None:
+    """Raises InvalidShot where a frame has no plate; warns of a video of another rate than the sequence's."""
+    path = next(iter(plates.values()))
+    missing = [frame for frame in table.frames if frame + table.offset not in plates]
+    if missing and is_video(path):
+        raise InvalidShot(
+            f"sequence.plates: {path.name} has {len(plates)} frames, and frame {missing[0]} would be its "
+            f"{missing[0] + table.offset}; give fewer frames, or another sequence.offset"
+        )
+    if missing:
+        others = f", nor of {len(missing) - 1} others" if len(missing) > 1 else ""
+        with_offset = f", sequence.offset {table.offset} added" if table.offset else ""
+        raise InvalidShot(
+            f"sequence.plates: no picture has the number of frame {missing[0]}{with_offset}{others}; the last number "
+            "in a name is its frame's"
+        )
+    if is_video(path) and abs(float(read_video(path).rate) / table.rate - 1) > SAME_RATE:
+        warn(
+            f"sequence.rate is {table.rate:g} and {path.name} has {float(read_video(path).rate):.5g} frames a second; "
+            "what moves by seconds goes by sequence.rate: give the video's, unless that is meant"
+        )
+
+
+def _require_camera(shot: Shot, table: SequenceTable) -> None:
+    """Raises InvalidShot where the camera's file does not say where the camera was in all frames."""
+    asked = shot.camera.file
+    if asked is None or table.plates is None:
+        return
+    path = shot.path(asked.path)
+    span = None if asked.numbered and asked.name is not None else motion_span(path, asked.name)
+    first, last = (asked.at(frame, table.frames[0], table.rate) for frame in (table.frames[0], table.frames[-1]))
+    if span is None:
+        return
+    if asked.numbered:
+        if not span[0] <= (first.frame or 0) <= (last.frame or 0) <= span[1]:
+            raise InvalidShot(
+                f"camera.file: {path.name} has the frames {span[0]:g} to {span[1]:g}, and the sequence asks for "
+                f"{first.frame:g} to {last.frame:g} of it; give camera.file.offset, or other frames"
+            )
+        return
+    own, half = asked.rate or table.rate, 0.5
+    if ((first.time or 0) - span[0]) * own < -half or ((last.time or 0) - span[1]) * own > half:
+        raise InvalidShot(
+            f"camera.file: {path.name} moves for {(span[1] - span[0]) * own + 1:.4g} frames, and the sequence has "
+            f"{table.frames[-1] - table.frames[0] + 1}; give as many, or camera.file.offset and rate"
+        )
+
+
 def _plates(shot: Shot, patterns: Sequence[str]) -> dict[int, Path]:
     plates: dict[int, Path] = {}
-    for path in shot.files(patterns):
+    paths = shot.files(patterns)
+    if any(is_video(path) for path in paths):
+        if len(paths) > 1:
+            raise InvalidShot(f"sequence.plates: {paths[0].name} and {len(paths) - 1} more; give one video alone")
+        return dict.fromkeys(range(1, read_video(paths[0]).frames + 1), paths[0])
+    for path in paths:
         numbers = re.findall(r"\d+", path.stem)
         if not numbers:
             raise InvalidShot(

@@ -12,12 +12,14 @@ from relume.cluster.attempt import threads as worker_threads
 from relume.cluster.claims import held
 from relume.cluster.connection import connect
 from relume.cluster.tasks import run_tasks
-from relume.errors import Doubt, Incomplete, IncompleteSequence, RelumeError
+from relume.errors import Doubt, GatheredDoubts, Incomplete, IncompleteSequence, RelumeError, ranked
 from relume.project.forecast import memory_for
+from relume.project.insertion.agreement import gains_on_one_scale
 from relume.project.insertion.frame_shots import at_frame, at_moment, moves
 from relume.project.insertion.insert import insert, prepare_shot
 from relume.project.insertion.outcome import Inserted
-from relume.project.insertion.photographs import plate_size, read_photographs
+from relume.project.insertion.photographs import calibrate, plate_size, read_photographs
+from relume.project.insertion.place import find_camera
 from relume.project.insertion.render_change import Motion
 from relume.project.insertion.sequence import (
     SequenceMade,
@@ -27,7 +29,7 @@ from relume.project.insertion.sequence import (
     make_frames,
 )
 from relume.project.shot_file.shot import Shot
-from relume.project.stages import Progress
+from relume.project.stages import Progress, Stages, Steps
 from relume.renderers.renderer import Renderer
 from relume.scene.motion.keyframes import Shutter
 
@@ -57,10 +59,13 @@ def insert_frames(
     The other arguments are those of `insert`. Raises RelumeError, of which Incomplete names frames that failed on a
     cluster while the others were made; ValueError for frames that the sequence has not.
     """
+    with GatheredDoubts() as gathered:
+        shot = with_steady_light(shot, out, progress)
     if assemble:
-        return assemble_frames(shot, out, frames)
+        return _knowing(assemble_frames(shot, out, frames), gathered.doubts)
     if cluster is not None:
-        return _spread(FrameTask(shot, Path(out), 0, renderer, threads, restart, finished), frames, progress, cluster)
+        task = FrameTask(shot, Path(out), 0, renderer, threads, restart, finished)
+        return _knowing(_spread(task, frames, progress, cluster), gathered.doubts)
     table = shot.sequence
     shutter = Shutter(*((0.0, 0.0) if table is None or table.shutter is None else table.shutter))
     # Where only maps of light change, a frame is a still under their mean.
@@ -84,7 +89,33 @@ def insert_frames(
         finished(result, folder)
         return result.doubts
 
-    return make_frames(shot, out, make, frames=frames, progress=share_of_all)
+    return _knowing(make_frames(shot, out, make, frames=frames, progress=share_of_all), gathered.doubts)
+
+
+def with_steady_light(shot: Shot, out: str | Path, progress: Progress = lambda step, share: None) -> Shot:
+    """The shot with the light's scale and white that its first frame's plate shows, for all plates of a film.
+
+    What a plate shows says it to a few percent, and by which pixels changes as the camera moves: measured anew in each
+    frame, the objects would flicker. The very same shot where all frames have one plate, where light.scale is given,
+    and where each plate's own exposure says it. What was measured is kept in `out`/stages.
+    """
+    table = shot.sequence
+    if table is None or table.plates is None or shot.light.scale is not None:
+        return shot
+    first = at_frame(shot, table.frames[0])
+    steps = Steps(Stages(Path(out) / "stages"), progress)
+    calibrated = calibrate(first, read_photographs(first), steps)
+    if calibrated.untied is None and shot.light.surface_reflectance is None:
+        return shot
+    fit = find_camera(first, calibrated, steps)
+    red, green, blue = map(float, gains_on_one_scale(first, calibrated, fit.camera))
+    light = shot.light.model_copy(update={"scale": (red, green, blue), "surface_reflectance": None})
+    return shot.model_copy(update={"light": light})
+
+
+def _knowing(made: SequenceMade, doubts: Iterable[Doubt]) -> SequenceMade:
+    """The frames with what the user should know of all of them."""
+    return replace(made, doubts=ranked([*made.doubts, *doubts]))
 
 
 @dataclass(frozen=True, eq=False)

@@ -81,6 +81,10 @@ def _look(shot: Shot, table: Object, around: Scene, camera: Camera) -> tuple[New
     assert table.stage is not None
     turn, path = turn_of(table), shot.path(table.stage)
     meshes = read_meshes(shot.path(table.mesh))
+    if camera.rolling is not None:
+        raise InvalidShot(
+            f"camera.readout: things from light stages ({table.stage}) are seen at one moment; leave it out"
+        )
     # The camera as the stage would see it: the placement undone.
     moved = replace(
         camera,

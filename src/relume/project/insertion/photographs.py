@@ -18,6 +18,7 @@ from relume.capture.response.calibration import Calibration
 from relume.errors import Doubt, InvalidShot, NotABracket, warn
 from relume.image import files
 from relume.image.files.signatures import kind_of
+from relume.image.files.video import is_video
 from relume.image.radiance import RadianceMap
 from relume.image.response import Response
 from relume.probe.ball.blending import Probe
@@ -112,7 +113,9 @@ def read_photographs(shot: Shot) -> Photographs:
     require_measures(shot)
     paths = shot.files(shot.plate.photographs)
     plate: BracketSource | RadianceMap
-    if kind_of(paths[0]) != "RAW" and isinstance(first := files.read(paths[0]), RadianceMap):
+    if is_video(paths[0]) or shot.plate.frame is not None:
+        plate = _of_video(shot, paths)
+    elif kind_of(paths[0]) != "RAW" and isinstance(first := files.read(paths[0]), RadianceMap):
         if len(paths) > 1:
             raise InvalidShot(
                 f"plate.photographs: {paths[0]} is a radiance map; give it alone, or a bracket without it"
@@ -132,6 +135,15 @@ def read_photographs(shot: Shot) -> Photographs:
     for line in other_time_or_place(plate, balls):
         warn(line, CHANGED)
     return Photographs(plate, balls)
+
+
+def _of_video(shot: Shot, paths: Sequence[Path]) -> Bracket:
+    """A frame of a video as the plate; raises InvalidShot, UnreadableFile."""
+    if len(paths) > 1 or not is_video(paths[0]):
+        raise InvalidShot(f"plate.photographs: {paths[-1].name} beside plate.frame; give one video, or leave frame out")
+    if shot.plate.frame is None:
+        raise InvalidShot(f"plate.frame: missing; {paths[0].name} is a video: say which of its frames, 1 for the first")
+    return read_single(paths[0], shot.plate.times, shot.plate.frame)
 
 
 def plate_size(photographs: Photographs) -> tuple[int, int]:

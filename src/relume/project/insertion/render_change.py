@@ -14,6 +14,7 @@ from relume.image.radiance import RadianceMap
 from relume.project.insertion.photographs import Calibrated, finished_light
 from relume.project.insertion.place import Place
 from relume.project.insertion.render_tiles import change_in_tiles, forget_tiles, is_large
+from relume.project.shot_file.camera_table import camera_fit
 from relume.project.shot_file.objects import placed_meshes
 from relume.project.shot_file.shot import Shot
 from relume.project.stages import Steps
@@ -106,7 +107,7 @@ def render_change(
     if motion is not None:
         made_from.append(motion.key())
         lit = _LightOfMoments(shot, calibrated)
-        moments = lambda time: (_scene_at(place, motion.shot(time), lit), place.camera)  # noqa: E731
+        moments = lambda time: _seen_at(place, shot, motion.shot(time), lit)  # noqa: E731
     # The plate says which pixels are the neediest, and when their noise is low enough.
     made_from.append(calibrated.plate)
     identity = fingerprint(made_from)
@@ -244,8 +245,15 @@ class _LightOfMoments:
         return replace(light, radiance=(light.radiance * self.gains).astype(np.float32))
 
 
-def _scene_at(place: Place, shot: Shot, light: _LightOfMoments) -> Scene:
-    return place.relit(shot, light.at(shot)).adding(*placed_meshes(shot))
+def _seen_at(place: Place, shot: Shot, moved: Shot, light: _LightOfMoments) -> tuple[Scene, Camera]:
+    """The scene and the camera at a moment of the exposure; `shot` is that of its middle."""
+    camera = place.camera
+    if moved.camera != shot.camera:
+        # A camera that moves blurs the objects as it has blurred the plate.
+        size, given = (camera.width, camera.height), camera.focal_length
+        there = camera_fit(moved.camera, size, moved.folder, given).camera
+        camera = replace(there, aperture=camera.aperture, focus=camera.focus)
+    return place.relit(moved, light.at(moved)).adding(*placed_meshes(moved)), camera
 
 
 @dataclass(frozen=True, eq=False)

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import json
 import time
+import tomllib
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -229,14 +230,16 @@ def _complete(folder: Path, key: str) -> dict[str, Any] | None:
 
 
 def files_named_in(shot: Shot) -> list[Path]:
-    """Every file that a string of the shot names, alone or by a pattern, and those that its .gltf files name."""
+    """Every file that a string of the shot names, alone or by a pattern, and those that .gltf and place files name."""
     found: list[Path] = []
     for text in strings_in(shot):
         if any(c in text for c in "*?["):
             found.extend(sorted(p for p in shot.folder.glob(text) if p.is_file()))
         elif 0 < len(text) < 1024 and "\0" not in text and (shot.folder / text).is_file():
             found.append(shot.folder / text)
-    return [*found, *(part for path in found if path.suffix.lower() == ".gltf" for part in _parts_of(path))]
+    parts = {".gltf": _parts_of, ".toml": _model_of}
+    named = [part for path in found if path.suffix.lower() in parts for part in parts[path.suffix.lower()](path)]
+    return [*found, *named]
 
 
 def strings_in(shot: Shot) -> Iterator[str]:
@@ -252,6 +255,19 @@ def _parts_of(path: Path) -> Iterator[Path]:
     for text in _strings([header.get("buffers"), header.get("images")]):
         if not text.startswith("data:") and len(text) < 1024 and (path.parent / text).is_file():
             yield path.parent / text
+
+
+def _model_of(path: Path) -> Iterator[Path]:
+    """The files of the photogrammetry that a place file names."""
+    try:
+        model = path.parent / str(tomllib.loads(path.read_text(encoding="utf-8"))["photogrammetry"]["model"])
+    except (OSError, ValueError, KeyError, TypeError):  # reported where the place is read
+        return
+    if model.is_dir():
+        yield from sorted(model / f"{name}{suffix}" for name in ("cameras", "images") for suffix in (".txt", ".bin")
+                          if (model / f"{name}{suffix}").is_file())  # fmt: skip
+    elif model.is_file():
+        yield model
 
 
 def _strings(value: Any) -> Iterator[str]:

@@ -23,11 +23,11 @@ from relume.capture.response.camera_profile import CameraProfile
 from relume.errors import warn
 from relume.image import files
 from relume.image.colour_space import name_of, response_of
+from relume.image.files.video import read_video_frame
 from relume.image.photograph import Exposure, Photograph
 from relume.image.radiance import BLACK, SATURATED, RadianceMap
-from relume.image.response import Response
+from relume.image.response import Response, srgb_response
 from relume.probe.clipped_light import WHITE
-from relume.virtual_camera.film.film import srgb_response
 from relume.virtual_camera.film.grain import ROUNDING
 from relume.virtual_camera.film.undeveloping import AllButEnds
 from relume.virtual_camera.plate_matching.grain_measuring import photograph_grain
@@ -38,9 +38,13 @@ ASSUMED = 0.1
 """By what share a camera's own curve differs from sRGB where objects stand: a tone curve lifts the middle."""
 
 
-def read_single(path: Path, times: Sequence[float] | None) -> Bracket:
-    """One encoded photograph as a bracket; without any exposure it counts as exposed for one second, "estimated"."""
-    (photograph,) = exposed([files.read_photograph(path)], times=times)
+def read_single(path: Path, times: Sequence[float] | None, frame: int | None = None) -> Bracket:
+    """One encoded photograph as a bracket; without any exposure it counts as exposed for one second, "estimated".
+
+    frame : of a video, 1 for its first; None for a photograph
+    """
+    read = files.read_photograph(path) if frame is None else read_video_frame(path, frame)
+    (photograph,) = exposed([read], times=times)
     if photograph.exposure is None:
         photograph = replace(photograph, exposure=Exposure(1.0, source="estimated"))
     return Bracket((photograph,))

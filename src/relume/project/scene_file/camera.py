@@ -13,10 +13,9 @@ from relume.errors import InvalidScene
 from relume.project.keyed_values import table_at, values_at
 from relume.project.scene_file.images import naming
 from relume.project.schema import Positive, Table, Vector
-from relume.project.shot_file.camera_table import CameraFile
+from relume.project.shot_file.camera_file import CameraFile
 from relume.project.shot_file.sequence_table import CameraKey, require_rising
 from relume.scene.cameras.camera import Camera
-from relume.scene.cameras.files import read_camera
 from relume.scene.motion.keyframes import Interpolation
 from relume.sphere.directions import rotation_about
 
@@ -125,11 +124,12 @@ class CameraTable(Table):
         return table_at(self, changes, f"{path}: camera", frame, InvalidScene)
 
 
-def camera_of(table: CameraTable, path: Path, seconds: float | None = None) -> Camera:
+def camera_of(table: CameraTable, path: Path, seconds: float | None = None, rate: float = 24.0) -> Camera:
     """The camera of a table without keys.
 
     path : the scene file, beside which the camera's is looked for
     seconds : since a file's camera began to move; None for a camera at rest
+    rate : frames a second of a sequence, for files whose cameras go by frames
     Raises InvalidScene naming the key.
     """
     with naming(f"{path}: camera{'' if table.file is None else '.file'}"):
@@ -138,10 +138,8 @@ def camera_of(table: CameraTable, path: Path, seconds: float | None = None) -> C
             **({} if table.focus is None else {"focus": table.focus}),
         }
         if table.file is not None:
-            asked = table.file
-            read = read_camera(
-                path.parent / asked.path, *table.size, name=asked.name, up=asked.up, unit=asked.unit, time=seconds
-            )
+            asked = table.file if seconds is None else table.file.after(seconds, rate)
+            read = asked.read(table.size, path.parent)
             return replace(read, **lens) if lens else read
         position, target = np.array(table.position), np.array(table.aim)
         if np.array_equal(position, target):

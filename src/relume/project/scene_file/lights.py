@@ -21,7 +21,7 @@ from relume.project.schema import GreyOrColour, Positive, Vector
 from relume.project.shot_file.sequence_table import LightKey, require_rising
 from relume.renderers.mitsuba.distant import require_inside
 from relume.renderers.several_probes.interpolation import InterpolatedLight
-from relume.scene.lights import SphereLight
+from relume.scene.lights import Light
 from relume.scene.motion.keyframes import Interpolation
 from relume.scene.motion.moving_objects import columns_turned
 from relume.scene.scene import Distant, Infinite

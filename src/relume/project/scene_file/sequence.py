@@ -115,7 +115,7 @@ class SceneSequence:
     def camera_at(self, frame: float) -> Camera:
         """The camera at a frame, of the file's own size."""
         table = self.camera.at(frame, BETWEEN[self.table.interpolation], self.path)
-        return camera_of(table, self.path, self._seconds(frame))
+        return camera_of(table, self.path, self._seconds(frame), self.table.rate)
 
     def _seconds(self, frame: float) -> float:
         """Since the sequence began, with which motion in files begins."""

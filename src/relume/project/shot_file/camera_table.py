@@ -13,14 +13,13 @@ from relume.errors import InvalidShot, warn
 from relume.image import files
 from relume.project.schema import Positive, Table, Vector
 from relume.project.shot_file.ball_table import BallOnTable
+from relume.project.shot_file.camera_file import CameraFile, camera_of_file
 from relume.project.shot_file.sequence_table import CameraKey, require_rising
 from relume.scene.cameras.camera import Camera
 from relume.scene.cameras.distortion import Distortion
-from relume.scene.cameras.files import read_camera
 from relume.scene.cameras.fit import CameraFit
 from relume.scene.cameras.grid import fit_grid
 from relume.scene.cameras.known_lengths import CameraHeight, GroundLength, KnownLength, UprightLength
-from relume.scene.cameras.pose import UpAxis
 from relume.scene.cameras.vanishing_lines import AxisLines, fit_vanishing_lines
 
 Pixel = tuple[float, float]
@@ -106,15 +105,6 @@ class Lines(Table):
         return CameraHeight(self.camera_height)
 
 
-class CameraFile(Table):
-    """A camera that another program wrote; `up` and `unit` where they are not what the file says."""
-
-    path: str
-    name: str | None = None
-    up: UpAxis | None = None
-    unit: Positive | None = None
-
-
 class DistortionTable(Table):
     """The lens's distortion in OpenCV's coefficients."""
 
@@ -126,7 +116,12 @@ class DistortionTable(Table):
 
 
 class CameraTable(Table):
-    """The plate's camera: from a grid, lines, a file or the ball, or given; from the ball unless asked otherwise."""
+    """The plate's camera: from a grid, lines, a file or the ball, or given; from the ball unless asked otherwise.
+
+    readout : seconds from the moment of the picture's first row to that of its last, of a sensor that is read row after
+        row while the camera of a file moves; below 0 where the lowest row is the first. The frame's moment is that of
+        the middle row. All rows are of one moment unless given
+    """
 
     grid: Grid | None = None
     pose: Pose | None = None
@@ -136,6 +131,7 @@ class CameraTable(Table):
     focal_length: Positive | None = None
     centre: Pixel | None = None
     distortion: DistortionTable | None = None
+    readout: Annotated[float, Field(ge=-1, le=1)] | None = None
     keyframes: tuple[CameraKey, ...] = ()
 
     @property
@@ -154,8 +150,13 @@ class CameraTable(Table):
             )
         if sum(getattr(self, source) is not None for source in SOURCES) > 1:
             raise ValueError("give one of grid, pose, lines, ball and file")
-        if self.file is not None and (self.focal_length is not None or self.centre is not None):
+        given = self.focal_length is not None or self.centre is not None
+        if self.file is not None and given and not self.file.numbered:
             raise ValueError("file holds the focal length and the centre; leave focal_length and centre out")
+        if self.file is not None and self.keyframes:
+            raise ValueError("both file and keyframes; the file says where the camera is: leave one of them out")
+        if self.readout is not None and self.file is None:
+            raise ValueError("readout is of a camera that moves in a file; give file, or leave readout out")
         if self.focal_length is not None and self.grid is not None and self.grid.estimate_focal_length:
             raise ValueError("both focal_length and grid.estimate_focal_length; give one of them")
         if self.distortion is not None and self.grid is not None and self.grid.estimate_k1:
@@ -180,9 +181,10 @@ def camera_fit(table: CameraTable, size: tuple[int, int], folder: Path, focal_le
     elif table.lines is not None:
         fit = _from_lines(table, table.lines, size, focal_length, distortion)
     elif table.file is not None:
-        asked = table.file
-        camera = read_camera(folder / asked.path, *size, name=asked.name, up=asked.up, unit=asked.unit)
-        fit = CameraFit(_with(camera, "camera.distortion", distortion=distortion))
+        fit = CameraFit(camera_of_file(
+            table.file, size, folder, focal_length=table.focal_length, exif=focal_length, centre=table.centre,
+            distortion=distortion, readout=table.readout or 0.0,
+        ))  # fmt: skip
     else:
         assert table.pose is not None  # else it is found from the ball: CameraTable.of_ball
         fit = CameraFit(_from_pose(table, table.pose, size, focal_length, distortion))

@@ -99,7 +99,8 @@ class Light(FinishedLight):
         from above
     lamps : places of lamps that hang in the room, before its walls
     scale : by which the light is multiplied to be on the plate's scale, before anything is measured by it; where no
-        exposure says it, it is found from a reflectance that is given, or from what both show
+        exposure says it, it is found from a reflectance that is given, or from what both show. Three numbers, one a
+        channel, give the light the plate's white too, which is then not looked for
     surface_reflectance : mean share of light that the surface under the objects gives back, from which the scale is
         found where no exposure says it; its reflectance is recovered all the same
     turn, exposure : degrees about +Y and stops, to change what was measured
@@ -112,7 +113,7 @@ class Light(FinishedLight):
     distant: DistantTable = DistantTable()
     probe: Vector | None = None
     heading: float = 0.0
-    scale: Positive | None = None
+    scale: Positive | tuple[Positive, Positive, Positive] | None = None
     surface_reflectance: Mirrored | None = None
     lamps: list[Vector] = Field(default_factory=list)
     turn: float = 0.0

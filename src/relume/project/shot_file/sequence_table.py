@@ -50,7 +50,8 @@ class SequenceTable(Table):
     interpolation : between keys
     shutter : when it opens and closes, shares of a frame's time about the frame's moment; without it nothing blurs
     plates : one photograph or radiance map a frame, for a camera that moves or a place that changes; the last number in
-        each name is its frame's
+        each name is its frame's. Or one video, whose first picture is number 1
+    offset : frames added to those of the sequence for the numbers of the plates
     """
 
     frames: tuple[int, ...]
@@ -58,6 +59,7 @@ class SequenceTable(Table):
     interpolation: Literal["linear", "smooth", "step"] = "linear"
     shutter: tuple[float, float] | None = None
     plates: Names | None = None
+    offset: int = 0
 
     @field_validator("frames", mode="before")
     @classmethod

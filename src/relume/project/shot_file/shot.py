@@ -45,9 +45,13 @@ class Spot(Table):
 
 
 class Plate(MergeTable):
-    """The photograph that receives the objects: a bracket, a single photograph or one radiance map."""
+    """The photograph that receives the objects: a bracket, a single photograph, one radiance map or a video's frame.
+
+    frame : of a video, 1 for its first; that of each frame in a sequence
+    """
 
     photographs: Names = Field(min_length=1)
+    frame: Annotated[int, Field(ge=1)] | None = None
     times: list[Positive] | None = None
     denoise: bool = False
     spot: Spot | None = None

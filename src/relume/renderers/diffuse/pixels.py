@@ -34,8 +34,8 @@ class PixelSamples:
         random = np.random.default_rng([self.seed, 0x70697865, cell])
         x, y = np.meshgrid(np.arange(self.camera.width), np.arange(self.camera.height))
         corner = np.stack([x.ravel(), y.ravel()], axis=-1) + np.array([cell % self.side, cell // self.side]) / self.side
-        directions = self.camera.rays_through(corner + random.random(corner.shape) / self.side)
-        return np.tile(np.asarray(self.camera.position, np.float64), (len(directions), 1)), directions
+        points = corner + random.random(corner.shape) / self.side
+        return np.array(self.camera.eyes(points)), self.camera.rays_through(points)
 
 
 def gathered(

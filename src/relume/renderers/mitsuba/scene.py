@@ -133,12 +133,15 @@ def matte_dictionary(mi: Any, scene: Scene, camera: Camera) -> dict[str, Any]:
 def sensor(mi: Any, camera: Camera) -> dict[str, Any]:
     """Mitsuba's camera looks along +Z with +X to its left: ours, turned half a turn about +Y.
 
-    Raises UnsupportedScene for a distorting lens, and for an aperture whose axis does not meet the picture's middle.
+    Raises UnsupportedScene for a distorting lens, a rolling shutter, and for an aperture whose axis
+    does not meet the picture's middle.
     """
     if camera.distortion is not None:
         raise UnsupportedScene(
             "Mitsuba's cameras have no lens distortion; install LLVM 16 or newer for ours, or use rl.scene.undistorted"
         )
+    if camera.rolling is not None:
+        raise UnsupportedScene("Mitsuba's cameras have no rolling shutter; install LLVM 16 or newer for ours")
     across, down = 0.5 - np.array(camera.principal_point) / [camera.width, camera.height]
     if camera.aperture > 0 and max(abs(across), abs(down)) > 1e-9:
         raise UnsupportedScene(

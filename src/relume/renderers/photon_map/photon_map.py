@@ -122,7 +122,7 @@ class PhotonMap(Renderer):
                 shift = np.random.default_rng([seed, part]).random((len(number), 2))
                 points = np.stack([column, row], -1) + (shift + index * np.array([0.7548776662, 0.5698402910])) % 1
                 ways = camera.rays_through(points)
-                eyes = np.tile(np.asarray(camera.position, np.float64), (len(ways), 1))
+                eyes = np.array(camera.eyes(points))
                 radiance, radius[number] = gathering.seen(eyes, ways, random)
                 sums[number] += np.concatenate([radiance, radiance**2, _planes(stage, eyes, ways, scene)], axis=1)
             render = _render(sums, index + 1, camera)

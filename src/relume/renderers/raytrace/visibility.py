@@ -61,8 +61,13 @@ class Stage:
     def seen(self, camera: Camera, turn: np.ndarray, about: np.ndarray, threads: int | None = None) -> Seen:
         """What the camera sees when everything is turned, by a rotation (3, 3) about a point (3,).
 
-        Raises UnsupportedScene for a lens with an aperture.
+        Raises UnsupportedScene for a lens with an aperture and for a rolling shutter.
         """
+        if camera.rolling is not None:
+            raise UnsupportedScene(
+                "reflection maps show what is seen from one point, and this camera's shutter rolls; use rl.Mitsuba "
+                "(--renderer mitsuba), or a camera without"
+            )
         if camera.aperture > 0:
             raise UnsupportedScene(
                 "reflection maps show what a pinhole sees, and this camera's lens has an aperture; use rl.Mitsuba "

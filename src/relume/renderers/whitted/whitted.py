@@ -377,10 +377,10 @@ def _rows_by_workers(
 def view_of(camera: Camera) -> np.ndarray:
     """The camera as sixteen numbers: eye, rotation in rows, focal length, principal point.
 
-    Raises UnsupportedScene for a lens that distorts or has an aperture.
+    Raises UnsupportedScene for a lens that distorts, has an aperture or moves while its rows are read.
     """
-    if camera.distortion is not None or camera.aperture > 0:
-        what = "distorts" if camera.distortion is not None else "has an aperture"
+    if camera.distortion is not None or camera.aperture > 0 or camera.rolling is not None:
+        what = "distorts" if camera.distortion is not None else "has an aperture" if camera.aperture > 0 else "moves"
         raise UnsupportedScene(
             f"Whitted's camera is a pinhole, and this one's lens {what}; use rl.Mitsuba (--renderer mitsuba), or a "
             "camera without"

@@ -129,6 +129,15 @@ def read_blender_camera(
         raise UnreadableFile(f"{path}: {error}; run the script again") from None
 
 
+def blender_span(path: Path) -> tuple[float, float] | None:
+    """Seconds from the first to the last frame of a camera that moves; None for one at rest; raises UnreadableFile."""
+    facts = _read_facts(path)
+    frames, rate = facts.get("frames"), facts.get("rate")
+    if not isinstance(frames, list) or not isinstance(rate, int | float) or not rate > 0:
+        return None
+    return 0.0, (len(frames) - 1) / float(rate)
+
+
 def _between(frames: list[dict[str, Any]], place: float) -> dict[str, Any]:
     """The facts between two of the frames; the first ones' and the last ones' beyond."""
     index = int(np.clip(np.floor(place), 0, max(len(frames) - 2, 0)))

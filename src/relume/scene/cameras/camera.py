@@ -7,6 +7,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from relume.scene.cameras.distortion import Distortion
+from relume.scene.cameras.rolling_shutter import RollingShutter
 from relume.sphere.directions import look_at
 
 
@@ -22,8 +23,10 @@ class Camera:
     distortion : of the lens; none if None
     aperture : radius of the lens, metres; 0 for a pinhole, which is sharp everywhere
     focus : distance of the plane in focus along the viewing axis, metres
+    rolling : how it moves while its rows are read one after another; None where all rows are of one moment
 
     `project` and `rays` are those of the lens's middle; an aperture spreads rays about it, which only renderers do.
+    With a rolling shutter the rays of a row start at `eyes` and not at `position`, which is the middle row's.
     """
 
     width: int
@@ -35,6 +38,7 @@ class Camera:
     distortion: Distortion | None = None
     aperture: float = 0.0
     focus: float = np.inf
+    rolling: RollingShutter | None = None
 
     def __post_init__(self) -> None:
         if self.width < 1 or self.height < 1 or not 0 < self.focal_length < np.inf:
@@ -66,8 +70,8 @@ class Camera:
         return (self.width / 2, self.height / 2) if self.centre is None else self.centre
 
     def pinhole(self) -> Camera:
-        """The same camera without distortion."""
-        return replace(self, distortion=None)
+        """The same camera without distortion, all its rows at one moment."""
+        return replace(self, distortion=None, rolling=None)
 
     def resized(self, width: int, height: int) -> Camera:
         """The same field of view across, in other pixels; another aspect crops or extends above and below alike."""
@@ -75,12 +79,16 @@ class Camera:
         if self.centre is not None:
             x, y = self.centre
             centre = (x * scale, height / 2 + (y - self.height / 2) * scale)
-        return replace(self, width=width, height=height, focal_length=self.focal_length * scale, centre=centre)
+        rolling = None if self.rolling is None else self.rolling.scaled(scale, self.height, height)
+        return replace(
+            self, width=width, height=height, focal_length=self.focal_length * scale, centre=centre, rolling=rolling
+        )
 
     def window(self, left: int, top: int, width: int, height: int) -> Camera:
         """What these pixels of the picture show, as a picture of its own: the same place, lens and size of pixels."""
         across, down = self.principal_point
-        return replace(self, width=width, height=height, centre=(across - left, down - top))
+        rolling = None if self.rolling is None else self.rolling.window(top)
+        return replace(self, width=width, height=height, centre=(across - left, down - top), rolling=rolling)
 
     def rays(self) -> np.ndarray:
         """Unit directions (H, W, 3), world, through the pixel centres."""
@@ -101,14 +109,37 @@ class Camera:
             straight = self.distortion.undistorted(seen)
             local = np.stack(np.broadcast_arrays(straight[..., 0], -straight[..., 1], -1.0), axis=-1)
         local = local / np.linalg.norm(local, axis=-1, keepdims=True)
-        return local @ self.rotation.T
+        world = local @ self.rotation.T
+        return world if self.rolling is None else self.rolling.turned(world, self.rolling.shares(points[..., 1]))
+
+    def eyes(self, points: np.ndarray) -> np.ndarray:
+        """Where the rays through pixel coordinates (…, 2) start, (…, 3) metres."""
+        position = np.asarray(self.position, np.float64)
+        if self.rolling is None:
+            return np.broadcast_to(position, (*points.shape[:-1], 3))
+        return position + self.rolling.moved(self.rolling.shares(points[..., 1]))
 
     def project(self, points: np.ndarray) -> np.ndarray:
         """Pixel coordinates (…, 2), x right and y down, of world points (…, 3).
 
-        NaN behind the camera and beyond where the distortion model folds over.
+        NaN behind the camera and beyond where the distortion model folds over. With a rolling shutter each point is
+        where it is in the row that shows it, which is found by repetition.
         """
-        local = (np.asarray(points, np.float64) - self.position) @ self.rotation
+        points = np.asarray(points, np.float64)
+        if self.rolling is None:
+            return self._seen(points - self.position)
+        shares = np.zeros(points.shape[:-1])
+        for _ in range(ROW_STEPS):
+            way = points - self.position - self.rolling.moved(shares)
+            found = self._seen(self.rolling.turned(way, shares, back=True))
+            last, shares = shares, self.rolling.shares(np.nan_to_num(found[..., 1], nan=self.rolling.middle))
+            if np.all(np.abs(shares - last) < 1e-9):
+                break
+        return found
+
+    def _seen(self, way: np.ndarray) -> np.ndarray:
+        """Pixel coordinates of what lies at `way` (…, 3), world, from the camera in its own pose."""
+        local = way @ self.rotation
         depth = np.where(local[..., 2] < 0, -local[..., 2], np.nan)
         across, down = self.principal_point
         if self.distortion is None:
@@ -116,6 +147,10 @@ class Camera:
             return np.stack([x, down - self.focal_length * local[..., 1] / depth], axis=-1)
         straight = np.stack([local[..., 0] / depth, -local[..., 1] / depth], axis=-1)
         return np.array([across, down]) + self.focal_length * self.distortion.distorted(straight)
+
+
+ROW_STEPS = 50
+"""Repetitions after which the row of a point is taken as found: a pan by a tenth of the picture needs six."""
 
 
 def border(width: int, height: int) -> np.ndarray:
@@ -133,9 +168,10 @@ LARGEST_UNDISTORTED = 4.0
 def undistorted(camera: Camera) -> Camera:
     """A camera without distortion that sees all that `camera` sees, as finely in the middle: same pose, larger picture.
 
+    All its rows are of one moment: that of the middle row of a rolling shutter.
     Raises ValueError where its picture would be more than four times as wide or high.
     """
-    if camera.distortion is None:
+    if camera.distortion is None and camera.rolling is None:
         return camera
     pinhole = camera.pinhole()
     seen = pinhole.project(camera.position + camera.rays_through(border(camera.width, camera.height)))

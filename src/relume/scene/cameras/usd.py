@@ -41,6 +41,15 @@ def read_usd_camera(
     return _camera(path, lens, prim.GetName(), (width, height), axis, metres)
 
 
+def usd_span(path: Path, name: str | None) -> tuple[float, float] | None:
+    """Seconds from a stage's first time code to its last, if its camera moves; else None; raises UnreadableFile."""
+    with stage_of(path, "Usd", "UsdGeom") as (stage, usd, geometry):
+        prim = _chosen(path, stage, name, usd, geometry)
+        if not _moves(prim, geometry) or not stage.HasAuthoredTimeCodeRange():
+            return None
+        return 0.0, float((stage.GetEndTimeCode() - stage.GetStartTimeCode()) / stage.GetTimeCodesPerSecond())
+
+
 def _chosen(path: Path, stage: Any, name: str | None, usd: Any, geometry: Any) -> Any:
     """The prim of the camera asked for."""
     cameras = [prim for prim in stage.Traverse(usd.TraverseInstanceProxies()) if prim.IsA(geometry.Camera)]

@@ -12,7 +12,7 @@ from relume.errors import warn
 from relume.image.colour import decode_srgb, encode_srgb, luminance
 from relume.image.photograph import Exposure, Photograph
 from relume.image.radiance import OUTSIDE, RadianceMap
-from relume.image.response import Response
+from relume.image.response import Response, srgb_response
 from relume.sphere.environment_map import EnvironmentMap
 from relume.virtual_camera.film.grain import Grain
 from relume.virtual_camera.protocols import Adaptation, Relative
@@ -204,16 +204,6 @@ def _noisy(values: np.ndarray, response: Response, generator: np.random.Generato
     spread = np.stack([np.interp(values[..., c], steps, sigma[c]) for c in range(3)], axis=-1)
     spread[values >= response.levels - 1] = 0.0
     return values + spread * generator.standard_normal(values.shape)
-
-
-def srgb_response(levels: int = 256) -> Response:
-    """The sRGB curve as a response (IEC 61966-2-1), exposure 1 white, its only noise that of rounding.
-
-    The value 0 has no exposure of its own: it stands a quarter of the way to 1.
-    """
-    share = np.arange(levels) / (levels - 1)
-    share[0] = 0.25 * share[1]
-    return Response(np.tile(np.log(decode_srgb(share)), (3, 1)), np.full(3, np.sqrt(1 / 12)))
 
 
 def _channel(response: Response, channel: int) -> Callable[[np.ndarray], np.ndarray]:

@@ -12,8 +12,8 @@ from relume.capture.merging import Weighting, merge
 from relume.image.colour_space import in_rec709, response_of
 from relume.image.photograph import Exposure, Photograph
 from relume.image.radiance import RadianceMap
-from relume.image.response import Response
-from relume.virtual_camera.film.film import Film, srgb_response
+from relume.image.response import Response, srgb_response
+from relume.virtual_camera.film.film import Film
 from relume.virtual_camera.lens.undoing import undo_optics
 from relume.virtual_camera.protocols import Optics
 from relume.virtual_camera.view import View

@@ -17,8 +17,8 @@ from relume.image.colour import luminance
 from relume.image.colour_space import name_of
 from relume.image.photograph import Exposure, Photograph
 from relume.image.radiance import RadianceMap
-from relume.image.response import Response
-from relume.virtual_camera.film.film import Film, srgb_response
+from relume.image.response import Response, srgb_response
+from relume.virtual_camera.film.film import Film
 from relume.virtual_camera.film.undeveloping import AllButEnds, undevelop
 from relume.virtual_camera.lens.vignetting import MeasuredVignetting
 from relume.virtual_camera.plate_matching.grain_measuring import photograph_grain

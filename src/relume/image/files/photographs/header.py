@@ -8,7 +8,7 @@ from dataclasses import dataclass
 from typing import BinaryIO
 
 from relume.errors import FormatError, UnreadableFile
-from relume.image.files.photographs import png
+from relume.image.files.photographs import pixmaps, png
 from relume.image.files.photographs.form import Form
 from relume.image.files.photographs.jpeg_segments import APP1, APP2, ISO_GAIN_MAP
 from relume.image.files.read_options import ReadOptions, refuse_absurd_amount, refuse_absurd_size
@@ -47,12 +47,17 @@ class Facts:
 
 
 def form_of(path: str | os.PathLike[str], kind: str, options: ReadOptions) -> Form:
-    """The form of a "JPEG", "PNG", "TIFF" or "HEIF"; raises UnreadableFile where damaged, or beyond `options`."""
+    """The form of one of `PHOTOGRAPHS`; raises UnreadableFile where damaged, or beyond `options`."""
     size = os.path.getsize(path)
     if kind == "HEIF":
         from relume.image.files.photographs import heif
 
         return heif.opened(path, options).form
+    if kind in ("BMP", "PNM"):
+        form = pixmaps.form_of(path, kind)
+        refuse_absurd_size(path, form.width, form.height, options)
+        refuse_absurd_amount(path, form.width * form.height * 3 * -(-form.bits // 8), size, options)
+        return form
     if kind == "TIFF":
         return _tiff(path, size, options)
     if kind == "PNG":
@@ -90,7 +95,8 @@ def read_facts(path: str | os.PathLike[str], options: ReadOptions = ReadOptions(
         picture = heif.opened(path, options)
         form, tags, lying = picture.form, exif.tags_in(path, picture.exif), False
     else:
-        form, tags = form_of(path, kind, options), exif.tags(path, kind)
+        form = form_of(path, kind, options)
+        tags = {} if kind in ("BMP", "PNM") else exif.tags(path, kind)
         lying = exif.orientation_of(tags) >= 5
     return Facts(
         name=str(path),

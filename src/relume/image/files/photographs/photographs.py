@@ -23,7 +23,7 @@ from relume.errors import FormatError, UnreadableFile, warn
 from relume.image.files.atomic import replacing
 from relume.image.files.gain_map.gain_map import has_any as has_any_gain_map
 from relume.image.files.metadata import exif, exif_attributes, icc_profile
-from relume.image.files.photographs import heif, png
+from relume.image.files.photographs import heif, pixmaps, png
 from relume.image.files.photographs.form import Form
 from relume.image.files.photographs.header import form_of
 from relume.image.files.photographs.jpeg_coding import coding_of
@@ -48,7 +48,7 @@ _LONG_TEXT = 1024  # letters; five of these fit
 
 
 def read(path: str | os.PathLike[str], options: ReadOptions = ReadOptions()) -> Photograph:
-    """The photograph in a JPEG, PNG, TIFF or HEIF, with the exposure, settings, camera and focal length in its EXIF.
+    """The photograph in a JPEG, PNG, TIFF, HEIF, BMP or PPM, with exposure, settings, camera, focal length of its EXIF.
 
     Grey becomes three equal channels. Where alpha is 0 the picture is `outside`. Of a file with a gain map it is the
     base picture; of a TIFF the first page, of a HEIF the main picture. Its profile is the embedded one, else that of
@@ -65,6 +65,8 @@ def read(path: str | os.PathLike[str], options: ReadOptions = ReadOptions()) -> 
         tags = {**exif.tags_in(path, picture.exif), exif.ORIENTATION: 1}
         return _photograph(path, stored, profile, tags, gain_map=picture.gain_map)
     form = form_of(path, kind, options)
+    if kind in ("BMP", "PNM"):
+        return _photograph(path, pixmaps.decoded(path, kind), None, {}, gain_map=False)
     if kind == "PNG":
         png.warn_of_other_encoding(path, png.header(path))
     if form.pages > 1:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from typing import Any
 
 import drjit as dr
@@ -11,12 +12,15 @@ import numpy as np
 from relume.renderers.mitsuba.transport import opaque
 from relume.scene.cameras.camera import Camera
 
+ROW_STEPS = 5
+"""Repetitions to find the row that shows a point: each leaves a tenth of the error of a pan by a tenth of the picture.
+"""
 FAR = 1e5
 """Metres: the plane in focus of a lens that is focused at infinity."""
 
 
 class Lens:
-    """A camera with its distortion and its aperture."""
+    """A camera with its distortion, its aperture and its rolling shutter."""
 
     def __init__(self, camera: Camera) -> None:
         self.camera = camera
@@ -26,6 +30,7 @@ class Lens:
         self.place = opaque.point(camera.position)
         self.aperture = opaque.number(camera.aperture)
         self.straight = None if camera.distortion is None else _straight(camera)
+        self.rows = None if camera.rolling is None else _Rows(camera)
 
     def rays(self, x: Any, y: Any, aperture: Any) -> Any:
         """Rays through pixel coordinates; `aperture`, two numbers from 0 to 1, is where they go through the lens."""
@@ -39,7 +44,12 @@ class Lens:
         towards, origin = mi.Vector3f(across, up, -1), self._on_lens(aperture)
         if camera.aperture > 0:
             towards = self.focus * towards - origin
-        return mi.Ray3f(self.place + self.turn @ origin, dr.normalize(self.turn @ towards))
+        begin, way = self.turn @ origin, self.turn @ towards
+        if self.rows is None:
+            return mi.Ray3f(self.place + begin, dr.normalize(way))
+        share = self.rows.share(y)
+        start = self.place + self.rows.moved(share) + self.rows.turned(begin, share)
+        return mi.Ray3f(start, dr.normalize(self.rows.turned(way, share)))
 
     def _on_lens(self, aperture: Any) -> Any:
         """Where a ray goes through the lens, from its middle and in the camera's frame."""
@@ -53,10 +63,24 @@ class Lens:
 
         The share is f²/(cos³θ·r²): square pixels for a square metre that faces the camera, of what leaves it.
         """
+        if self.rows is None:
+            return self._seen_by(si, aperture, active, None)
+        # The row that shows the point, which says where the camera was.
+        share = mi.Float(0)
+        for _ in range(ROW_STEPS):
+            share = self.rows.share(self._seen_by(si, aperture, active, share)[0].y)
+        return self._seen_by(si, aperture, active, share)
+
+    def _seen_by(self, si: Any, aperture: Any, active: Any, share: Any) -> tuple[Any, Any, Any]:
+        """`seen_at` at a share of the readout; None where all rows are of one moment."""
         camera, origin = self.camera, self._on_lens(aperture)
-        lens = self.place + self.turn @ origin
-        way = lens - si.p
-        local = self.back @ -way
+        lens = self.turn @ origin
+        if self.rows is None:
+            way = self.place + lens - si.p
+            local = self.back @ -way
+        else:
+            way = self.place + self.rows.moved(share) + self.rows.turned(lens, share) - si.p
+            local = self.back @ self.rows.turned(-way, share, back=True)
         depth = -local.z
         ahead = active & (depth > 1e-3)
         across, up = local.x / depth, local.y / depth
@@ -78,10 +102,36 @@ class Lens:
         return mi.Point2f(x, y), dr.select(ahead, factor, 0), back
 
 
+class _Rows:
+    """`RollingShutter` in Dr.Jit."""
+
+    def __init__(self, camera: Camera) -> None:
+        rolling = camera.rolling
+        assert rolling is not None
+        self.middle, self.rows = opaque.number(rolling.middle), opaque.number(rolling.rows)
+        self.moves = [opaque.point(each) for each in rolling.moves]
+        self.turns = [opaque.point(each) for each in rolling.turns]
+
+    def share(self, y: Any) -> Any:
+        return dr.clip((y - self.middle) / self.rows, -1.5, 1.5)
+
+    def moved(self, share: Any) -> Any:
+        return mi.Vector3f(share * self.moves[0] + share * share * self.moves[1])
+
+    def turned(self, way: Any, share: Any, back: bool = False) -> Any:
+        vector = mi.Vector3f(share * self.turns[0] + share * share * self.turns[1])
+        angle = dr.norm(vector)
+        axis = vector / dr.maximum(angle, 1e-12)
+        sine, cosine = dr.sincos(-angle if back else angle)
+        along = dr.dot(axis, way) * axis
+        return along + (way - along) * cosine + dr.cross(axis, way) * sine
+
+
 def _straight(camera: Camera) -> Any:
     """The slopes of the undistorted rays, right and up, at the corners of all pixels."""
     x, y = np.meshgrid(np.arange(camera.width + 1.0), np.arange(camera.height + 1.0))
-    local = camera.rays_through(np.stack([x, y], axis=-1)) @ camera.rotation
+    still = replace(camera, rolling=None)
+    local = still.rays_through(np.stack([x, y], axis=-1)) @ camera.rotation
     slopes = local[..., :2] / -local[..., 2:]
     pixels = mi.TensorXf(slopes.astype(np.float32))
     return mi.Texture2f(pixels, wrap_mode=dr.WrapMode.Clamp, use_accel=False)  # pyright: ignore[reportCallIssue]
