@@ -27,3 +27,11 @@ from .panorama.view_files import known_orientations as known_orientations
 from .panorama.views import PanoramaView as PanoramaView
 from .probe_each import find_places as find_places
 from .probe_each import probe_each as probe_each
+from .video.calibrating import BallFilm as BallFilm
+from .video.calibrating import FilmCalibration as FilmCalibration
+from .video.calibrating import SphericalFilm as SphericalFilm
+from .video.filming import FilmProbe as FilmProbe
+from .video.filming import FilmSettings as FilmSettings
+from .video.filming import probe_film as probe_film
+from .video.lookup import BallPlace as BallPlace
+from .video.steadying import Steadying as Steadying
