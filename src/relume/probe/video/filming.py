@@ -9,7 +9,7 @@ from collections import deque
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from concurrent.futures import Future, ThreadPoolExecutor
 from contextlib import contextmanager
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, TypeVar
 
@@ -18,6 +18,7 @@ import numpy as np
 from relume.capture.response.camera_profile import CameraProfile
 from relume.errors import Doubt, GatheredDoubts, OutputNotWritten, ranked
 from relume.image import files
+from relume.image.files.encodings import OpenEXR
 from relume.image.files.video import video_frames
 from relume.image.radiance import SATURATED, RadianceMap
 from relume.probe.video.calibrating import BallFilm, FilmCalibration, SphericalFilm, calibrate_film
@@ -41,7 +42,9 @@ class FilmSettings:
         period from the film's first on; found in the film unless given
     steadying : over time; its `latency` and that of alternating exposures add up
     steady_exposure : refuse a film in which everything becomes brighter or darker at once, as by a camera's automatic
-    keep_variance : write the variance too, which doubles the files
+    half : store 16 bits a value, with an error of at most 1/2048 of it: a tenth of what a film of 8 bits knows, in a
+        sixth of the space and a third of the time
+    keep_variance : write the variance too
     """
 
     size: int = 512
@@ -49,6 +52,7 @@ class FilmSettings:
     stops: tuple[float, ...] | None = None
     steadying: Steadying = Steadying()
     steady_exposure: bool = True
+    half: bool = True
     keep_variance: bool = False
 
     def __post_init__(self) -> None:
@@ -134,9 +138,9 @@ def probe_film(
             def write(numbered: tuple[int, MomentMap]) -> tuple[str, float]:
                 number, each = numbered
                 name = f"map_{number + 1:06d}.exr"
-                variance = each.variance if settings.keep_variance else None
+                variance = each.variance(found.tables) if settings.keep_variance else None
                 picture = RadianceMap(each.radiance, variance, each.clipped, attributes={"mapping": "latlong"})
-                files.write(folder / name, picture)
+                files.write(folder / name, picture, OpenEXR(settings.half))
                 return name, _clipped_share(each)
 
             for name, share in film_maps(found, settings.steadying, then=write):
@@ -165,7 +169,8 @@ def film_maps(
         moments = _in_order(
             pool, lambda each: _moment(found, *each), _windows(found, collected, steadying), ahead
         )
-        yield from _in_order(pool, then, enumerate(steadying.steadied(moments)), ahead)
+        steady = enumerate(steadying.steadied(moments, found.tables))
+        yield from _in_order(pool, lambda each: then((each[0], each[1]())), steady, ahead)
 
 
 def _in_order(
@@ -199,9 +204,9 @@ def _collected(found: FilmCalibration, number: int, frames: Sequence[np.ndarray]
     result = []
     for film, frame in enumerate(frames):
         takes = found.of_frame(film, number)
-        sums = takes[0].collected(frame, found.tables)
-        for take in takes[1:]:
-            sums.add(take.collected(frame, found.tables))
+        sums = Collected.nothing(len(found.blind.seen))
+        for take in takes:
+            take.collect(frame, found.tables, sums)
         result.append(_FilmFrame(number % found.courses[film].period, sums, gains_darkest(takes)))
     return result
 
@@ -252,9 +257,7 @@ def _reach(found: FilmCalibration, steadying: Steadying) -> int:
 def _moment(found: FilmCalibration, now: Sequence[_FilmFrame], extra: Sequence[_FilmFrame]) -> MomentMap:
     """The map of a moment; what other films and frames show is moved to where the first film's frame shows it."""
     first = now[0]
-    sums = replace(
-        first.sums, light=first.sums.light.copy(), exposure=first.sums.exposure.copy(), spread=first.sums.spread.copy()
-    )
+    sums = Collected(first.sums.light.copy(), first.sums.exposure.copy())
     for other in (*now[1:], *extra):
         sums.add(brought(other.sums, first.sums, found.tables, (other.darkest, first.darkest)))
     darkest = np.min([each.darkest for each in (*now, *extra)], axis=0)

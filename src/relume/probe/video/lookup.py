@@ -48,7 +48,7 @@ class Lookup(Protocol):
         ...
 
     def least(self, part: np.ndarray) -> np.ndarray:
-        """The least of a part (h, w) float32 that reaches into each pixel of the map by way of `to_map`: (H, 2H)."""
+        """The least of a part (h, w, 3) float32 that reaches into each pixel of the map by `to_map`: (H, 2H, 3)."""
         ...
 
 
@@ -169,10 +169,10 @@ class BallLookup:
         return self._reduced(cv2.remap(part, *self._table[0], cv2.INTER_LINEAR, borderMode=cv2.BORDER_REPLICATE))
 
     def least(self, part: np.ndarray) -> np.ndarray:
-        """(H, 2H): none of the pixels between which it is looked up is less, but by how it fades."""
+        """(H, 2H, 3): none of the pixels between which it is looked up is less, but by how it fades."""
         fine = cv2.remap(cv2.erode(part, BESIDE_EACH), *self._table[0], cv2.INTER_LINEAR)
         finer = self._finer
-        return fine if finer == 1 else fine.reshape(self.size, finer, 2 * self.size, finer).min((1, 3))
+        return fine if finer == 1 else fine.reshape(self.size, finer, 2 * self.size, finer, 3).min((1, 3))
 
     def _reduced(self, picture: np.ndarray) -> np.ndarray:
         if self._finer == 1:
@@ -211,7 +211,7 @@ class FrameLookup:
         return cv2.resize(part, (2 * self.size, self.size), interpolation=way)
 
     def least(self, part: np.ndarray) -> np.ndarray:
-        """(H, 2H): none of the pixels that each covers is less."""
+        """(H, 2H, 3): none of the pixels that each covers is less."""
         if part.shape[0] == self.size:
             return part
         reach = 2 * int(np.ceil(part.shape[0] / self.size / 2)) + 1

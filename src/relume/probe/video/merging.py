@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import Self
 
 import cv2
 import numpy as np
@@ -31,19 +32,18 @@ class Take:
     lookup: Lookup
     gain: np.ndarray
 
-    def collected(self, frame: np.ndarray, tables: LightTables) -> Collected:
-        """What it shows of the light in a frame (H, W, 3) uint8."""
-        part = self.lookup.cut(frame)
-        light, variance = (self.lookup.to_map(looked_up(table, part)) for table in (tables.exposure, tables.variance))
+    def collect(self, frame: np.ndarray, tables: LightTables, sums: Collected) -> None:
+        """Add what it shows of the light in a frame (H, W, 3) uint8 to sums, in place."""
+        part, gain = self.lookup.cut(frame), self.gain.astype(np.float32)
+        radiance = self.lookup.to_map(looked_up(tables.exposure / gain, part))
+        if self.lookup.gain is not None:
+            radiance *= self.lookup.gain
         # Beside a saturated pixel nothing is believed: in between, light would be that of the other pixels alone.
         brightest = cv2.max(cv2.max(part[..., 0], part[..., 1]), part[..., 2])
-        belief = self.lookup.least(looked_up(tables.belief, brightest))[..., None]
-        if self.lookup.gain is not None:
-            light *= self.lookup.gain
-            variance *= self.lookup.gain**2
-        light *= belief
-        variance *= belief * belief
-        return Collected(light, belief * self.gain.astype(np.float32), variance)
+        weights = looked_up(tables.belief[:, None] * gain, cv2.merge([brightest] * 3))
+        weights = self.lookup.least(weights)
+        cv2.accumulateProduct(radiance, weights, sums.light)
+        cv2.accumulate(weights, sums.exposure)
 
 
 @dataclass(frozen=True, eq=False)
@@ -52,35 +52,50 @@ class Collected:
 
     light : Σ c E
     exposure : Σ c g, so that light over exposure is radiance
-    spread : Σ c² var E
     """
 
     light: np.ndarray
     exposure: np.ndarray
-    spread: np.ndarray
+
+    @classmethod
+    def nothing(cls, size: int) -> Self:
+        """Sums to begin with, of a map of `size` rows."""
+        return cls(np.zeros((size, 2 * size, 3), np.float32), np.zeros((size, 2 * size, 3), np.float32))
 
     def add(self, other: Collected) -> None:
         """Add another's sums to these, in place."""
-        for mine, theirs in ((self.light, other.light), (self.exposure, other.exposure), (self.spread, other.spread)):
-            np.add(mine, theirs, out=mine)
+        cv2.accumulate(other.light, self.light)
+        cv2.accumulate(other.exposure, self.exposure)
 
 
 @dataclass(frozen=True, eq=False)
 class MomentMap:
     """The light of one frame.
 
-    radiance, variance : (H, 2H, 3) float32; the exposure of the brightest take shows 1 as white
+    radiance : (H, 2H, 3) float32; the exposure of the brightest take shows 1 as white
+    exposure : (H, 2H, 3) float32 that it was measured by, as shares of the brightest take's; 0 where it is not measured
     clipped : (H, 2H) uint8 in the codes of `RadianceMap`
     """
 
     radiance: np.ndarray
-    variance: np.ndarray
+    exposure: np.ndarray
     clipped: np.ndarray
 
     @property
     def saturated(self) -> bool:
         """Whether any of it is a lower bound."""
         return bool((self.clipped == SATURATED).any())
+
+    def variance(self, tables: LightTables) -> np.ndarray:
+        """(H, 2H, 3) float32, of the radiance by the noise of pixel values; infinite where it is not measured.
+
+        Of the brightest take that is believed, which is nearly all of the exposure: the darker ones are several stops
+        below it. Interpolation between pixels and means over time leave less.
+        """
+        level = np.minimum(self.radiance * self.exposure, 1)
+        noise = np.stack([np.interp(level[..., c], tables.exposure[:, c], tables.variance[:, c]) for c in range(3)], -1)
+        with np.errstate(divide="ignore"):
+            return (noise / np.square(self.exposure, dtype=np.float64)).astype(np.float32)
 
 
 def merged(sums: Collected, darkest: np.ndarray, tables: LightTables, blind: Continuation) -> MomentMap:
@@ -89,26 +104,24 @@ def merged(sums: Collected, darkest: np.ndarray, tables: LightTables, blind: Con
     darkest : (3,) the least gain of the takes
     blind : of what no take shows
 
-    Where even the darkest take is saturated radiance is what that would be just at white, a lower bound, and its
-    variance infinite; what no take shows is continued from its rim, and its variance infinite too.
+    Where even the darkest take is saturated radiance is what that would be just at white, a lower bound; what no take
+    shows is continued from its rim.
     """
     least = (LEAST * darkest).astype(np.float32)
-    exposure = np.maximum(sums.exposure, least)
-    radiance = sums.light / exposure
-    np.multiply(exposure, exposure, out=exposure)
-    variance = sums.spread / exposure
+    radiance = cv2.divide(sums.light, np.maximum(sums.exposure, least))
     clipped = np.zeros(radiance.shape[:2], np.uint8)
-    short = sums.exposure < least
+    # Where it is short in one channel it is in all: they are believed together.
+    short = sums.exposure[..., 0] < least[0]
     if short.any():
         bound = (tables.exposure[255] / darkest).astype(np.float32)
-        radiance = np.where(short, np.maximum(radiance, bound), radiance)
-        variance[short] = np.inf
-        clipped[short.any(axis=-1)] = SATURATED
+        radiance[short] = np.maximum(radiance[short], bound)
+        sums.exposure[short] = 0
+        clipped[short] = SATURATED
     if len(blind.weights):
         blind.fill(radiance)
-        variance[~blind.seen] = np.inf
+        sums.exposure[~blind.seen] = 0
         clipped[~blind.seen] = OUTSIDE
-    return MomentMap(radiance, variance, clipped)
+    return MomentMap(radiance, sums.exposure, clipped)
 
 
 def gains_darkest(takes: Sequence[Take]) -> np.ndarray:

@@ -31,14 +31,14 @@ def brought(other: Collected, onto: Collected, tables: LightTables, least: tuple
     x = (x - 1) % columns + 1
     moved = [
         cv2.remap(np.concatenate([each[:, -1:], each, each[:, :1]], axis=1), x, y, cv2.INTER_LINEAR)
-        for each in (other.light, other.exposure, other.spread)
+        for each in (other.light, other.exposure)
     ]
     mine = luminance(onto.light / np.maximum(onto.exposure, 1e-9))
     theirs = luminance(moved[0] / np.maximum(moved[1], 1e-9))
     known = (onto.exposure > 0.3 * least[1]).all(-1) & (mine * least[1].mean() > tables.black)
     off = np.log(np.maximum(theirs, 1e-9) / np.maximum(mine, 1e-9)) / DISAGREE
     trust = np.where(known, 1 / (1 + off**4), 1.0).astype(np.float32)[..., None]
-    return Collected(moved[0] * trust, moved[1] * trust, moved[2] * trust**2)
+    return Collected(moved[0] * trust, moved[1] * trust)
 
 
 def _flow(onto: Collected, other: Collected, tables: LightTables, least: tuple[np.ndarray, np.ndarray]) -> np.ndarray:

@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator
+from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass, replace
 
+import cv2
 import numpy as np
 
 from relume.image.colour import luminance
+from relume.probe.video.light_tables import LightTables
 from relume.probe.video.merging import MomentMap
 
 NOISY = 3.0
@@ -38,45 +40,46 @@ class Steadying:
         """Frames by which a map comes later than its frame."""
         return self.after
 
-    def steadied(self, maps: Iterable[MomentMap]) -> Iterator[MomentMap]:
-        """The maps one after another, each with its neighbours; at the film's ends there are fewer."""
-        if not self.before and not self.after:
-            yield from maps
-            return
+    def steadied(self, maps: Iterable[MomentMap], tables: LightTables) -> Iterator[Callable[[], MomentMap]]:
+        """What makes each map with its neighbours, one after another; at the film's ends there are fewer."""
         held: list[MomentMap] = []
         at = 0  # of the next to be given, among those held
         for each in maps:
             held.append(each)
             while len(held) - 1 - at >= self.after:
-                yield self._mean(held, at)
+                yield self._later(held, at, tables)
                 at += 1
                 if at > self.before:
                     held.pop(0)
                     at -= 1
         while at < len(held):
-            yield self._mean(held, at)
+            yield self._later(held, at, tables)
             at += 1
 
-    def _mean(self, held: list[MomentMap], at: int) -> MomentMap:
-        here = held[at]
-        first, last = max(at - self.before, 0), min(at + self.after, len(held) - 1)
-        radiance, total = here.radiance.copy(), np.ones((*here.clipped.shape, 1), np.float32)
-        spread = here.variance.copy()
-        level = luminance(here.radiance)
-        noise = luminance(np.where(np.isfinite(here.variance), here.variance, 0))
-        scale = 1 / (NOISY**2 * 2 * noise + (NOISY * SHARE * level) ** 2 + 1e-20)
-        for number in range(first, last + 1):
+    def _later(self, held: list[MomentMap], at: int, tables: LightTables) -> Callable[[], MomentMap]:
+        first = max(at - self.before, 0)
+        part = held[first : at + self.after + 1]
+        return lambda: self._mean(part, at - first, tables)
+
+    def _mean(self, part: list[MomentMap], at: int, tables: LightTables) -> MomentMap:
+        """The mean of a few maps about the one at `at`."""
+        here = part[at]
+        if len(part) == 1:
+            return here
+        level, exposure = luminance(here.radiance), here.exposure[..., 1]
+        total = np.ones_like(level)
+        radiance = here.radiance.copy()
+        noise = np.interp(np.minimum(level * exposure, 1), tables.exposure[:, 1], tables.variance[:, 1])
+        # Where nothing is measured the exposure is 0, and the neighbours say nothing.
+        scale = 1 / (NOISY**2 * 2 * noise.astype(np.float32) + (NOISY * SHARE * level * exposure) ** 2 + 1e-12)
+        for number, other in enumerate(part):
             if number == at:
                 continue
-            other = held[number]
-            reach = self.before if number < at else self.after
-            near = 1 - abs(number - at) / (reach + 1)
-            change = luminance(other.radiance) - level
+            near = 1 - abs(number - at) / ((self.before if number < at else self.after) + 1)
+            change = (luminance(other.radiance) - level) * exposure
             weight = near / (1 + (change * change * scale) ** 2)
-            # A lower bound says nothing beside a measurement, and another bound as little.
             weight *= other.clipped == here.clipped
-            weight = weight.astype(np.float32)[..., None]
-            radiance += weight * other.radiance
-            spread += weight**2 * np.where(np.isfinite(other.variance), other.variance, 0)
+            weight = weight.astype(np.float32)
+            cv2.accumulateProduct(other.radiance, cv2.merge([weight] * 3), radiance)
             total += weight
-        return replace(here, radiance=radiance / total, variance=spread / total**2)
+        return replace(here, radiance=cv2.divide(radiance, cv2.merge([total] * 3)))
