@@ -32,6 +32,7 @@ from .video.calibrating import FilmCalibration as FilmCalibration
 from .video.calibrating import SphericalFilm as SphericalFilm
 from .video.filming import FilmProbe as FilmProbe
 from .video.filming import FilmSettings as FilmSettings
+from .video.filming import is_film as is_film
 from .video.filming import probe_film as probe_film
 from .video.lookup import BallPlace as BallPlace
 from .video.steadying import Steadying as Steadying

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from fractions import Fraction
 from pathlib import Path
 
@@ -136,6 +136,8 @@ def calibrate_film(
                 logarithm = np.sum([term.logarithm for term in terms], axis=0)
                 exposures.append(ExposureRatio(logarithm, np.sqrt(np.sum([t.error**2 for t in terms], axis=0))))
                 takes.append(Take(film, phase, lookup, np.exp(logarithm)))
+    least = min(take.gain.mean() for take in takes)
+    takes = [replace(take, darkest=bool(take.gain.mean() < 1.01 * least)) for take in takes]
     blind = Continuation(np.any([lookup.seen for lookups, _ in parts for lookup in lookups], axis=0))
     return FilmCalibration(
         tuple(each.path for each in facts), facts[0].rate, len(facts[0].small), tuple(takes), tuple(courses),

@@ -46,13 +46,12 @@ def exposure_course(
     steady : whether a frame that is brighter all over than its course says is refused
     Raises NotABracket for exposures that cannot be found, and for those that jump.
     """
-    steps = np.array([_step(a, b, tables) for a, b in zip(small, small[1:], strict=False)]).reshape(-1, 2)
     known = len(stops) if stops is not None and len(stops) > 1 else period
-    period = _period(steps[:, 0]) if known is None else known
+    period = _period(small, tables) if known is None else known
     if period > len(small):
         raise NotABracket(f"{name}: {len(small)} frames, fewer than the {period} exposures that alternate; film longer")
     if steady:
-        _require_steady(steps, period, name)
+        _require_steady(small, period, tables, name)
     if stops is not None and len(stops) == period:
         logarithms = -np.asarray(stops, np.float64) * np.log(2)
         found = [ExposureRatio(np.full(3, each - logarithms.max()), np.zeros(3)) for each in logarithms]
@@ -72,31 +71,30 @@ def _step(first: np.ndarray, second: np.ndarray, tables: LightTables) -> tuple[f
     return float(middle), float(above - below)
 
 
-def _period(steps: np.ndarray) -> int:
-    """The least number of frames after which they are as bright as before."""
-    if len(steps) == 0 or np.median(np.abs(steps)) < ALTERNATING / 2:
-        return 1
-    level = np.concatenate([[0.0], np.cumsum(steps)])
-    for period in range(2, LONGEST + 1):
-        if len(level) > period and np.median(np.abs(level[period:] - level[:-period])) < ALTERNATING / 2:
-            return period
+def _steps(small: Sequence[np.ndarray], period: int, tables: LightTables) -> np.ndarray:
+    """`_step` (N, 2) from each frame to the one a period later."""
+    return np.array([_step(a, b, tables) for a, b in zip(small, small[period:], strict=False)]).reshape(-1, 2)
+
+
+def _period(small: Sequence[np.ndarray], tables: LightTables) -> int:
+    """The least number of frames after which they are as bright as before; 1 where there is none."""
+    for period in range(1, LONGEST + 1):
+        changes = np.abs(_steps(small, period, tables)[:, 0])
+        if len(changes) < max(period, 2) or np.median(changes) < ALTERNATING / 2:
+            return period if len(changes) >= max(period, 2) else 1
     return 1
 
 
-def _require_steady(steps: np.ndarray, period: int, name: str) -> None:
+def _require_steady(small: Sequence[np.ndarray], period: int, tables: LightTables, name: str) -> None:
     """Refuse a film in which everything becomes brighter or darker at once, beyond its period."""
-    expected = np.zeros(len(steps))
-    if period > 1:
-        usual = [np.median(steps[phase::period, 0]) if len(steps) > phase else 0.0 for phase in range(period)]
-        expected = np.array([usual[number % period] for number in range(len(steps))])
-    off = steps[:, 0] - expected
-    jumped = (np.abs(off) > JUMP) & (steps[:, 1] < UNIFORM * np.abs(off) + 0.02)
+    off, spread = _steps(small, period, tables).T
+    jumped = (np.abs(off) > JUMP) & (spread < UNIFORM * np.abs(off) + 0.02)
     if jumped.any():
         number = int(np.argmax(jumped))
         raise NotABracket(
-            f"{name}: from frame {number + 1} to {number + 2} everything becomes {np.exp(off[number]):.2f} times as "
-            "bright at once, as when a camera changes its exposure; lock the exposure, or where the light itself "
-            "changed say so with --light-changes"
+            f"{name}: from frame {number + 1} to {number + 1 + period} everything becomes {np.exp(off[number]):.2f} "
+            "times as bright at once, as when a camera changes its exposure; lock the exposure, or where the light "
+            "itself changed say so with --light-changes"
         )
 
 

@@ -9,7 +9,7 @@ import numpy as np
 from relume.errors import NotABracket
 from relume.probe.video.light_tables import LightTables
 
-FEWEST = 60
+FEWEST = 24
 """Pixels that two takes must both show, neither near white nor near black, for their ratio to be believed."""
 BLOCKS = 16
 """Parts in which a ratio is found anew, for its error: misregistration and changing light are alike within one."""

@@ -8,7 +8,6 @@ one, and what both show of the light moves each onto the next brighter one.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import replace
 
 import cv2
 import numpy as np
@@ -17,8 +16,8 @@ from relume.errors import BallNotFound, NotABracket, warn
 from relume.image.colour import luminance
 from relume.probe.ball.candidates import Candidate, candidates, guesses
 from relume.probe.ball.outline import JUDGED_AT, find_outline, shown
-from relume.probe.ball.rim_likelihood import sharpest_rim
-from relume.probe.ball.silhouette import TELEPHOTO
+from relume.probe.ball.rim_selection import picked_rim, placed_rim
+from relume.probe.ball.silhouette import TELEPHOTO, outline_of_circle
 from relume.probe.ball.windows import Pyramid
 from relume.probe.video.exposure_ratios import ExposureRatio, ratio_of_pixels, ratio_of_quantiles
 from relume.probe.video.light_tables import LightTables, looked_up
@@ -43,7 +42,8 @@ def find_facets(frame: np.ndarray, count: int, tables: LightTables, name: str) -
     light = tables.exposure[frame, np.arange(3)]
     if count == 1:
         outline = find_outline(light, name)
-        return ((*outline.centre, outline.radius),)
+        rim = outline if outline.roughly else placed_rim(light, outline, [None])
+        return ((*rim.centre, rim.radius),)
     pyramid = Pyramid.of(light, float(TELEPHOTO * frame.shape[1]))
     circles, found = guesses(pyramid), list[Candidate]()
     for at in JUDGED_AT:
@@ -55,8 +55,10 @@ def find_facets(frame: np.ndarray, count: int, tables: LightTables, name: str) -
             f"{name}: {len(alike)} of {count} facets show a ball's rim; pick the rim in each facet with --pick "
             "X,Y,RADIUS, once for each", picks, light,
         )  # fmt: skip
-    rims = [sharpest_rim(pyramid, each.outline).outline for each in alike[:count]]
-    result = [(*rim.centre, rim.radius) for rim in rims]
+    rims = [placed_rim(light, each.outline, [None]) for each in alike[:count]]
+    # One ball through one lens: the rim that is seen best is as large as the others.
+    radius = max(rims, key=lambda rim: rim.coverage * rim.radius).radius
+    result = [(*rim.centre, radius) for rim in rims]
     if len(result) < count:
         result = _completed(result, count, (frame.shape[1], frame.shape[0]), name)
     return tuple(result)
@@ -243,12 +245,9 @@ def _shift(
 
 def measured_again(frame: np.ndarray, circles: Sequence[Circle], tables: LightTables) -> tuple[Circle, ...]:
     """Rims that were picked by hand, each moved to where it is seen near there."""
-    from relume.probe.ball.rim_selection import picked_rim
-    from relume.probe.ball.silhouette import outline_of_circle
-
     light = tables.exposure[frame, np.arange(3)]
     result = []
     for number, circle in enumerate(circles, 1):
-        outline = replace(picked_rim(light, outline_of_circle(*circle), f"facet {number}", None))
+        outline = picked_rim(light, outline_of_circle(*circle), f"facet {number}")
         result.append((*outline.centre, outline.radius))
     return tuple(result)

@@ -19,11 +19,11 @@ from relume.capture.response.camera_profile import CameraProfile
 from relume.errors import Doubt, GatheredDoubts, OutputNotWritten, ranked
 from relume.image import files
 from relume.image.files.encodings import OpenEXR
-from relume.image.files.video import video_frames
+from relume.image.files.video import VIDEOS, video_frames
 from relume.image.radiance import SATURATED, RadianceMap
 from relume.probe.video.calibrating import BallFilm, FilmCalibration, SphericalFilm, calibrate_film
 from relume.probe.video.merging import Collected, MomentMap, gains_darkest, merged
-from relume.probe.video.motion import brought
+from relume.probe.video.motion import brought, flow_between
 from relume.probe.video.steadying import Steadying
 from relume.sphere.mappings.mapping import LatLong
 
@@ -71,6 +71,7 @@ class FilmProbe:
     latency : frames by which a map would come later than its frame in a live picture
     clipped : the greatest share of a frame's light that is a lower bound
     clipped_frames : how many frames have any
+    stored : half or float, the values in the files
     doubts : what the user should know
     """
 
@@ -79,6 +80,7 @@ class FilmProbe:
     latency: int
     clipped: float
     clipped_frames: int
+    stored: str
     doubts: tuple[Doubt, ...]
 
     def facts(self) -> dict[str, Any]:
@@ -91,11 +93,17 @@ class FilmProbe:
             "exposures, stops": [f"{value:+.3f} ± {error:.3f}" if error else f"{value:+.2f}" for value, error in stops],
             "exposures repeat after": found.courses[0].period,
             "latency, frames": self.latency,
+            "stored as": self.stored,
         }
         if any(found.rims):
             facts["rims"] = [[round(value, 2) for value in rim] for rims in found.rims for rim in rims]
         facts["saturated, share of the light at most"] = f"{self.clipped:.3g}"
         return facts
+
+
+def is_film(path: str | os.PathLike[str]) -> bool:
+    """Whether a name is that of a video: .mp4, .mov, .m4v, .avi, .mkv or .webm."""
+    return Path(path).suffix.lower() in VIDEOS
 
 
 def probe_film(
@@ -154,8 +162,9 @@ def probe_film(
             f"{paths[0].name}: lamps saturate even the darkest exposure in {frames} of {found.count} frames, where they "
             f"are at least {100 * most:.2g} % of the light; add a darker exposure", most,
         ))  # fmt: skip
+    stored = "half" if settings.half else "float"
     latency = settings.steadying.latency + _reach(found, settings.steadying)
-    return FilmProbe(tuple(Path(out) / name for name in names), found, latency, most, frames, ranked(doubts))
+    return FilmProbe(tuple(Path(out) / name for name in names), found, latency, most, frames, stored, ranked(doubts))
 
 
 def film_maps(
@@ -211,39 +220,38 @@ def _collected(found: FilmCalibration, number: int, frames: Sequence[np.ndarray]
     return result
 
 
-_Neighbours = list[tuple[int, _FilmFrame]]
+_Near = tuple[int, int, _FilmFrame]
+"""The film, how many frames later, and the frame."""
 
 
 def _windows(
     found: FilmCalibration, collected: Iterable[list[_FilmFrame]], steadying: Steadying
-) -> Iterator[tuple[list[_FilmFrame], list[_FilmFrame]]]:
+) -> Iterator[tuple[list[_FilmFrame], list[_Near]]]:
     """Each moment's frames, with the frames nearest in time that have the exposures it lacks."""
     period = max(course.period for course in found.courses)
     after = _reach(found, steadying)
-    before = period - 1
-    held: deque[tuple[int, list[_FilmFrame]]] = deque()
+    held: dict[int, list[_FilmFrame]] = {}
     waiting: deque[int] = deque()
 
-    def lacking(number: int) -> tuple[list[_FilmFrame], list[_FilmFrame]]:
-        now = dict(held)[number]
-        extra = []
-        for film, here in enumerate(now):
-            for phase in range(found.courses[film].period):
-                if phase == here.phase:
-                    continue
-                near = [(abs(at - number), frames[film]) for at, frames in held
-                        if frames[film].phase == phase and -before <= at - number <= max(after, 0)]  # fmt: skip
-                closest = min((gap for gap, _ in near), default=0)
-                extra += [frame for gap, frame in near if gap == closest]
-        return now, extra
+    def lacking(number: int) -> tuple[list[_FilmFrame], list[_Near]]:
+        near: list[_Near] = []
+        for film, here in enumerate(held[number]):
+            for phase in set(range(found.courses[film].period)) - {here.phase}:
+                # The first frames have none before them, and wait for those after them.
+                gaps = [
+                    at - number for at, frames in held.items()
+                    if frames[film].phase == phase and abs(at - number) < period and (at <= number + after or at < period)
+                ]  # fmt: skip
+                closest = min(map(abs, gaps), default=0)
+                near += [(film, gap, held[number + gap][film]) for gap in gaps if abs(gap) == closest]
+        return held[number], near
 
     for number, frames in enumerate(collected):
-        held.append((number, frames))
+        held[number] = frames
         waiting.append(number)
-        if len(waiting) > after:
+        while number >= period - 1 and len(waiting) > after:
             yield lacking(waiting.popleft())
-        while held[0][0] < number - before - after:
-            held.popleft()
+        held.pop(number - period - after, None)
     while waiting:
         yield lacking(waiting.popleft())
 
@@ -251,16 +259,25 @@ def _windows(
 def _reach(found: FilmCalibration, steadying: Steadying) -> int:
     """Frames after each that lend it exposures: none where nothing may come later than its frame."""
     period = max(course.period for course in found.courses)
-    return 0 if steadying.after == 0 or period == 1 else period - 1 if period > 2 else 1
+    return 0 if steadying.after == 0 else period // 2
 
 
-def _moment(found: FilmCalibration, now: Sequence[_FilmFrame], extra: Sequence[_FilmFrame]) -> MomentMap:
+def _moment(found: FilmCalibration, now: Sequence[_FilmFrame], near: Sequence[_Near]) -> MomentMap:
     """The map of a moment; what other films and frames show is moved to where the first film's frame shows it."""
-    first = now[0]
+    first, size = now[0], len(found.blind.seen)
     sums = Collected(first.sums.light.copy(), first.sums.exposure.copy())
-    for other in (*now[1:], *extra):
-        sums.add(brought(other.sums, first.sums, found.tables, (other.darkest, first.darkest)))
-    darkest = np.min([each.darkest for each in (*now, *extra)], axis=0)
+    others = [(film, 0, frame) for film, frame in enumerate(now) if film] + list(near)
+    for film, gap, other in others:
+        flow = flow_between(other.sums, first.sums, found.tables, (other.darkest, first.darkest))
+        opposite = [frame for at_film, at, frame in near if at_film == film and gap and at == -gap]
+        if flow is None and opposite:
+            # Too far apart in exposure: half of the way between the frames before and after, which are of one.
+            whole = flow_between(other.sums, opposite[0].sums, found.tables, (other.darkest, opposite[0].darkest))
+            flow = None if whole is None else whole / 2
+        if flow is None:
+            flow = np.zeros((size, 2 * size, 2), np.float32)
+        sums.add(brought(other.sums, first.sums, found.tables, (other.darkest, first.darkest), flow))
+    darkest = np.min([each.darkest for each in (*now, *(frame for _, _, frame in near))], axis=0)
     return merged(sums, darkest, found.tables, found.blind)
 
 

@@ -15,6 +15,8 @@ from relume.probe.video.lookup import Continuation, Lookup
 
 LEAST = 0.05
 """Share of the darkest take's belief below which light is taken for saturated."""
+BOUND = 1e-3
+"""Belief in white of the darkest take, so that a lower bound is there where nothing else is."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -25,12 +27,14 @@ class Take:
     phase : of the frames, 0 to below the film's period
     lookup : where its frames show the map
     gain : (3,) its exposure, as a share of the brightest take's
+    darkest : whether none is darker: where nothing else shows the light, what it shows is its lower bound
     """
 
     film: int
     phase: int
     lookup: Lookup
     gain: np.ndarray
+    darkest: bool = False
 
     def collect(self, frame: np.ndarray, tables: LightTables, sums: Collected) -> None:
         """Add what it shows of the light in a frame (H, W, 3) uint8 to sums, in place."""
@@ -40,8 +44,8 @@ class Take:
             radiance *= self.lookup.gain
         # Beside a saturated pixel nothing is believed: in between, light would be that of the other pixels alone.
         brightest = cv2.max(cv2.max(part[..., 0], part[..., 1]), part[..., 2])
-        weights = looked_up(tables.belief[:, None] * gain, cv2.merge([brightest] * 3))
-        weights = self.lookup.least(weights)
+        belief = np.maximum(tables.belief[:, None], BOUND) if self.darkest else tables.belief[:, None]
+        weights = self.lookup.least(looked_up(belief * gain, cv2.merge([brightest] * 3)))
         cv2.accumulateProduct(radiance, weights, sums.light)
         cv2.accumulate(weights, sums.exposure)
 
@@ -108,13 +112,13 @@ def merged(sums: Collected, darkest: np.ndarray, tables: LightTables, blind: Con
     shows is continued from its rim.
     """
     least = (LEAST * darkest).astype(np.float32)
-    radiance = cv2.divide(sums.light, np.maximum(sums.exposure, least))
+    radiance = cv2.divide(sums.light, np.maximum(sums.exposure, BOUND / 2 * least))
     clipped = np.zeros(radiance.shape[:2], np.uint8)
     # Where it is short in one channel it is in all: they are believed together.
     short = sums.exposure[..., 0] < least[0]
     if short.any():
         bound = (tables.exposure[255] / darkest).astype(np.float32)
-        radiance[short] = np.maximum(radiance[short], bound)
+        radiance[short] = np.where(sums.exposure[short] > 0, radiance[short], bound)
         sums.exposure[short] = 0
         clipped[short] = SATURATED
     if len(blind.weights):

@@ -13,18 +13,21 @@ ROWS = 256
 """Rows of the maps in which motion is sought; finer ones cost four times as much and show the same."""
 BESIDE = 1 / 8
 """Share of a map's width that goes on at each side of the seam."""
+COMMON = 1.2
+"""ln of exposure that both must show, of 4.7 that one shows: five stops apart they have that."""
 DISAGREE = 0.2
 """ln of radiance from which on what is brought from another frame counts by half: it is something else that moved."""
 
 
-def brought(other: Collected, onto: Collected, tables: LightTables, least: tuple[np.ndarray, np.ndarray]) -> Collected:
+def brought(
+    other: Collected, onto: Collected, tables: LightTables, least: tuple[np.ndarray, np.ndarray], flow: np.ndarray
+) -> Collected:
     """What another frame collected, moved to where one frame shows it.
 
     least : (3,) the exposure of a believed pixel in the other and in the one
-    Both are brought to one exposure and to the range that both show, and dense flow is sought (Kroeger et al. 2016).
+    flow : (H, 2H, 2) pixels right and down from where the one shows something to where the other does
     Where the one frame shows light well and what is brought disagrees, that counts less.
     """
-    flow = _flow(onto, other, tables, least)
     rows, columns = onto.light.shape[:2]
     x, y = np.meshgrid(np.arange(columns, dtype=np.float32), np.arange(rows, dtype=np.float32))
     x, y = x + flow[..., 0] + 1, np.clip(y + flow[..., 1], 0, rows - 1)
@@ -41,13 +44,19 @@ def brought(other: Collected, onto: Collected, tables: LightTables, least: tuple
     return Collected(moved[0] * trust, moved[1] * trust)
 
 
-def _flow(onto: Collected, other: Collected, tables: LightTables, least: tuple[np.ndarray, np.ndarray]) -> np.ndarray:
-    """(H, 2H, 2) pixels right and down from where the one shows something to where the other does."""
+def flow_between(
+    other: Collected, onto: Collected, tables: LightTables, least: tuple[np.ndarray, np.ndarray]
+) -> np.ndarray | None:
+    """(H, 2H, 2) pixels right and down from where the one shows something to where the other does.
+
+    Both are brought to one exposure and to the range that both show, and dense flow is sought (Kroeger et al. 2016).
+    None where they show too little of the light in common.
+    """
     gains = [float(each.mean()) for each in least]
     low, high = np.log(tables.black / min(gains)), np.log(tables.white / max(gains))
     rows, columns = onto.light.shape[:2]
-    if high - low < 0.3:
-        return np.zeros((rows, columns, 2), np.float32)
+    if high - low < COMMON:
+        return None
     pictures = []
     for each, gain in zip((other, onto), gains, strict=True):
         light = luminance(each.light / np.maximum(each.exposure, 0.05 * gain))
