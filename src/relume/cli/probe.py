@@ -1,4 +1,4 @@
-"""`relume probe`: photographs of a mirrored ball in, an environment map out."""
+"""`relume probe`: photographs of a mirrored ball in, an environment map out; a film in, a map a frame out."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Annotated, Any
 
-from cyclopts import Parameter
+from cyclopts import Group, Parameter
 
 import relume as rl
 from relume.cli.arguments import (
@@ -151,16 +151,70 @@ class BallOptions:
         return result
 
 
+@Parameter(name="*", group=Group("Films"))
+@dataclass(frozen=True)
+class FilmOptions:
+    """A film, in one or several exposures, which becomes a folder of maps."""
+
+    facets: Annotated[
+        int, Parameter(help="How often each frame shows the ball, as a multi-image filter does; --pick again for each.")
+    ] = 1
+    facet_angle: Annotated[
+        float, Parameter(help="Degrees: arctan of the distance between facets over that from lens to ball.")
+    ] = 0.0
+    spherical: Annotated[
+        bool, Parameter(negative="", help="Frames are equirectangular, as 360° cameras write them.")
+    ] = False
+    stops: Annotated[
+        tuple[float, ...] | None,
+        numbers(
+            "STOPS,…",
+            like="0,3,6,10,13",
+            help="How much darker each exposure is than the first: of the facets, else of several films that ran "
+            "together, else of the frames of a period. Found in the film unless given.",
+        ),
+    ] = None
+    period: Annotated[int | None, Parameter(help="Frames after which exposures repeat; found unless given.")] = None
+    before: Annotated[int, Parameter(help="Frames before each that steady it.")] = 1
+    after: Annotated[int, Parameter(help="Frames after each that steady it, which a live picture waits for.")] = 1
+    light_changes: Annotated[
+        bool, Parameter(negative="", help="The light itself becomes brighter or darker all over at once.")
+    ] = False
+
+    def settings(self, size: int) -> rl.probe.FilmSettings:
+        """The settings of these options."""
+        steadying = rl.probe.Steadying(self.before, self.after)
+        return rl.probe.FilmSettings(size, self.period, self.stops, steadying, not self.light_changes)
+
+    def kind(self, views: ViewOptions, ball: BallOptions) -> rl.probe.BallFilm | rl.probe.SphericalFilm:
+        """What the film shows."""
+        if self.spherical:
+            return rl.probe.SphericalFilm()
+        length = ball.distance or math.hypot(*views.camera)
+        away = {} if ball.radius is None else {"distance": length / ball.radius}
+        angle = math.radians(self.facet_angle)
+        place = rl.probe.BallPlace(views.camera, angle=angle, reflectance=ball.measured(), **away)
+        rims = [rim for rim in ball.pick or [] if not isinstance(rim, str)]
+        if any(len(rim) != 3 for rim in rims):
+            raise ValueError("--pick: of a film give each rim as X,Y,RADIUS")
+        rims = tuple((rim[0], rim[1], rim[2]) for rim in rims)
+        return rl.probe.BallFilm(self.facets, rims, not ball.pick_exactly, place)
+
+
 def probe(
     photographs: Annotated[
         list[Path] | None,
-        Parameter(help="A bracket of the ball, one photograph or radiance map of it, or a folder a view.", negative=""),
+        Parameter(
+            help="A bracket of the ball, one photograph or radiance map of it, or a folder a view; or a film, or films "
+            "that ran together.", negative="",
+        ),
     ] = None,
     /,
     *,
     out: LatLongOut,
     views: ViewOptions = ViewOptions(),
     ball: BallOptions = BallOptions(),
+    film: FilmOptions = FilmOptions(),
     picture: Annotated[
         Path | None,
         Parameter(help="Draw every view's ball with its rim, or where no ball is found what is round, as this .png."),
@@ -194,14 +248,21 @@ def probe(
 
     What no view saw is filled smoothly and marked: the map's `clipped` layer holds 3 there and 1 where light is
     saturated, and an EXR has a layer `confidence`, 0 to 1. A view whose camera's place is not given is registered to
-    the first.
+    the first. Of a film a map of every frame goes into the folder -o, merged from the exposures that its frames hold or
+    alternate between.
     """
+    if photographs and all(rl.probe.is_film(path) for path in photographs):
+        given = {"second": views.second, "view": views.view, "turn": views.turn, "picture": picture, "times": times}
+        _refuse_of_one_ball(given, "a film", each=each or None, balance=balance or None, cluster=cluster)
+        _film(photographs, out, film.kind(views, ball), film.settings(size), profile, accept, dry_run, output)
+        return
     settings = rl.probe.ProbeSettings(
         size=size, radius=ball.radius, distance=ball.distance, reflectance=ball.measured(),
         follow_picked=not ball.pick_exactly, balance=balance,
     )  # fmt: skip
     if each:
-        _refuse_of_one_ball(second=views.second, view=views.view, pick=ball.pick, picture=picture, times=times)
+        given = {"second": views.second, "view": views.view, "pick": ball.pick, "picture": picture, "times": times}
+        _refuse_of_one_ball(given, "many")
         turns = None if views.turn is None else [math.radians(angle) for angle in views.turn]
         chosen = {"camera": views.camera, "turns": turns, "profile": profile, "times_from_names": times_from_names}
         _each(photographs or [], out, chosen | {"settings": settings}, cluster, accept, dry_run, output)
@@ -247,11 +308,31 @@ def probe(
         finish(output, [*doubts, *result.doubts], accept=accept)
 
 
-def _refuse_of_one_ball(**given: object) -> None:
-    """Refuse what belongs to one ball alone beside --each."""
-    for name, value in given.items():
-        if value is not None:
+def _refuse_of_one_ball(given: dict[str, object], what: str, **more: object) -> None:
+    """Refuse what belongs to the photographs of one ball alone beside --each, and beside a film."""
+    for name, value in (given | more).items():
+        if value is not None and what == "many":
             raise ValueError(f"--{name} is of one ball, and --each unwraps many; leave it out")
+        if value is not None:
+            raise ValueError(f"--{name} is for photographs, and {what} is given; leave it out")
+
+
+def _film(
+    films: list[Path], out: Path, kind: rl.probe.BallFilm | rl.probe.SphericalFilm, settings: rl.probe.FilmSettings,
+    profile: Path | None, accept: bool, dry_run: bool, output: OutputOptions,
+) -> None:  # fmt: skip
+    """Make a map of every frame, or say what would be made."""
+    with warnings_as_doubts(output) as doubts:
+        require_files([*films, *([profile] if profile else [])])
+        known = rl.capture.read_profile(profile) if profile else None
+        if dry_run:
+            print_facts(output, {"would write": f"{out}/map_000001.exr …", "films": [str(path) for path in films]})
+            finish(output, doubts, accept=True)
+            return
+        with progress(output) as advance:
+            made = rl.probe.probe_film(films, out, kind, settings, profile=known, progress=advance)
+        print_facts(output, {"written": str(out)} | made.facts())
+        finish(output, [*doubts, *made.doubts], accept=accept)
 
 
 def _each(

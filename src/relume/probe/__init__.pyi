@@ -33,3 +33,12 @@ from .round_views import RoundProbe as RoundProbe
 from .round_views import RoundView as RoundView
 from .round_views import TelecentricBall as TelecentricBall
 from .round_views import join_round_views as join_round_views
+from .video.calibrating import BallFilm as BallFilm
+from .video.calibrating import FilmCalibration as FilmCalibration
+from .video.calibrating import SphericalFilm as SphericalFilm
+from .video.filming import FilmProbe as FilmProbe
+from .video.filming import FilmSettings as FilmSettings
+from .video.filming import is_film as is_film
+from .video.filming import probe_film as probe_film
+from .video.lookup import BallPlace as BallPlace
+from .video.steadying import Steadying as Steadying

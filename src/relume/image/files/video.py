@@ -207,6 +207,20 @@ def _listed(path: Path, size: int, modified: int) -> tuple[tuple[int, ...], Frac
     return tuple(times), rate
 
 
+def video_frames(path: str | os.PathLike[str]) -> Iterator[np.ndarray]:
+    """All frames of a video one after another, (H, W, 3) uint8, upright; converted and refused as by `read_video_frame`."""
+    path = Path(path)
+    with _decoding(path) as (container, stream):
+        for number, frame in enumerate(container.decode(stream), 1):
+            yield _photograph(path, frame, number, deep=False).pixels
+
+
+def video_rate(path: str | os.PathLike[str]) -> Fraction:
+    """The frames a second that a video states, 24 where it states none; raises as `read_video_frame`."""
+    with _decoding(Path(path)) as (_, stream):
+        return Fraction(stream.average_rate or 24)
+
+
 @contextlib.contextmanager
 def _decoding(path: Path) -> Iterator[tuple[Any, Any]]:
     """The open container and its first video stream; what PyAV raises is an UnreadableFile."""
@@ -220,6 +234,7 @@ def _decoding(path: Path) -> Iterator[tuple[Any, Any]]:
             if not container.streams.video:
                 raise UnreadableFile(f"{path}: holds no pictures; give the video")
             stream = container.streams.video[0]
+            # Frames are decoded side by side: a half of the time on two cores.
             stream.thread_type = "AUTO"
             yield container, stream
     except (OSError, FFmpegError) as error:
@@ -227,13 +242,16 @@ def _decoding(path: Path) -> Iterator[tuple[Any, Any]]:
         raise UnreadableFile(f"{path}: cannot be read as a video: {reason}; copy it again or convert it") from None
 
 
-def _photograph(path: Path, frame: Any, number: int) -> Photograph:
-    """A decoded picture as a photograph, upright."""
+def _photograph(path: Path, frame: Any, number: int, deep: bool = True) -> Photograph:
+    """A decoded picture as a photograph, upright.
+
+    deep : whether a video of more than 8 bits gives 16
+    """
     if (made_for := _HDR.get(int(frame.color_trc))) is not None:
         raise UnreadableFile(f"{path}: made for HDR screens ({made_for}); convert it to Rec. 709 or sRGB")
     if frame.interlaced_frame:
         warn(f"{path}: its pictures are fields of two moments, row by row; make whole pictures of them first")
-    deep = frame.format.components[0].bits > 8
+    deep = deep and frame.format.components[0].bits > 8
     matrix = int(frame.colorspace)
     if matrix == _UNSPECIFIED:
         matrix = _BT709 if frame.height >= _HIGH_DEFINITION else _BT601

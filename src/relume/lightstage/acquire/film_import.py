@@ -11,6 +11,7 @@ from pathlib import Path
 import numpy as np
 
 from relume.errors import OutputNotWritten
+from relume.image.files.video import video_frames
 from relume.lightstage.acquire.ball_highlights import MirrorBall
 from relume.lightstage.acquire.import_lights import Ball, mirror_ball, pixels_of
 from relume.lightstage.acquire.rotating_arm import (
@@ -22,11 +23,8 @@ from relume.lightstage.acquire.rotating_arm import (
     lamp_directions,
     stage_of_frames,
     unpack_video,
-    video_frames,
 )
 from relume.lightstage.acquire.stage_file import Stage
-
-VIDEOS = (".mp4", ".mov", ".m4v", ".avi", ".mkv", ".webm")
 
 
 @dataclass(frozen=True)

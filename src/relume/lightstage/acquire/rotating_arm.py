@@ -4,22 +4,22 @@ The lamp goes round the vertical axis without a stop while its inclination is lo
 al. 2000, §3.1). Azimuth is measured at +Y from +Z towards +X, inclination from +Y; radians. Revolutions are counted
 from where the azimuth is `start_azimuth`: after k + s of them, 0 ≤ s < 1, the lamp is s of a turn beyond, on ring k.
 
-The film is a video, whose frames are 8-bit sRGB as players show them, or a folder of frames. PyAV is imported at first
-use.
+The film is a video, whose frames are 8-bit sRGB as players show them, or a folder of frames.
 """
 
 from __future__ import annotations
 
 import os
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
 
 from relume.capture.exposure.folder import name_order
-from relume.errors import BallNotFound, InvalidStage, UnreadableFile
+from relume.errors import BallNotFound, InvalidStage
 from relume.image import files
+from relume.image.files.video import video_frames
 from relume.image.photograph import Photograph
 from relume.lightstage.acquire.ball_highlights import MirrorBall, find_highlight
 from relume.lightstage.acquire.stage_file import LightEntry, Stage
@@ -185,27 +185,6 @@ def fit_rings(directions: np.ndarray, rotation: SteadyRotation) -> tuple[float, 
         raise InvalidStage(f"the lamp is seen on {len(seen)} rings; its step is found from two or more")
     step, first = np.polyfit([k for k, _ in seen], [i for _, i in seen], 1)
     return float(first), float(step)
-
-
-def video_frames(path: str | os.PathLike[str]) -> Iterator[np.ndarray]:
-    """The frames of a video one after another, (H, W, 3) uint8 sRGB.
-
-    Raises UnreadableFile for what is missing, damaged or no video; ValueError where PyAV is missing.
-    """
-    try:
-        import av
-        from av.error import FFmpegError
-    except ImportError:
-        raise ValueError('a video needs PyAV, which is not installed: pip install "relume[video]"') from None
-    try:
-        with av.open(str(path)) as container:
-            if not container.streams.video:
-                raise UnreadableFile(f"{path}: holds no pictures; give the video")
-            for frame in container.decode(video=0):
-                yield frame.to_ndarray(format="rgb24")
-    except (OSError, FFmpegError) as error:
-        reason = " ".join(str(getattr(error, "strerror", None) or error).split())
-        raise UnreadableFile(f"{path}: cannot be read as a video: {reason}; copy it again") from None
 
 
 def lamp_directions(pictures: Iterable[np.ndarray], ball: MirrorBall) -> np.ndarray:
