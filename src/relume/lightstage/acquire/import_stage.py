@@ -13,9 +13,10 @@ from typing import Literal
 import numpy as np
 
 from relume.errors import OutputNotWritten, UnreadableFile, warn
+from relume.image.files.video import VIDEOS
 from relume.lightstage.acquire.calibration import Calibration
 from relume.lightstage.acquire.encoding import PhotographEncoding
-from relume.lightstage.acquire.film_import import VIDEOS, FilmCourse, filmed_stage, measure_film
+from relume.lightstage.acquire.film_import import FilmCourse, filmed_stage, measure_film
 from relume.lightstage.acquire.import_corrections import Corrections, correct
 from relume.lightstage.acquire.import_lights import (
     Ball,
