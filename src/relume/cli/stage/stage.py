@@ -9,6 +9,8 @@ COMMANDS = {
     "relight": "Relight a subject with environment maps, directions and lamps: a picture, frames or a movie.",
     "inspect": "Print what a stage holds; with -o draw its reflectance functions and an interactive relighting viewer.",
     "separate": "Separate diffuse from specular reflection: normals, albedo, specular energy and roughness maps.",
+    "patterns": "Write the patterns that a projector shows for a scan.",
+    "scan": "Make a mesh of a subject from photographs under a projector's patterns.",
     "view": "Relight a subject and see it from a new place, on a mesh of it.",
     "clothe": "Recolour the subject's clothing, from takes in white and in black clothing.",
     "matte": "Recover an environment matte from coded backdrops, or put one over a backdrop.",
