@@ -60,7 +60,9 @@ def test_shade_is_no_place():
     seen = wall()
     light = seen.light.reshape(SIZE).copy()
     light[:, :30] = 0
-    found = decoded_places(as_photographs(pictures(replace(seen, light=light.ravel()), PATTERNS, Shooting(exposure=0.8)), PATTERNS))
+    found = decoded_places(
+        as_photographs(pictures(replace(seen, light=light.ravel()), PATTERNS, Shooting(exposure=0.8)), PATTERNS)
+    )
     assert not found.known[:, :30].any() and found.known[:, 31:].mean() > 0.99
     assert not found.reached[:, :30].any()
 

@@ -50,7 +50,7 @@ def test_the_covariance_is_that_of_noisy_places():
 
 
 def test_a_shift_of_the_rig_opens_a_gap():
-    moved = replace(RIG, projector=replace(RIG.projector, position=RIG.projector.position + [0, 0.002, 0]))
+    moved = replace(RIG, projector=replace(RIG.projector, position=RIG.projector.position + np.array([0, 0.002, 0])))
     found = triangulated(places(surface()), moved)
     assert np.median(found.gap) == pytest.approx(0.002, rel=0.05)
 

@@ -42,6 +42,7 @@ def scan(
 ) -> None:
     """Scan a subject's shape by structured light (Debevec et al. 2000, §4.5), in metres."""
     with warnings_as_notes(output):
+        # Everything that can be refused before the work.
         require_suffix(out, ".glb")
         if rig is None and boards is None:
             raise ValueError("give --rig, or --boards to calibrate it with")
@@ -51,12 +52,14 @@ def scan(
         own = None if stage is None else rl.lightstage.read_stage(stage, camera).camera
         if stage is not None and own is None:
             raise ValueError(f"{stage}: has no camera, which places the mesh; add it to stage.json")
+        # Camera and projector.
         if boards is None:
             assert rig is not None
             found = rl.lightstage.read_rig(rig)
         else:
             folders = sorted(path for path in boards.glob("*") if path.is_dir())
             found = rl.lightstage.calibrate_rig(folders, squares=squares, square=square)
+        # The mesh.
         maps = None if normals is None else rl.lightstage.read_normals(normals)
         scanned = rl.lightstage.scan(photographs, found, camera=own, normals=maps)
         rl.lightstage.write_scan(out, scanned)

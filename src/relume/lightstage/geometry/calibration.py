@@ -48,7 +48,7 @@ def calibrate_rig(
     import cv2
 
     if len(boards) < FEWEST:
-        raise ValueError(f"{len(boards)} boards; a calibration needs {FEWEST}, each at another slant, better ten")
+        raise ValueError(f"a calibration needs {FEWEST} boards, each at another slant, better ten; {len(boards)} given")
     # What the camera and the projector see of every board.
     names = [f"board {i + 1}" if isinstance(b, PatternPhotographs) else str(Path(b)) for i, b in enumerate(boards)]
     world, seen, shown = [], [], []

@@ -94,7 +94,7 @@ def _cosine(pictures: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     left = np.zeros_like(mean)
     for turn, picture in zip(turns, pictures, strict=True):
         left += (picture - mean - even * np.cos(turn) - odd * np.sin(turn)) ** 2
-    noise = np.sqrt(ndimage.uniform_filter(left / (count - 3), NEIGHBOURS))
+    noise = np.sqrt(np.maximum(ndimage.uniform_filter(left / (count - 3), NEIGHBOURS), 0))
     return np.arctan2(odd, even), np.hypot(even, odd), noise
 
 

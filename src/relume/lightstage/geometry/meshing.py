@@ -26,13 +26,13 @@ class CleaningSettings:
         normal, whose pixels say little
     widest_gap : between a point's two rays, in medians of all; further, and the two did not see the same place
     least_neighbours : of eight, how many a point needs within an edge's length
-    least_island : points of a piece that stays, as a share of the largest piece
+    least_island : points of a piece that stays, as a share of the largest piece; an ear behind a cheek is a piece too
     """
 
     longest_edge: float = 6.0
     widest_gap: float = 8.0
     least_neighbours: int = 4
-    least_island: float = 0.05
+    least_island: float = 0.005
 
 
 def cleaned(scanned: ScannedPoints, camera: Camera, settings: CleaningSettings = CleaningSettings()) -> np.ndarray:
