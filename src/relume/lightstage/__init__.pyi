@@ -54,6 +54,15 @@ from .matting.matte_file import read_matte as read_matte
 from .matting.matte_file import write_matte as write_matte
 from .novel_view.source_views import NewView as NewView
 from .novel_view.source_views import SourceView as SourceView
+from .reflectometry.patch_fit import PatchReflectance as PatchReflectance
+from .reflectometry.patch_fit import SeparatedPatch as SeparatedPatch
+from .reflectometry.patch_fit import fit_patch as fit_patch
+from .reflectometry.patch_fit import separate_patch as separate_patch
+from .reflectometry.patch_samples import PatchSamples as PatchSamples
+from .reflectometry.patch_samples import read_patch as read_patch
+from .reflectometry.skin_layers import SkinLayer as SkinLayer
+from .reflectometry.skin_layers import layered_reflection as layered_reflection
+from .reflectometry.skin_layers import layers_like as layers_like
 from .relighting.cosine import compress_cosine as compress_cosine
 from .relighting.low_rank import compress_low_rank as compress_low_rank
 from .relighting.mosaic import mosaic as mosaic

@@ -51,7 +51,7 @@ def test_the_direct_share_is_what_is_not_scattered(scattered):
 
 def test_scattered_light_is_not_believed():
     muddy = shot(Shooting(exposure=0.8, scattered=0.85))
-    with pytest.raises(ValueError, match="read on 0.0% of the picture: 0% lies in shade"):
+    with pytest.raises(ValueError, match=r"read on 0\.0% of the picture: 0% lies in shade"):
         decoded_places(muddy)
     assert decoded_places(muddy, DecodingSettings(least_direct=0.05)).known.mean() > 0.9
 

@@ -11,6 +11,7 @@ COMMANDS = {
     "separate": "Separate diffuse from specular reflection: normals, albedo, specular energy and roughness maps.",
     "patterns": "Write the patterns that a projector shows for a scan.",
     "scan": "Make a mesh of a subject from photographs under a projector's patterns.",
+    "reflectometry": "Measure a patch of skin under a turning lamp: albedo, highlight, roughness, and plots.",
     "view": "Relight a subject and see it from a new place, on a mesh of it.",
     "clothe": "Recolour the subject's clothing, from takes in white and in black clothing.",
     "matte": "Recover an environment matte from coded backdrops, or put one over a backdrop.",
