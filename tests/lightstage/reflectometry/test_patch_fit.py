@@ -15,6 +15,7 @@ from relume.image.radiance import RadianceMap
 from relume.light.reflection.weights import Fresnel
 from relume.lightstage.reflectometry.patch_fit import PatchReflectance, fit_patch, separate_patch
 from relume.lightstage.reflectometry.patch_samples import PatchSamples, read_patch
+from relume.report.materials import patch_report
 
 LIGHT = np.ones(3) / np.sqrt(3)
 TRUTH = PatchReflectance(np.array([0.52, 0.3, 0.21]), -0.22, 0.35, np.radians(16), np.zeros(6), 0.0, LIGHT)
@@ -59,7 +60,8 @@ def test_deviations_are_those_of_repeated_measurements():
     several = [fit_patch(measured(0.02, seed)) for seed in range(8)]
     numbers = np.array([[*each.albedo, each.ramp, each.specular, each.roughness] for each in several])
     said = np.mean([each.deviation for each in several], axis=0)
-    assert np.all(numbers.std(axis=0, ddof=1) < 1.8 * said) and np.all(numbers.std(axis=0, ddof=1) > 0.5 * said)
+    ratios = numbers.std(axis=0, ddof=1) / said
+    assert 0.7 < np.sqrt(np.mean(ratios**2)) < 1.5
 
 
 def test_parts_sum_to_the_samples_and_are_those_of_the_patch():
@@ -106,7 +108,8 @@ def write_patch(folder: Path, samples: PatchSamples, every: int = 1) -> None:
     (folder / "patch.json").write_text(json.dumps(table))
 
 
-def test_the_command_fits_and_plots(tmp_path, capsys):
+def test_the_command_fits_and_plots(tmp_path, capsys, monkeypatch):
+    monkeypatch.setattr(patch_report, "TRIED", 100)  # the drawn reference alone gets noisier
     write_patch(tmp_path, measured(0.002), 3)
     told = reported(["stage", "reflectometry", tmp_path, "-o", tmp_path / "patch.html"], capsys)
     assert told["albedo"] == pytest.approx(TRUTH.albedo, rel=0.03)

@@ -22,7 +22,7 @@ SECTIONS = 4
 """Angles of view whose sections are drawn: from straight on to the most slanted."""
 _LINE = np.radians(np.linspace(-85, 85, 69))
 _REFERENCE = np.radians(np.linspace(-80, 80, 9))
-TRIED = 1000
+TRIED = 2500
 """Photons of each point of the reference: its noise is then a few per cent, less than a line is wide."""
 
 
@@ -114,7 +114,7 @@ def _sections(samples: PatchSamples, parts: SeparatedPatch, found: PatchReflecta
                     axes[row, column].plot(incidence, measured[own, channel], ".", ms=3, color=colour, alpha=0.6)
                     axes[row, column].plot(np.degrees(_LINE), fitted[:, channel], color=colour, lw=1.2)
             axes[0, column].plot(np.degrees(_REFERENCE), reference[column, :, channel], "--", color=colour, lw=0.9)
-        axes[0, column].set_title(f"view {np.degrees(view):g}°", fontsize=9)
+        axes[0, column].set_title(f"view {np.degrees(view):.3g}°", fontsize=9)
         axes[1, column].set_xlabel("incidence, degrees", fontsize=8)
     for row, name in enumerate(("diffuse f cos θi, 1/sr", "specular f cos θi, 1/sr")):
         axes[row, 0].set_ylabel(name, fontsize=8)
