@@ -31,8 +31,8 @@ from relume.lightstage.acquire.light_files import read_directions
 from relume.lightstage.acquire.read_stage import read_stage
 from relume.lightstage.field.field import Pictures, whole
 from relume.lightstage.field.lights import StageLights
-from relume.lightstage.relight import relight
 from relume.lightstage.relighting.interpolation import Barycentric, NearestLight
+from relume.lightstage.relighting.relight import relight
 from relume.lightstage.relighting.stage_lighting import StageLighting
 from relume.lightstage.rti.ptm import polynomial_terms
 from relume.lightstage.surface.photometric_stereo import lambertian_lobes

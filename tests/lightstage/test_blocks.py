@@ -23,9 +23,9 @@ from relume.lightstage.acquire.store import read_store
 from relume.lightstage.acquire.store_building import build_store
 from relume.lightstage.field.field import whole
 from relume.lightstage.field.polarised import PolarisedPair
-from relume.lightstage.relight import relight, relight_per_pixel, relight_sequence
-from relume.lightstage.relight_frames import relight_frames
-from relume.lightstage.relight_settings import RelightSettings, SubjectMesh
+from relume.lightstage.relighting.relight import relight, relight_per_pixel, relight_sequence
+from relume.lightstage.relighting.relight_frames import relight_frames
+from relume.lightstage.relighting.relight_settings import RelightSettings, SubjectMesh
 from relume.lightstage.relighting.stage_lighting import StageLighting
 from relume.lightstage.surface.separation import separate
 from relume.lightstage.surface.surface_files import measure_surface

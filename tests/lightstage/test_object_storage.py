@@ -20,8 +20,8 @@ from relume.lightstage.acquire.read_stage import read_stage
 from relume.lightstage.acquire.store import is_store, read_store, stored_geometry
 from relume.lightstage.acquire.store_building import build_store
 from relume.lightstage.field.field import whole
-from relume.lightstage.relight import relight
-from relume.lightstage.relight_settings import RelightSettings
+from relume.lightstage.relighting.relight import relight
+from relume.lightstage.relighting.relight_settings import RelightSettings
 
 pytest.importorskip("zarr", reason="the extra lightstage is not installed")
 fsspec = pytest.importorskip("fsspec", reason="the extra lightstage is not installed")

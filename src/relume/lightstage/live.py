@@ -21,10 +21,10 @@ from relume.errors import DoubtWarning
 from relume.image.radiance import RadianceMap
 from relume.lightstage.field.field import Pictures, ReflectanceField, whole
 from relume.lightstage.field.lights import StageLights
-from relume.lightstage.relight import relight_sequence
 from relume.lightstage.relighting.cosine import CompressionError, CosineField, compress_cosine
 from relume.lightstage.relighting.diffuse_fit import needs_fit
 from relume.lightstage.relighting.interpolation import Smooth
+from relume.lightstage.relighting.relight import relight_sequence
 from relume.lightstage.relighting.relighting import Progress, cut, weighted_sum
 from relume.lightstage.relighting.stage_lighting import StageLighting
 from relume.scene.lights import DistantLight

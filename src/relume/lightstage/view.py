@@ -11,8 +11,8 @@ from relume.lightstage.direct_light.model import DirectLightSettings
 from relume.lightstage.field.field import ReflectanceField
 from relume.lightstage.novel_view.new_views import direct_light_view, measured_view
 from relume.lightstage.novel_view.source_views import Blending, NewView, SourceView
-from relume.lightstage.relight_settings import SubjectMesh
 from relume.lightstage.relighting.interpolation import NearestLight
+from relume.lightstage.relighting.relight_settings import SubjectMesh
 from relume.lightstage.relighting.stage_lighting import StageLighting, as_lighting
 from relume.lightstage.surface.separation import separate
 from relume.scene.cameras.camera import Camera

@@ -7,6 +7,7 @@ from .file_facts import describe_system as describe_system
 from .file_facts import draw_environment as draw_environment
 from .light_plot import draw_lights as draw_lights
 from .materials.brdf_plot import draw_brdf as draw_brdf
+from .materials.patch_report import write_patch_report as write_patch_report
 from .materials.reflection_sheet import draw_reflection_sheet as draw_reflection_sheet
 from .merge_facts import advice_summary as advice_summary
 from .merge_facts import merge_facts as merge_facts

@@ -13,10 +13,16 @@ from relume.image.files import read_photograph
 from relume.lightstage.acquire.ball_highlights import MirrorBall, outline_of_mask, read_ball
 from relume.lightstage.field.field import Pictures
 from relume.lightstage.field.lights import StageLights
-from relume.lightstage.relight import RelightSettings, SubjectMesh, relight, relight_per_pixel, relight_sequence
 from relume.lightstage.relighting import diffuse_fit
 from relume.lightstage.relighting.diffuse_fit import DiffuseFit, fit_diffuse, fitted, needs_fit, strengths_of
 from relume.lightstage.relighting.interpolation import NearestLight, Remainder, lights_width
+from relume.lightstage.relighting.relight import (
+    RelightSettings,
+    SubjectMesh,
+    relight,
+    relight_per_pixel,
+    relight_sequence,
+)
 from relume.lightstage.relighting.stage_lighting import StageLighting
 from relume.lightstage.relighting.voronoi_cells import even_directions
 from relume.scene.lights import DistantLight

@@ -19,7 +19,10 @@ def view(
     stage: Stage,
     /,
     *,
-    mesh: Annotated[Path, Parameter(help="A mesh of the subject in the stage's frame, metres: .glb, .obj, .ply.")],
+    mesh: Annotated[
+        Path | None,
+        Parameter(help="A mesh of the subject in the stage's frame, metres: .glb, .obj, .ply; the stage's own."),
+    ] = None,
     out: Annotated[
         Path, Parameter(alias="-o", help="The picture: .exr (with alpha and what no camera saw), .hdr, .png or .jpg.")
     ],
@@ -60,7 +63,10 @@ def view(
         if measured and cluster is not None:
             raise ValueError("--measured is done in this process; leave it or --cluster out")
         require_picture(out)
-        require_files([mesh, *([camera_file] if camera_file else [])])
+        require_files([path for path in (mesh, camera_file) if path is not None])
+        subject = rl.lightstage.subject_mesh(stage, mesh)
+        if subject is None:
+            raise ValueError(f"{stage}: has no mesh, which a new view needs; give --mesh, from `relume stage scan`")
         if (position is None) == (camera_file is None):
             raise ValueError("give one of --position and --camera-file")
         # The source cameras' pictures, and the new camera.
@@ -85,8 +91,6 @@ def view(
                 for field, name in zip(fields, names, strict=True)
             ]
             settings = rl.lightstage.ViewSettings(measured=measured, nearest=light.nearest)
-            subject = rl.lightstage.subject_mesh(stage, mesh)
-            assert subject is not None
             found = rl.lightstage.view(
                 sources, light.lighting(), new, subject, settings, cluster=workers, scratch=existing_parent(out)
             )

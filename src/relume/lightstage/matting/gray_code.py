@@ -222,22 +222,31 @@ def _pictures(paths: Sequence[Path]) -> np.ndarray:
     """All pictures (N, H, W, 3) float32, scene-linear."""
     pictures, encoded = [], False
     for path in paths:
-        image = files.read(path)
-        if isinstance(image, RadianceMap):
-            pictures.append(image.radiance)
-        else:
-            pictures.append(decoded(image).astype(np.float32))
-            encoded = True
-        (height, width), (rows, columns) = pictures[0].shape[:2], pictures[-1].shape[:2]
-        if (height, width) != (rows, columns):
-            raise UnreadableFile(
-                f"{path}: {columns}×{rows} pixels, but {paths[0].name} has {width}×{height}; all pictures need one size"
-            )
+        picture, photograph = linear_picture(path, pictures[0].shape[:2] if pictures else None, paths[0].name)
+        pictures.append(picture)
+        encoded |= photograph
     if encoded:
         warn(
             f"{paths[0].parent}: photographs, taken as sRGB, or as their profiles say; merged EXR files would be exact"
         )
     return np.stack(pictures)
+
+
+def linear_picture(path: Path, shape: tuple[int, int] | None = None, first: str = "") -> tuple[np.ndarray, bool]:
+    """A picture (H, W, 3) float32, scene-linear, and whether it is a photograph, whose white is 1.
+
+    shape : rows and columns that it must have, those of the picture `first`
+    Raises UnreadableFile.
+    """
+    image = files.read(path)
+    encoded = not isinstance(image, RadianceMap)
+    picture = decoded(image).astype(np.float32) if encoded else image.radiance
+    rows, columns = picture.shape[:2]
+    if shape is not None and shape != (rows, columns):
+        raise UnreadableFile(
+            f"{path}: {columns}×{rows} pixels, but {first} has {shape[1]}×{shape[0]}; all pictures need one size"
+        )
+    return picture, encoded
 
 
 def _named(folder: Path) -> tuple[Path, Path, list[tuple[Stripes, Path]]]:

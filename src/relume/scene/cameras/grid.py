@@ -215,8 +215,6 @@ def _warn_of_focal_length(seen: _Seen, found: Camera, minimum: Minimum) -> None:
 
 def _oriented(photograph: Photograph, squares: tuple[int, int]) -> np.ndarray:
     """The board's inner corners (rows, columns, 2) in pixels, as its frame counts them."""
-    import cv2
-
     columns, rows = squares[0] - 1, squares[1] - 1
     height, width = photograph.pixels.shape[:2]
     grey = np.empty((height, width), np.uint8)
@@ -225,7 +223,7 @@ def _oriented(photograph: Photograph, squares: tuple[int, int]) -> np.ndarray:
         grey[rows] = photograph.pixels[rows].astype(np.float64).mean(2) * (255 / np.iinfo(photograph.pixels.dtype).max)
 
     in_bands(height, width, work)
-    found, corners = _corners(cv2, grey, columns, rows)
+    found, corners = inner_corners(grey, columns, rows)
     if not found:
         raise GridNotFound(
             f"{photograph.name}: no grid of {squares[0]}×{squares[1]} squares found; the whole board must be in the "
@@ -243,12 +241,14 @@ def _oriented(photograph: Photograph, squares: tuple[int, int]) -> np.ndarray:
     return image + 0.5
 
 
-def _corners(cv2, grey: np.ndarray, columns: int, rows: int) -> tuple[bool, np.ndarray]:
-    """Inner corners (columns·rows, 2), pixel centres at whole numbers.
+def inner_corners(grey: np.ndarray, columns: int, rows: int) -> tuple[bool, np.ndarray]:
+    """Whether a board is seen, and its inner corners (columns·rows, 2), pixel centres at whole numbers.
 
     Boards are sought in a large photograph made smaller first, where they take a tenth of the time, and small ones at
     last in an enlargement.
     """
+    import cv2
+
     flags = cv2.CALIB_CB_EXHAUSTIVE | cv2.CALIB_CB_ACCURACY
     for scale in (*([ENOUGH / max(grey.shape)] if max(grey.shape) > 2 * ENOUGH else []), 1, 2, 4):
         way = cv2.INTER_AREA if scale < 1 else cv2.INTER_CUBIC

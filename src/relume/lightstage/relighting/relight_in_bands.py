@@ -10,9 +10,9 @@ import numpy as np
 from relume.image.radiance import RadianceMap
 from relume.lightstage.blocks import Cluster, scratch
 from relume.lightstage.field.field import ReflectanceField
-from relume.lightstage.relight_settings import RelightSettings
 from relume.lightstage.relighting.diffuse_fit import DiffuseFit, needs_fit, terms
 from relume.lightstage.relighting.interpolation import Barycentric, NearestLight, Remainder, Smooth
+from relume.lightstage.relighting.relight_settings import RelightSettings
 from relume.lightstage.relighting.relighting import Progress, weighted_sum, within
 from relume.lightstage.relighting.relit_bands import (
     BandFit,

@@ -19,8 +19,6 @@ from relume.lightstage.direct_light.light_directions import DirectedLight
 from relume.lightstage.field.field import ReflectanceField
 from relume.lightstage.field.lights import StageLights
 from relume.lightstage.novel_view.projection import Subject, check_mesh_matches
-from relume.lightstage.relight_in_bands import in_bands_needed, pictures_in_bands, shared_out, sum_of_pictures
-from relume.lightstage.relight_settings import RelightSettings, SubjectMesh
 from relume.lightstage.relighting.cosine import compress_cosine
 from relume.lightstage.relighting.diffuse_fit import DiffuseFit, fit_diffuse, needs_fit
 from relume.lightstage.relighting.interpolation import (
@@ -32,6 +30,13 @@ from relume.lightstage.relighting.interpolation import (
     unreached_share,
 )
 from relume.lightstage.relighting.low_rank import compress_low_rank
+from relume.lightstage.relighting.relight_in_bands import (
+    in_bands_needed,
+    pictures_in_bands,
+    shared_out,
+    sum_of_pictures,
+)
+from relume.lightstage.relighting.relight_settings import RelightSettings, SubjectMesh
 from relume.lightstage.relighting.relighting import (
     Progress,
     labelled,

@@ -9,14 +9,14 @@ from pathlib import Path
 
 from relume.lightstage.blocks import Cluster, spread
 from relume.lightstage.field.field import ReflectanceField
-from relume.lightstage.relight import prepared, relight_sequence
-from relume.lightstage.relight_in_bands import pictures_in_bands
-from relume.lightstage.relight_settings import RelightSettings
+from relume.lightstage.relighting.relight import prepared, relight_sequence
+from relume.lightstage.relighting.relight_in_bands import pictures_in_bands
+from relume.lightstage.relighting.relight_settings import RelightSettings
 from relume.lightstage.relighting.relighting import Progress, within
 from relume.lightstage.relighting.relit_bands import Frames
+from relume.lightstage.relighting.relit_files import film_for, made_folder, write_frame, write_frames
 from relume.lightstage.relighting.specular_spikes import share_below, warn_below
 from relume.lightstage.relighting.stage_lighting import StageLighting
-from relume.lightstage.relit_files import film_for, made_folder, write_frame, write_frames
 from relume.sphere.environment_map import EnvironmentMap
 from relume.virtual_camera.film.film import Film
 

@@ -1,0 +1,1 @@
+"""The shape of a subject by structured light: patterns, decoding, calibration, triangulation, cleaning and meshing."""

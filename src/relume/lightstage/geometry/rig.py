@@ -1,0 +1,88 @@
+"""A camera and a projector that keep their places to each other, as a file."""
+
+from __future__ import annotations
+
+import json
+import os
+from dataclasses import asdict, dataclass, replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from relume.errors import UnreadableFile
+from relume.image import files
+from relume.scene.cameras.camera import Camera
+from relume.scene.cameras.distortion import Distortion
+
+
+@dataclass(frozen=True, eq=False)
+class ScannerRig:
+    """A camera and a projector, which is a camera that shows its picture; metres, one frame.
+
+    residual : root mean square of the board's corners about what the rig explains, in camera and projector pixels;
+        None for a rig that was given
+    """
+
+    camera: Camera
+    projector: Camera
+    residual: tuple[float, float] | None = None
+
+    def placed(self, camera: Camera) -> ScannerRig:
+        """The same rig in the frame in which its camera stands as `camera` does; the lens stays the rig's own."""
+        turn = camera.rotation @ self.camera.rotation.T
+        moved = camera.position + turn @ (self.projector.position - self.camera.position)
+        return replace(
+            self,
+            camera=replace(self.camera, position=np.asarray(camera.position, np.float64), rotation=camera.rotation),
+            projector=replace(self.projector, position=moved, rotation=turn @ self.projector.rotation),
+        )
+
+
+def write_rig(path: str | os.PathLike[str], rig: ScannerRig) -> None:
+    """Write a rig as JSON, whole or not at all; raises OutputNotWritten."""
+    table = {"camera": _table(rig.camera), "projector": _table(rig.projector), "residual": rig.residual}
+    files.write_text(path, json.dumps(table, indent=1) + "\n")
+
+
+def read_rig(path: str | os.PathLike[str]) -> ScannerRig:
+    """The rig of a file that `write_rig` wrote; raises UnreadableFile."""
+    try:
+        table = json.loads(Path(path).read_text("utf-8"))
+        residual = table.get("residual")
+        return ScannerRig(
+            _camera(table["camera"]),
+            _camera(table["projector"]),
+            None if residual is None else (float(residual[0]), float(residual[1])),
+        )
+    except FileNotFoundError:
+        raise UnreadableFile(
+            f"{path}: no such file; give the rig's file, or photographs of a board to calibrate it with"
+        ) from None
+    except KeyError as error:
+        raise UnreadableFile(f"{path}: the key {error} is missing; `relume stage scan --boards` writes it") from None
+    except (OSError, AttributeError, IndexError, TypeError, ValueError) as error:
+        raise UnreadableFile(f"{path}: not a rig ({error}); `relume stage scan --boards` writes one") from None
+
+
+def _table(camera: Camera) -> dict[str, Any]:
+    table: dict[str, Any] = {
+        "size": [camera.width, camera.height],
+        "focal_length": float(camera.focal_length),
+        "position": np.asarray(camera.position, np.float64).tolist(),
+        "rotation": np.asarray(camera.rotation, np.float64).tolist(),
+        "centre": [float(value) for value in camera.principal_point],
+    }
+    if camera.distortion is not None:
+        table["distortion"] = asdict(camera.distortion)
+    return table
+
+
+def _camera(table: dict[str, Any]) -> Camera:
+    rotation, position = np.array(table["rotation"], np.float64), np.array(table["position"], np.float64)
+    if rotation.shape != (3, 3) or position.shape != (3,) or np.abs(rotation @ rotation.T - np.eye(3)).max() > 1e-6:
+        raise ValueError("a position is three numbers, and a rotation three rows at right angles")
+    width, height = (int(value) for value in table["size"])
+    across, down = (float(value) for value in table["centre"])
+    lens = Distortion(**table["distortion"]) if table.get("distortion") else None
+    return Camera(width, height, float(table["focal_length"]), position, rotation, (across, down), lens)

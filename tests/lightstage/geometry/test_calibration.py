@@ -1,0 +1,51 @@
+"""A rig found from photographs of a board, against the one that they were made with."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from relume.errors import GridNotFound
+from relume.lightstage.geometry.calibration import calibrate_rig
+from relume.lightstage.geometry.patterns import ProjectorPatterns
+from structured_light import SQUARE, SQUARES, Shooting, as_photographs, boards, rig
+
+RIG = rig(280, 210, distance=0.84, target=np.zeros(3), slant=np.radians(20), field=0.36)
+PATTERNS = ProjectorPatterns(320, 240)
+SHOOTING = Shooting(exposure=0.9)
+
+
+@pytest.fixture(scope="module")
+def photographs():
+    return [as_photographs(each, PATTERNS) for each in boards(RIG, PATTERNS, np.zeros(3), 4, SHOOTING)]
+
+
+def test_the_rig_is_the_one_that_photographed(photographs):
+    found = calibrate_rig(photographs, squares=SQUARES, square=SQUARE)
+    assert found.residual is not None and max(found.residual) < 0.35
+    for seen, true in ((found.camera, RIG.camera), (found.projector, RIG.projector)):
+        assert seen.focal_length == pytest.approx(true.focal_length, rel=0.01)
+    # In the camera's own frame, and so the triangle between the two.
+    own = found.placed(RIG.camera).projector
+    assert np.linalg.norm(own.position - RIG.projector.position) < 0.003
+    assert np.abs(own.rotation - RIG.projector.rotation).max() < np.radians(0.6)
+
+
+def test_too_few_boards_and_other_boards_are_refused(photographs):
+    with pytest.raises(ValueError, match="needs 3 boards, each at another slant, better ten; 2 given"):
+        calibrate_rig(photographs[:2], squares=SQUARES, square=SQUARE)
+    with pytest.raises(GridNotFound, match="board 1: no board of 12×5 squares found"):
+        calibrate_rig(photographs, squares=(12, 5), square=SQUARE)
+
+
+def test_a_board_in_the_projectors_shade_is_told(photographs):
+    first = photographs[0]
+    # The cosines reach the left third alone, as where something stands before the projector while they are shown.
+    pictures = first.pictures.copy()
+    shifted = [PATTERNS.names.index(name) for name in PATTERNS.names if name.startswith("phase")]
+    pictures[np.ix_(shifted, range(210), range(95, 280))] = 0.5 * (first["white"] + first["black"])[:, 95:]
+    hidden = type(first)(PATTERNS, pictures, first.clipped, first.colour)
+    with pytest.raises(
+        GridNotFound, match=r"board 1: the projector's patterns are lost in shade, or too dark, at \d+%"
+    ):
+        calibrate_rig([hidden, *photographs[1:]], squares=SQUARES, square=SQUARE)
