@@ -64,7 +64,7 @@ NAMES_WITHOUT_MEANING = {"utils", "util", "common", "core", "helpers", "types"}
 LONGEST = 400
 MOST_PUBLIC_NAMES = 80
 MOST_PUBLIC_MODULES = 13
-MOST_LINES_OF_COMMANDS = 6000
+MOST_LINES_OF_COMMANDS = 6500
 MOST_ENTRIES = 20
 # Path in the package → the reason why it is not split.
 MAY_BE_LONGER: dict[str, str] = {}
