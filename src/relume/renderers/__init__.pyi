@@ -3,6 +3,11 @@ from .photon_map.drawing import drawn_discs as drawn_discs
 from .photon_map.drawing import drawn_photons as drawn_photons
 from .photon_map.photon_map import PhotonMap as PhotonMap
 from .photon_map.photon_map import PhotonStep as PhotonStep
+from .projective.baking import BakedMesh as BakedMesh
+from .projective.baking import BakedPlace as BakedPlace
+from .projective.baking import bake as bake
+from .projective.photographs import ProjectedPhotograph as ProjectedPhotograph
+from .projective.projective_texture import ProjectiveTexture as ProjectiveTexture
 from .radiosity.form_factors import FormFactors as FormFactors
 from .radiosity.form_factors import form_factors as form_factors
 from .radiosity.radiosity import Radiosity as Radiosity
