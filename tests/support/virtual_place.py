@@ -14,8 +14,14 @@ from relume.scene.materials.materials import Diffuse
 from relume.scene.shapes.shapes import Mesh
 
 GREY = Diffuse((0.5, 0.5, 0.5))
-EYES = [(-2.4, 1.6, 1.6), (2.4, 1.5, 1.7), (2.3, 1.7, -1.6), (-2.4, 1.4, -1.5), (0.1, 2.2, 1.8)]
-"""Where five photographs of the room are taken from."""
+EYES = [
+    ((-2.4, 1.6, 1.6), (0, 0.7, 0)),
+    ((2.4, 1.5, 1.7), (0, 0.7, 0)),
+    ((2.3, 1.7, -1.6), (0, 0.9, 0)),
+    ((-2.4, 1.4, -1.5), (0.5, 1.3, 0)),
+    ((0.1, 0.4, 1.8), (0.6, 2.6, -0.4)),
+]
+"""Where five photographs of the room are taken from, and what they look at; the last looks up to the lamp."""
 LAMP = 40.0
 """Radiance of the lamp at the ceiling, some eighty times the walls'."""
 
@@ -35,6 +41,12 @@ def meshes():
         box((-0.9, 0, -0.6), (-0.1, 1.1, 0.2), "block"),
         box((0.7, 0, -0.9), (1.5, 0.5, -0.1), "bench"),
     )
+
+
+def flat_floor():
+    """A floor of its own, a centimetre above the room's."""
+    corners = np.array([[-2.9, 0.01, 2.4], [2.9, 0.01, 2.4], [2.9, 0.01, -2.4], [-2.9, 0.01, -2.4]], np.float32)
+    return Mesh(corners, np.array([[0, 1, 2], [0, 2, 3]], np.int32), GREY, name="floor")
 
 
 def radiance_at(points):
@@ -63,7 +75,7 @@ def seen_by(view, samples=4):
 
 def photographs(count=5, **size):
     """Photographs of the room."""
-    views = [camera(eye, **size) for eye in EYES[:count]]
+    views = [camera(eye, target, **size) for eye, target in EYES[:count]]
     return tuple(
         ProjectedPhotograph(view, RadianceMap(seen_by(view)), f"view {index}") for index, view in enumerate(views)
     )

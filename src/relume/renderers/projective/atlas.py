@@ -47,9 +47,7 @@ class Atlas:
 def atlas_of(mesh: Mesh, texel: float, largest: int) -> Atlas:
     """The atlas of a mesh whose texels are so many metres wide, or wider where its side would exceed `largest`."""
     corners = mesh.vertices[mesh.faces].astype(np.float64)
-    across = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
-    length = np.linalg.norm(across, axis=-1)
-    normals = across / np.maximum(length, 1e-300)[:, None]
+    normals, _ = face_normals(mesh)
     part = flat_parts(mesh, normals)
     flat = laid_down(corners, normals, part)
     while True:
@@ -69,6 +67,14 @@ def atlas_of(mesh: Mesh, texel: float, largest: int) -> Atlas:
         mesh.name,
     )
     return Atlas(laid, size, rows, columns, points, normals[faces], inner, faces, texel)
+
+
+def face_normals(mesh: Mesh) -> tuple[np.ndarray, np.ndarray]:
+    """Unit normals (M, 3) of a mesh's triangles, 0 for those without area, and their areas (M,), m²."""
+    corners = mesh.vertices[mesh.faces].astype(np.float64)
+    across = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
+    length = np.linalg.norm(across, axis=-1)
+    return across / np.maximum(length, 1e-300)[:, None], length / 2
 
 
 def flat_parts(mesh: Mesh, normals: np.ndarray) -> np.ndarray:

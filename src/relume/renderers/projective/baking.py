@@ -12,7 +12,7 @@ import numpy as np
 from scipy.ndimage import distance_transform_edt
 from scipy.spatial import KDTree
 
-from relume.renderers.projective.atlas import Atlas, atlas_of
+from relume.renderers.projective.atlas import Atlas, atlas_of, face_normals
 from relume.renderers.projective.blending import VIEWS, Blend, blended
 from relume.renderers.projective.photographs import ProjectedPhotograph, Projector, projectors
 from relume.renderers.raytrace.raycast import RayCaster
@@ -33,6 +33,7 @@ class BakedMesh:
     seen : (H, W) bool, texels that a photograph shows; the others were filled, or lie on no surface
     used : (H, W) bool, texels whose middle lies on the surface
     points : (H, W, 3) float32, where each texel lies, metres, world; NaN where it lies on no surface
+    faces : (H, W) int32, the triangle of the mesh that it lies on; −1 for none
     texel : metres
     """
 
@@ -40,6 +41,7 @@ class BakedMesh:
     seen: np.ndarray
     used: np.ndarray
     points: np.ndarray
+    faces: np.ndarray
     texel: float
 
     @property
@@ -47,6 +49,16 @@ class BakedMesh:
         """(H, W, 3) float32, in the photographs' unit."""
         assert isinstance(self.mesh.material, Material)
         return np.asarray(self.mesh.material.emission)
+
+    def shining(self, radiance: np.ndarray) -> BakedMesh:
+        """The same with another radiance (H, W, 3)."""
+        material = replace(self.mesh.material, emission=np.ascontiguousarray(radiance, np.float32))
+        return replace(self, mesh=replace(self.mesh, material=material))
+
+    @property
+    def normals(self) -> np.ndarray:
+        """(M, 3) float64 unit normals of its triangles, to the side that they shine to."""
+        return face_normals(self.mesh)[0]
 
     @property
     def holes(self) -> float:
@@ -120,9 +132,7 @@ def bake(
 def _fineness(mesh: Mesh, among: Sequence[Projector]) -> float:
     """The width of texel that is as fine as the photographs show a mesh, metres."""
     corners = mesh.vertices[mesh.faces].astype(np.float64)
-    across = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
-    area = np.linalg.norm(across, axis=-1) / 2
-    normals = across / np.maximum(2 * area, 1e-300)[:, None]
+    normals, area = face_normals(mesh)
     # Places spread over the triangles, as many as their area is of the whole; each triangle's middle at least.
     share = np.maximum((2000 * area / max(area.sum(), 1e-300)).astype(int), 1)
     face = np.repeat(np.arange(len(area)), share)
@@ -161,7 +171,8 @@ def _part(atlas: Atlas, blend: Blend, turned: np.ndarray, everywhere: tuple[np.n
         values[~blend.seen] = filled(atlas.points[~blend.seen], *own)
     width, height = atlas.size
     image, used, seen = np.zeros((height, width, 3), np.float32), *np.zeros((2, height, width), bool)
-    points = np.full((height, width, 3), np.nan, np.float32)
+    points, face = np.full((height, width, 3), np.nan, np.float32), np.full((height, width), -1, np.int32)
+    face[atlas.rows, atlas.columns] = atlas.faces
     image[atlas.rows, atlas.columns], points[atlas.rows, atlas.columns] = values, atlas.points
     seen[atlas.rows, atlas.columns], used[atlas.rows, atlas.columns] = blend.seen, atlas.inner
     # What lies on no surface continues what does, for programs that look a texture up coarsely.
@@ -173,7 +184,7 @@ def _part(atlas: Atlas, blend: Blend, turned: np.ndarray, everywhere: tuple[np.n
     )
     faces = np.where(turned[:, None], atlas.mesh.faces[:, ::-1], atlas.mesh.faces)
     mesh = replace(atlas.mesh, faces=np.ascontiguousarray(faces), material=material, normals=None)
-    return BakedMesh(mesh, seen, used, points, atlas.texel)
+    return BakedMesh(mesh, seen, used, points, face, atlas.texel)
 
 
 def filled(wanted: np.ndarray, points: np.ndarray, values: np.ndarray) -> np.ndarray:

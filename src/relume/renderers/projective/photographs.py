@@ -17,14 +17,16 @@ from relume.image.radiance import OUTSIDE, SATURATED, RadianceMap
 from relume.renderers.raytrace.raycast import RayCaster
 from relume.scene.cameras.camera import Camera
 
-FEATHER = 0.08
+FEATHER = 0.2
 """Of the picture's shorter side, over which a photograph's say falls towards its border."""
 EDGE_FEATHER = 4.0
 """Pixels beside an edge that hides something: a lens and half a pixel's error of the model blur what lies there."""
 LEAST = 1e-4
 """Of its say that a pixel keeps at an edge: it speaks where no other photograph does."""
 LEAP = 0.02
-"""Share of the distance by which neighbouring pixels differ, beyond what a plane's slope explains, at such an edge."""
+"""Share of the distance by which neighbouring pixels differ at such an edge, beyond what slopes explain."""
+SATURATED_SAY = 1e-9
+"""Of a pixel that is a lower bound alone: less than any other photograph has anywhere."""
 MOST_LOOKED = 1_000_000
 """Pixels of a photograph whose distances are found: a falloff is smooth, so that fewer than it has serve."""
 REACHED = 1e-4
@@ -79,7 +81,7 @@ class Projector:
         if clipped is not None:
             rows, columns = (y[:, 0] * camera.height).astype(int), (x[0] * camera.width).astype(int)
             said = clipped[rows[:, None], columns]
-            trust = np.where(said == OUTSIDE, 0, np.where(said == SATURATED, LEAST * trust, trust))
+            trust = np.where(said == OUTSIDE, 0, np.where(said == SATURATED, SATURATED_SAY, trust))
         return Projector(photograph, caster, trust.astype(np.float32))
 
     def sees(self, points: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
@@ -129,16 +131,19 @@ def footprints(camera: Camera, points: np.ndarray, normals: np.ndarray) -> np.nd
 def hiding_edges(distance: np.ndarray) -> np.ndarray:
     """How far each pixel is from the nearest edge that hides something, in pixels; distances (h, w), ∞ for nothing.
 
-    On a plane 1/distance is linear across the picture, so its second difference is 0 however steep the plane; beside
-    an edge it is not.
+    Across a plane 1/distance is linear, however steep the plane, and across a crease its slope changes from one to
+    another. Beside an edge that hides something it leaps by more than either slope.
     """
     nearness = np.where(np.isfinite(distance), 1 / np.maximum(distance, 1e-12), 0.0)
     edge = np.zeros(distance.shape, bool)
     for axis in (0, 1):
-        middle = np.moveaxis(nearness, axis, 0)
-        bend = np.abs(middle[:-2] - 2 * middle[1:-1] + middle[2:])
-        around = np.maximum(np.maximum(middle[:-2], middle[2:]), middle[1:-1])
-        np.moveaxis(edge, axis, 0)[1:-1] |= bend > LEAP * np.maximum(around, 1e-12)
+        along, marks = np.moveaxis(nearness, axis, 0), np.moveaxis(edge, axis, 0)
+        step = np.pad(np.diff(along, axis=0), ((1, 1), (0, 0)), mode="edge")
+        low, high = np.minimum(step[:-2], step[2:]), np.maximum(step[:-2], step[2:])
+        beyond = np.maximum(low - step[1:-1], step[1:-1] - high)
+        leaps = beyond > LEAP * np.maximum(along[:-1], along[1:])
+        marks[:-1] |= leaps
+        marks[1:] |= leaps
     if not edge.any():
         return np.full(distance.shape, np.inf)
     return np.asarray(distance_transform_edt(~edge))
