@@ -12,6 +12,7 @@
     ├── GridNotFound        no calibration grid is seen in the photograph
     ├── InvalidShot         the shot file has an unknown key, a missing one or a wrong value
     ├── InvalidScene        the scene file has an unknown key, a missing one or a wrong value
+    ├── InvalidPlace        the place file has an unknown key or name, or its marks do not determine the place
     ├── InvalidStage        the folder or file of a light stage has an unknown key, a missing light, or other pictures
     ├── UnsupportedScene    a renderer was given something it cannot render
     ├── CannotResume        what an interrupted render kept belongs to another render
@@ -126,6 +127,10 @@ class InvalidShot(RelumeError):
 
 class InvalidScene(RelumeError):
     """The scene file has an unknown key, a missing one or a wrong value, or names a file that cannot be used."""
+
+
+class InvalidPlace(RelumeError):
+    """The place file has an unknown key or name, or its marks do not determine the place; the message names what."""
 
 
 class InvalidStage(RelumeError):

@@ -95,12 +95,8 @@ def fit_vanishing_lines(
             raise ValueError("a line ends where the distortion has folded over; draw it within the photograph")
     if estimate_centre and not all(len(s) > 1 for s in segments):
         raise ValueError("estimate_centre needs two lines or more along each of x, y and z; draw them, or leave it out")
-    # Vanishing points give a first view; all lines at once refine it.
     middle = np.array(centre or (size[0] / 2, size[1] / 2))
-    points = {axis: _vanishing_point(AXES[axis], s, size) for axis, s in enumerate(segments) if len(s) > 1}
-    focal = focal_length or _focal_length(points, middle, estimate_centre)
-    start = _View(focal, middle, _rotation(points, segments, focal, middle, lines.level))
-    view, minimum = _refined(start, segments, lines.level, focal_length is None, estimate_centre)
+    view, minimum = _view_of(size, segments, lines.level, focal_length, middle, estimate_centre)
     _check_determined(minimum, view, size, focal_length is None, estimate_centre)
 
     # The camera's place: along the ray of the origin, as far as the known length says.
@@ -116,6 +112,30 @@ def fit_vanishing_lines(
     camera = replace(lens, position=-ray * length.metres_per_unit(replace(lens, position=-ray)))
     ends = np.concatenate([s.reshape(-1, 2) for s in lines.segments()])
     return CameraFit(camera, ends, np.concatenate(_offsets(view, segments)))
+
+
+def turn_from_lines(
+    size: tuple[int, int], lines: AxisLines, focal_length: float | None, centre: tuple[float, float]
+) -> tuple[float, np.ndarray, float]:
+    """Focal length, pixels, world-from-camera rotation (3, 3), and the focal length's deviation as a share of it.
+
+    The frame is that of `fit_vanishing_lines`: the world's +X points to the right, which may be its −X in truth; then
+    the rotation is half a turn about +Y off. Raises ValueError where the lines determine no rotation.
+    """
+    view, minimum = _view_of(size, lines.segments(), lines.level, focal_length, np.array(centre), False)
+    spread = 0.0 if focal_length is not None else float(minimum.deviations[3])
+    return view.focal_length, view.world_from_camera(), spread
+
+
+def _view_of(
+    size: tuple[int, int], segments: Sequence[np.ndarray], level: bool, focal_length: float | None,
+    middle: np.ndarray, estimate_centre: bool,
+) -> tuple[_View, Minimum]:  # fmt: skip
+    """Vanishing points give a first view; all lines at once refine it."""
+    points = {axis: _vanishing_point(AXES[axis], s, size) for axis, s in enumerate(segments) if len(s) > 1}
+    focal = focal_length or _focal_length(points, middle, estimate_centre)
+    start = _View(focal, middle, _rotation(points, segments, focal, middle, level))
+    return _refined(start, segments, level, focal_length is None, estimate_centre)
 
 
 @dataclass(frozen=True, eq=False)

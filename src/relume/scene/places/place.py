@@ -1,0 +1,107 @@
+"""A modelled place: blocks in world metres and the cameras of the photographs they were found from."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from pathlib import Path
+
+import numpy as np
+
+from relume.scene.cameras.camera import Camera
+from relume.scene.shapes.shapes import Mesh
+
+
+@dataclass(frozen=True)
+class CameraDeviation:
+    """How well a photograph's camera is known: one standard deviation of each.
+
+    position : metres, the root of the three variances' sum
+    rotation : radians, likewise
+    focal_length : pixels; 0 where it was given
+    """
+
+    position: float
+    rotation: float
+    focal_length: float
+
+
+@dataclass(frozen=True, eq=False)
+class PlacePhotograph:
+    """A photograph of the place.
+
+    name : as the place file has it
+    file : the picture; it need not be there where the place file gives its size
+    camera : where it was taken from, and through which lens
+    deviation : of the camera
+    residual : root mean square distance, pixels, of the marked points from the edges as the camera sees them
+    marks : how many points were marked in it
+    """
+
+    name: str
+    file: Path
+    camera: Camera
+    deviation: CameraDeviation
+    residual: float
+    marks: int
+
+
+@dataclass(frozen=True, eq=False)
+class PlaceBlock:
+    """A block of the place.
+
+    name : as the place file has it
+    kind : "box", "roof", "wall" and so on
+    mesh : world, metres, faces outward; grey until a texture or a reflectance is known
+    size : (3,) width, height and depth, metres, along the block's own axes
+    deviation : (3,) one standard deviation of each, metres; 0 of a size that was given
+    corners : world points by name, metres, such as "front_left_top"
+    edges : points (N, 3) along each named edge, world, metres; two of a straight one
+    """
+
+    name: str
+    kind: str
+    mesh: Mesh
+    size: np.ndarray
+    deviation: np.ndarray
+    corners: dict[str, np.ndarray]
+    edges: dict[str, np.ndarray]
+
+
+@dataclass(frozen=True, eq=False)
+class Place:
+    """Blocks and cameras in one frame: world, metres, +Y up, the first block's foot in the middle of the frame.
+
+    blocks, photographs : in the order of the place file
+    covariance : (N, N) of the unknowns, in the order of `unknowns`: metres, radians, logarithms of focal lengths
+    unknowns : their names, such as "depth of block 'tower'"
+    chi_square : sum of squared residuals, each in its standard deviation
+    freedom : how many residuals there are beyond the unknowns; chi_square is about as large where the marks are sound
+    doubts : one line each on what should be looked at
+    """
+
+    blocks: tuple[PlaceBlock, ...]
+    photographs: tuple[PlacePhotograph, ...]
+    covariance: np.ndarray = field(default_factory=lambda: np.zeros((0, 0)))
+    unknowns: tuple[str, ...] = ()
+    chi_square: float = 0.0
+    freedom: int = 0
+    doubts: tuple[str, ...] = ()
+
+    def meshes(self) -> tuple[Mesh, ...]:
+        """One mesh a block, with its name, in world metres, +Y up."""
+        return tuple(block.mesh for block in self.blocks)
+
+    def block(self, name: str) -> PlaceBlock:
+        """The block of that name; raises ValueError with the names that there are."""
+        return _named(self.blocks, name, "block")
+
+    def photograph(self, name: str) -> PlacePhotograph:
+        """The photograph of that name; raises ValueError with the names that there are."""
+        return _named(self.photographs, name, "photograph")
+
+
+def _named(among: tuple, name: str, what: str):
+    for each in among:
+        if each.name == name:
+            return each
+    raise ValueError(f"the place has no {what} {name!r}; it has {', '.join(each.name for each in among)}")
