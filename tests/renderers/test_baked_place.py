@@ -112,9 +112,15 @@ def test_what_cannot_be_baked_is_refused(baked):
         rl.renderers.bake(place.meshes(), ())
     far = place.box((50, 0, 50), (51, 1, 51), "far")
     with pytest.raises(ValueError, match="no photograph shows any"):
-        rl.renderers.bake((far,), [rl.renderers.ProjectedPhotograph(
-            place.camera((0, 1, 0), (-5, 1, 0), width=16, height=12), rl.RadianceMap(np.ones((12, 16, 3), np.float32))
-        )])
+        rl.renderers.bake(
+            (far,),
+            [
+                rl.renderers.ProjectedPhotograph(
+                    place.camera((0, 1, 0), (-5, 1, 0), width=16, height=12),
+                    rl.RadianceMap(np.ones((12, 16, 3), np.float32)),
+                )
+            ],
+        )
     with pytest.raises(ValueError, match="no mesh 'ceiling'; it has room, block, bench"):
         rl.renderers.receiving(baked, ["ceiling"])
     with pytest.raises(ValueError, match="lights of the place are 0"):

@@ -197,9 +197,7 @@ def receiving(place: BakedPlace, names: Sequence[str], rays: int = 1024) -> tupl
     there = [part.mesh.name for part in place.parts]
     if unknown := sorted(set(names) - set(there)):
         raise ValueError(f"the place has no mesh {unknown[0]!r}; it has {', '.join(there)}")
-    return tuple(
-        _reflecting(place, part, rays) if part.mesh.name in names else part.mesh for part in place.parts
-    )
+    return tuple(_reflecting(place, part, rays) if part.mesh.name in names else part.mesh for part in place.parts)
 
 
 def _reflecting(place: BakedPlace, part: BakedMesh, rays: int) -> Mesh:

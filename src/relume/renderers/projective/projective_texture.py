@@ -48,8 +48,8 @@ class ProjectiveTexture(Renderer):
     def render(self, scene: Scene, camera: Camera, *, seed: int = 0, progress: Progress | None = None) -> Render:
         """The scene's real surfaces, meshes, as the camera sees them; beyond them the scene's light.
 
-        The render's `matte` is the share of each pixel that photographs show. The rest of the surfaces is a hole, filled
-        from the nearest places that are shown. Albedo is 0: what is seen is light.
+        The render's `matte` is the share of each pixel that photographs show. The rest of the surfaces is a hole,
+        filled from the nearest places that are shown. Albedo is 0: what is seen is light.
         Raises UnsupportedScene for objects, for other surfaces than meshes, and for a lens with an aperture.
         """
         meshes = _place(scene, camera)
