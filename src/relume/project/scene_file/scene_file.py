@@ -25,6 +25,7 @@ from relume.project.scene_file.lights import (
     light_of,
     maps_of,
     read_light,
+    shining_of,
 )
 from relume.project.scene_file.materials import SurfaceTable, made
 from relume.project.scene_file.metering import shines
@@ -131,7 +132,8 @@ class SceneTable(Table):
 
     @model_validator(mode="after")
     def _shows_something(self) -> SceneTable:
-        if not self.objects and not self.local:
+        shines = self.light is not None and self.light.distant.radiance == "own"
+        if not self.objects and not self.local and not shines:
             raise ValueError("objects: none, so only the light would be seen; add [[objects]] with a sphere or a mesh")
         return self
 
@@ -196,6 +198,7 @@ def _read_table(path: Path) -> SceneFile:
     read = distant_light(table.light, path)
     light = adjusted_light(read, table.light, path)
     distant, probe = distant_of(table.light, path)
+    shining, lamps = shining_of(table.light, path)
     lights = tuple(light_of(item, f"{path}: lights.{index}", path.parent) for index, item in enumerate(table.lights))
     # What they show.
     materials = {
@@ -209,7 +212,7 @@ def _read_table(path: Path) -> SceneFile:
     ]
     objects = tuple(object_of(item, f"objects.{index}", materials, path) for index, item in enumerate(table.objects))
     solids = tuple(solid for each in objects for solid in each.at_rest())
-    scene = Scene(light, tuple(local), solids, lights, distant, probe, medium_of(table.medium, path))
+    scene = Scene(light, (*shining, *local), solids, (*lights, *lamps), distant, probe, medium_of(table.medium, path))
     orbits = tuple(each.orbit for each in objects for _ in each.solids)
     # And how it moves.
     sequence = None
