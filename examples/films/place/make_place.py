@@ -28,8 +28,9 @@ def photograph(view: rl.Camera, name: str, samples: int) -> rl.RadianceMap:
 
 
 def decibels(picture: np.ndarray, truth: np.ndarray, where: np.ndarray) -> float:
-    """PSNR of the pictures developed at white 2."""
-    shown, wanted = (np.clip(each / 2, 0, 1) ** (1 / 2.2) for each in (picture, truth))
+    """PSNR of the pictures developed so that the truth's brightest hundredth is white."""
+    white = np.quantile(truth, 0.99)
+    shown, wanted = (np.clip(each / white, 0, 1) ** (1 / 2.2) for each in (picture, truth))
     return float(-10 * np.log10(np.mean((shown - wanted)[where] ** 2)))
 
 

@@ -28,6 +28,12 @@ from relume.scene.shapes.shapes import Mesh
 
 CLEAR = 1e-3
 """Metres by which a lamp hangs before the wall that it was part of."""
+PANE = 0.5
+"""Of a bright spot's own brightness, where it ends: what is dimmer, such as the bars of a window, parts its panes."""
+LEAST_POWER = 0.01
+"""Of the strongest spot's power, that a spot needs to be a lamp: others are the glow about it."""
+BURIED = 0.05
+"""Of a surface's median irradiance: a place that gets less lies below something that stands on it."""
 SPOTS = 64
 """Places of a lamp that are looked at for the irradiance of a surface."""
 PLACES = 1500
@@ -63,7 +69,7 @@ def place_lights(place: BakedPlace, count: int = 16, contrast: float = 4.0) -> P
     areas = np.concatenate([np.full(int(part.used.sum()), part.texel**2) for part in place.parts])
     level = glow_level(values, areas, contrast)
     spots = sorted((spot for part in place.parts for spot in _spots(part, level)), key=lambda spot: -spot.power)
-    kept = spots[:count]
+    kept = [spot for spot in spots[:count] if spot.power > LEAST_POWER * spots[0].power]
     parts = tuple(_without(part, [spot for spot in kept if spot.part is part], level) for part in place.parts)
     return PlaceLights(tuple(spot.light() for spot in kept), replace(place, parts=parts), level)
 
@@ -104,11 +110,14 @@ def _spots(part: BakedMesh, level: float) -> list[_Spot]:
     # More than rounding above it, where a spot was taken off already.
     bright = part.used & (luminance(part.radiance) > level * (1 + 1e-3))
     found, count = label(bright, np.ones((3, 3)))
-    spots = []
+    values, spots = luminance(part.radiance), []
     for number in range(1, count + 1):
-        inside = found == number
-        shown = part.radiance[inside].astype(np.float64)
-        spots.append(_Spot(part, inside, shown * (1 - level / luminance(shown))[:, None]))
+        whole = found == number
+        panes, most = label(whole & (values > PANE * np.quantile(values[whole], 0.9)))
+        for pane in range(1, most + 1):
+            inside = panes == pane
+            shown = part.radiance[inside].astype(np.float64)
+            spots.append(_Spot(part, inside, shown * (1 - level / luminance(shown))[:, None]))
     return spots
 
 
@@ -116,7 +125,8 @@ def _without(part: BakedMesh, spots: Sequence[_Spot], level: float) -> BakedMesh
     """The mesh with nothing above the level at these spots and on the rims beside them."""
     if not spots:
         return part
-    inside = binary_dilation(np.any([spot.inside for spot in spots], axis=0), iterations=RIM)
+    inside = np.any([spot.inside for spot in spots], axis=0)
+    inside |= binary_dilation(inside, iterations=RIM) & ~part.used
     values = luminance(part.radiance)
     share = np.where(inside, np.minimum(1, level / np.maximum(values, 1e-30)), 1)
     return part.shining(part.radiance * share[..., None])
@@ -208,9 +218,12 @@ def _reflecting(place: BakedPlace, part: BakedMesh, rays: int) -> Mesh:
     irradiance = place_irradiance(place, points + CLEAR * normals, normals, rays)
     known = part.faces >= 0
     reflectance = np.zeros(part.radiance.shape, np.float32)
-    arriving = filled(part.points[known].astype(np.float64), points, irradiance)
+    # Below what stands on it no light arrives, nor is anything seen: what lies beside must not be thought as dark.
+    open_ = luminance(irradiance) > BURIED * np.median(luminance(irradiance))
+    open_ = open_ if open_.any() else np.ones(len(points), bool)
+    arriving = filled(part.points[known].astype(np.float64), points[open_], irradiance[open_])
     reflectance[known] = np.pi * part.radiance[known] / np.maximum(arriving, 1e-30)
-    if (over := float((reflectance[part.used] > 1).any(axis=-1).mean())) > 0.01:
+    if (over := float((reflectance[part.used & part.seen] > 1).any(axis=-1).mean())) > 0.02:
         warn(
             f"{over:.0%} of {part.mesh.name!r} would reflect more than the light it gets and are held at all of it: "
             "the place lacks light that no photograph shows, or the mesh shines itself"
