@@ -6,7 +6,6 @@ from . import probe as probe
 from . import renderers as renderers
 from . import report as report
 from . import scene as scene
-from .capture.brackets.merging import merge_brackets as merge_brackets
 from .capture.exposure.bracket import read_bracket as read_bracket
 from .capture.merging import merge as merge
 from .capture.response.calibration import recover_response as recover_response
@@ -57,6 +56,7 @@ from .scene.cameras.files import read_camera as read_camera
 from .scene.cameras.grid import camera_from_grid as camera_from_grid
 from .scene.materials.materials import Diffuse as Diffuse
 from .scene.materials.materials import Material as Material
+from .scene.places.modelling import model_place as model_place
 from .scene.scene import Scene as Scene
 from .scene.shapes.meshes import read_meshes as read_meshes
 from .scene.shapes.shapes import Mesh as Mesh

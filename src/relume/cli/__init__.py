@@ -12,6 +12,7 @@ COMMANDS = {
     "probe": "Turn photographs of a mirrored ball into an environment map.",
     "panorama": "Stitch perspective photographs into an environment map.",
     "convert": "Convert files between formats, and light between mappings; turn it, lay it out for another program.",
+    "model": "Model a place from edges marked in photographs: cameras and blocks, found together.",
     "edit": "Edit radiance maps in linear light, or through any painting program.",
     "sky": "Make the light of a clear day: sky and sun by place, date and hour, in cd/m².",
     "sun": "Recover a sun that clipped, from a grey ball or a chart in the same light.",
@@ -28,7 +29,7 @@ COMMANDS = {
 }
 
 FOLDERS = {
-    "sky": "light.", "sun": "light.", "stage": "stage.", "view": "pages.", "studio": "pages.",
+    "model": "light.", "sky": "light.", "sun": "light.", "stage": "stage.", "view": "pages.", "studio": "pages.",
     "render": "rendering.", "reflect": "rendering.", "film": "rendering.",
 }  # fmt: skip
 """Where a command's module is, if not beside this one."""

@@ -16,8 +16,8 @@ from relume.project.schema import Positive, Table, Vector
 from relume.renderers.projective.place_light import place_lights, receiving
 from relume.renderers.projective.shining_meshes import place_of
 from relume.scene.lights import RectangleLight
+from relume.scene.places.reading import read_shapes
 from relume.scene.scene import Box, Distant, Dome, Enclosure, Infinite
-from relume.scene.shapes.meshes import read_meshes
 from relume.scene.shapes.shapes import AnyMaterial, Mesh, Plane, Shape, Sphere
 
 _LOCAL_NEEDS = {"plane": (), "box": ("low", "high"), "sphere": ("centre", "radius"), "mesh": ("mesh",)}
@@ -36,8 +36,8 @@ def _require_box(low: Vector | None, high: Vector | None) -> None:
 class SurfaceShape(Placement):
     """The shape of a real surface.
 
-    shape : a horizontal plane of a size at a height, a box from one corner to the other, or a mesh, then placed as
-        objects are; or a sphere about its centre
+    shape : a horizontal plane of a size at a height, a box from one corner to the other, or a mesh or a place
+        file, then placed as objects are; or a sphere about its centre
     """
 
     shape: Literal["plane", "box", "sphere", "mesh"]
@@ -69,7 +69,7 @@ class SurfaceShape(Placement):
         """The surface of a material; meshes keep their own where that is None. Raises UnreadableFile."""
         if self.shape == "mesh":
             assert self.mesh is not None  # _what_the_shape_needs
-            meshes = (placed(mesh, self) for mesh in read_meshes(folder / self.mesh))
+            meshes = (placed(mesh, self) for mesh in read_shapes(folder / self.mesh))
             return tuple(mesh if material is None else replace(mesh, material=material) for mesh in meshes)
         assert material is not None  # all but meshes have none of their own
         if self.shape == "plane" and not self._is_placed:
@@ -152,7 +152,7 @@ def distant_scene(table: DistantTable, folder: Path) -> Distant:
         return Box(table.low, table.high)
     if table.shape == "mesh":
         assert table.mesh is not None
-        parts = read_meshes(folder / table.mesh)
+        parts = read_shapes(folder / table.mesh)
         starts = np.cumsum([0, *(len(part.vertices) for part in parts)])
         vertices = np.concatenate([part.vertices for part in parts])
         faces = np.concatenate([part.faces + start for part, start in zip(parts, starts, strict=False)])
@@ -171,7 +171,7 @@ def shining_place(table: DistantTable, folder: Path) -> tuple[tuple[Mesh, ...], 
     if table.radiance != "own":
         return (), ()
     assert table.mesh is not None  # _what_the_shape_needs
-    place = place_of(read_meshes(folder / table.mesh))
+    place = place_of(read_shapes(folder / table.mesh))
     meshes = receiving(place, table.receives)
     if not table.lamps:
         return meshes, ()

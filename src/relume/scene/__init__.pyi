@@ -26,6 +26,15 @@ from .materials.presets import material_preset as material_preset
 from .materials.reflective import Reflective as Reflective
 from .materials.whitted import Checks as Checks
 from .materials.whitted import WhittedMaterial as WhittedMaterial
+from .places.photogrammetry.reading import KnownDistance as KnownDistance
+from .places.photogrammetry.reading import read_photogrammetry as read_photogrammetry
+from .places.place import CameraDeviation as CameraDeviation
+from .places.place import Place as Place
+from .places.place import PlaceBlock as PlaceBlock
+from .places.place import PlacePhotograph as PlacePhotograph
+from .places.reading import read_place as read_place
+from .places.starting import NewPlace as NewPlace
+from .places.starting import new_place_file as new_place_file
 from .scene import Box as Box
 from .scene import Dome as Dome
 from .shapes.beside import files_beside_mesh as files_beside_mesh

@@ -1,1 +1,1 @@
-"""Commands about the light itself: the sky, and the sun of a map."""
+"""Commands about the light itself and where it is: the sky, the sun of a map, a place."""

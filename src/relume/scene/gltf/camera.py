@@ -30,13 +30,8 @@ def read_gltf_camera(
     time : seconds of the file's own animation, in which the camera's node may move; at rest unless given
     Raises UnreadableFile where there is no such camera, or several to choose from. glTF 2.0, §3.10.
     """
-    header = read_document(path).header
-    moving = None if time is None else read_animation(path)
-    try:
-        placed = _placed(path, header, moving, time)
-    except (AttributeError, IndexError, KeyError, TypeError, ValueError) as error:
-        raise UnreadableFile(f"{path}: its nodes cannot be followed ({error!r}); export it again") from None
-    labels = [(node or camera.get("name") or f"camera {index}") for node, index, camera, _ in placed]
+    placed = _every(path, time)
+    labels = [_label(each) for each in placed]
     if not placed:
         raise UnreadableFile(f"{path}: holds no camera that a node places; export it with its cameras")
     chosen = [p for p, label in zip(placed, labels, strict=True) if name is None or name in (label, p[2].get("name"))]
@@ -48,6 +43,26 @@ def read_gltf_camera(
         warn_of_aspect(path, (width, height), float(lens["aspectRatio"]), "its vertical field of view")
     position, rotation = pose(path, matrix, up or "y", unit or 1.0)
     return Camera(width, height, float(height / 2 / np.tan(lens["yfov"] / 2)), position, rotation)
+
+
+def gltf_camera_names(path: Path) -> tuple[str, ...]:
+    """The names of all cameras that nodes of a glTF file place, in the order of the nodes; raises UnreadableFile."""
+    return tuple(_label(each) for each in _every(path, None))
+
+
+def _label(placed: tuple[str, int, dict[str, Any], np.ndarray]) -> str:
+    node, index, camera, _ = placed
+    return node or camera.get("name") or f"camera {index}"
+
+
+def _every(path: Path, time: float | None) -> list[tuple[str, int, dict[str, Any], np.ndarray]]:
+    """All cameras of the scene as `_placed` has them; raises UnreadableFile where the nodes cannot be followed."""
+    header = read_document(path).header
+    moving = None if time is None else read_animation(path)
+    try:
+        return _placed(path, header, moving, time)
+    except (AttributeError, IndexError, KeyError, TypeError, ValueError) as error:
+        raise UnreadableFile(f"{path}: its nodes cannot be followed ({error!r}); export it again") from None
 
 
 def _placed(

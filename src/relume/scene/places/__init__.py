@@ -1,1 +1,1 @@
-"""Modelled places: blocks and cameras found together from edges marked in photographs, or photogrammetry made elsewhere."""
+"""Modelled places: blocks and cameras from edges marked in photographs, or photogrammetry made elsewhere."""

@@ -6,8 +6,9 @@ In the cube x runs from left to right, y from the bottom to the top and z from t
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from itertools import pairwise
 
 import numpy as np
 
@@ -36,7 +37,7 @@ class Body:
     @property
     def triangles(self) -> np.ndarray:
         """(M, 3) int32, each face as a fan."""
-        return np.array([(ring[0], b, c) for ring in self.faces for b, c in zip(ring[1:-1], ring[2:], strict=True)],
+        return np.array([(ring[0], b, c) for ring in self.faces for b, c in pairwise(ring[1:])],
                         np.int32)  # fmt: skip
 
 
@@ -54,7 +55,7 @@ _FLOOR = ("back_left_bottom", "back_right_bottom", "front_right_bottom", "front_
 
 
 def _named(
-    corners: dict[str, Sequence[float]],
+    corners: Mapping[str, Sequence[float]],
     edges: dict[str, tuple[str, str]],
     faces: Sequence[tuple[str, ...]],
     flat: int | None = None,
@@ -146,7 +147,7 @@ def _pyramid() -> Body:
     return _named(_BOTTOM | {"top": (0.5, 1, 0.5)}, edges, [_FLOOR, *sides])
 
 
-def _rectangle(corners: dict[str, Sequence[float]], edges: dict[str, tuple[str, str]], flat: int) -> Body:
+def _rectangle(corners: Mapping[str, Sequence[float]], edges: dict[str, tuple[str, str]], flat: int) -> Body:
     return _named(corners, edges, [tuple(corners)], flat)
 
 
@@ -176,7 +177,12 @@ def _arch() -> Body:
     n = count + 1
     shell = [(i, n + i, n + i + 1, i + 1) for i in range(count)]
     faces = [*shell, tuple(range(n)), tuple(reversed(range(n, 2 * n))), (0, n - 1, 2 * n - 1, n)]
-    corners = {"back_left_bottom": 0, "back_right_bottom": n - 1, "front_left_bottom": n, "front_right_bottom": 2 * n - 1}
+    corners = {
+        "back_left_bottom": 0,
+        "back_right_bottom": n - 1,
+        "front_left_bottom": n,
+        "front_right_bottom": 2 * n - 1,
+    }
     edges: dict[str, Ring] = {name: (corners[a], corners[b]) for name, (a, b) in _BOTTOM_EDGES.items()}
     edges |= {"back_arc": tuple(range(n)), "front_arc": tuple(range(n, 2 * n))}
     return Body(np.concatenate([back, front]), tuple(faces), edges, corners)
@@ -198,7 +204,9 @@ def revolved(profile: Sequence[tuple[float, float]]) -> Body:
     given = np.asarray(profile, np.float64)
     fills = len(given) > 1 and given[:, 0].min() >= 0 and given[:, 0].max() == 1
     if not fills or given[0, 1] != 0 or given[-1, 1] != 1 or np.any(np.diff(given[:, 1]) < 0):
-        raise ValueError("profile goes from height 0 up to height 1, radii from 0 to 1 with 1 among them: [[1, 0], [1, 1]]")
+        raise ValueError(
+            "profile goes from height 0 up to height 1, radii from 0 to 1 with 1 among them: [[1, 0], [1, 1]]"
+        )
     turn = 2 * np.pi * np.arange(ROUND) / ROUND
     circle = np.stack([np.cos(turn), -np.sin(turn)], axis=-1)  # counter-clockwise from above
     vertices = np.concatenate([
@@ -207,7 +215,7 @@ def revolved(profile: Sequence[tuple[float, float]]) -> Body:
     ])  # fmt: skip
     rings = [tuple(range(i * ROUND, (i + 1) * ROUND)) for i in range(len(given))]
     faces: list[Ring] = []
-    for low, high in zip(rings[:-1], rings[1:], strict=True):
+    for low, high in pairwise(rings):
         faces += [(low[i - 1], low[i], high[i], high[i - 1]) for i in range(ROUND)]
     if given[0, 0] > 0:
         faces.append(tuple(reversed(rings[0])))

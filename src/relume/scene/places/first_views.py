@@ -113,10 +113,11 @@ def _turns(
         if sum(bool(each) for each in sets) < 2:
             there = " and ".join(AXES[axis] for axis in range(3) if sets[axis]) or "none"
             raise ValueError(
-                f"photograph {names[k]!r} shows edges along {there} of the axes only; mark two points on edges along two "
-                "axes or more, two edges along one of them"
+                f"photograph {names[k]!r} shows edges along {there} of the axes only; mark two points on edges along "
+                "two axes or more, two edges along one of them"
             )
-        lines = AxisLines(*(np.array(each).reshape(-1, 2, 2) for each in sets))
+        x, y, z = (np.array(each).reshape(-1, 2, 2) for each in sets)
+        lines = AxisLines(x, y, z)
         focal = lens.focal
         if focal is None:
             try:

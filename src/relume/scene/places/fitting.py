@@ -122,8 +122,8 @@ class Fit:
         ends = self._chords(one, upright, values)
         k = marks.photograph
         a, b = (np.einsum("nij,nj->ni", upright, ends[:, i] @ one) for i in (0, 1))
-        arguments = [a, b, turned[k], position[k], focal[k]]
-        rows.append(line_errors(*arguments, start[k], self.seen) / self.deviation)
+        arguments: list[np.ndarray] = [a, b, turned[k], position[k], focal[k]]
+        rows.append(line_errors(a, b, turned[k], position[k], focal[k], start[k], self.seen) / self.deviation)
         if wanted:
             by = derivatives(line_errors, arguments, start[k], self.seen)
             slope = np.zeros((len(k), self.count))
@@ -137,7 +137,7 @@ class Fit:
         if len(k):
             a = np.einsum("nij,nj->ni", about_y(angles[marks.corner_turn]), factors @ one)
             arguments = [a, turned[k], position[k], focal[k]]
-            rows.append(corner_errors(*arguments, start[k], self.corner_seen) / self.deviation)
+            rows.append(corner_errors(a, turned[k], position[k], focal[k], start[k], self.corner_seen) / self.deviation)
             if wanted:
                 by = derivatives(corner_errors, arguments, start[k], self.corner_seen)
                 slope = np.zeros((2 * len(k), self.count))
@@ -211,4 +211,6 @@ def about_y(angles: np.ndarray, *, slope: bool = False) -> np.ndarray:
     """Rotations (N, 3, 3) about +Y, or their derivatives by the angle."""
     cos, sin = (-np.sin(angles), np.cos(angles)) if slope else (np.cos(angles), np.sin(angles))
     zero, one = np.zeros_like(cos), np.zeros_like(cos) if slope else np.ones_like(cos)
-    return np.stack([np.stack([cos, zero, sin], -1), np.stack([zero, one, zero], -1), np.stack([-sin, zero, cos], -1)], -2)
+    return np.stack(
+        [np.stack([cos, zero, sin], -1), np.stack([zero, one, zero], -1), np.stack([-sin, zero, cos], -1)], -2
+    )

@@ -7,20 +7,15 @@ from pathlib import Path
 
 import numpy as np
 
-from relume.errors import InvalidPlace, RelumeError, warn
+from relume.errors import InvalidPlace, warn
 from relume.image import files
-from relume.image.files.signatures import MAPS, kind_of
-from relume.scene.materials.materials import Diffuse
-from relume.scene.places.place import CameraDeviation, Place, PlaceBlock, PlacePhotograph
-from relume.scene.places.place_tables import FoundBlock, PlaceTables, read_tables
-from relume.scene.places.quantities import SoughtBlock, modelled
-from relume.scene.places.solving import PhotographFacts, Solution, camera_of, residual_of, solved
+from relume.scene.places.building import built
+from relume.scene.places.photographs import PhotographFacts, photograph_facts
+from relume.scene.places.place import CameraDeviation, Place, PlacePhotograph
+from relume.scene.places.place_tables import FoundBlock, PlaceTables, camera_of, read_tables
+from relume.scene.places.reading import read_place
+from relume.scene.places.solving import Solution, residual_of, solved
 from relume.scene.places.writing import found_text, require_mesh_suffix, without_found, write_meshes
-from relume.scene.shapes.shapes import Mesh
-from relume.sphere.directions import rotation_about
-
-GREY = Diffuse((0.5, 0.5, 0.5))
-"""What blocks are made of until somebody knows better."""
 
 
 def model_place(
@@ -45,6 +40,12 @@ def model_place(
     if out is not None and Path(out).absolute().parent != path.absolute().parent:
         raise ValueError(f"{out}: files are named from the place file's folder; write it into {path.absolute().parent}")
     tables = read_tables(path)
+    if tables.photogrammetry is not None:
+        if out is not None:
+            raise ValueError(
+                f"{path}: its cameras are those of {tables.photogrammetry.model}; there is nothing to find"
+            )
+        return _exported(read_place(path), export)
     facts = tuple(_facts(path, table.file, table.size) for table in tables.photographs)
     try:
         solution = solved(tables, facts)
@@ -56,45 +57,15 @@ def model_place(
     if out is not None:
         text = without_found(path.read_text(encoding="utf-8"))
         files.write_text(out, text + found_text(place, _found_blocks(tables, solution)))
+    return _exported(place, export)
+
+
+def _exported(place: Place, export: str | os.PathLike[str] | None) -> Place:
     if export is not None:
+        if not place.blocks:
+            raise InvalidPlace(f"{export}: the place has no mesh to export; name one in its file")
         write_meshes(Path(export), place.meshes())
     return place
-
-
-def read_place(path: str | os.PathLike[str]) -> Place:
-    """Read a place file that `model_place` has written: blocks and cameras, but for the covariance.
-
-    Raises InvalidPlace where nothing was found yet, or the blocks or photographs have changed since.
-    """
-    path = Path(path)
-    tables = read_tables(path)
-    found = tables.found
-    if found is None:
-        raise InvalidPlace(f"{path}: nothing was found in it yet; run `relume model {path.name} -o {path.name}` first")
-    try:
-        model = modelled(tables.blocks)
-    except ValueError as error:
-        raise InvalidPlace(f"{path}: {error}") from None
-    blocks, photographs = [], []
-    for block in model.blocks:
-        if block.name not in found.blocks:
-            raise InvalidPlace(f"{path}: block {block.name!r} was added since it was solved; run `relume model` again")
-        blocks.append(_built(block, found.blocks[block.name]))
-    for table in tables.photographs:
-        if table.name not in found.cameras:
-            raise InvalidPlace(f"{path}: photograph {table.name!r} was added since; run `relume model` again")
-        seen = found.cameras[table.name]
-        camera = camera_of(table, seen.size, seen.focal_length, np.array(seen.position), np.array(seen.rotation))
-        deviation = CameraDeviation(
-            seen.position_deviation, float(np.radians(seen.rotation_deviation)), seen.focal_length_deviation
-        )
-        marks = sum(len(points) for edges in tables.marks.get(table.name, {}).values() for points in edges.values())
-        photographs.append(
-            PlacePhotograph(table.name, path.parent / table.file, camera, deviation, seen.residual, marks)
-        )
-    return Place(
-        tuple(blocks), tuple(photographs), chi_square=found.chi_square, freedom=found.freedom, doubts=found.doubts
-    )
 
 
 def _facts(path: Path, file: str, size: tuple[int, int] | None) -> PhotographFacts:
@@ -102,12 +73,7 @@ def _facts(path: Path, file: str, size: tuple[int, int] | None) -> PhotographFac
     picture = path.parent / file
     if size is not None and not picture.exists():
         return PhotographFacts(size)
-    if kind_of(picture) in MAPS:
-        height, width = files.read(picture).radiance.shape[:2]
-        found = PhotographFacts((width, height))
-    else:
-        photograph = files.read_photograph(picture)
-        found = PhotographFacts(photograph.size, photograph.focal_length)
+    found = photograph_facts(picture)
     if size is not None and size != found.size:
         raise InvalidPlace(
             f"{path}: {file} has {found.size[0]}×{found.size[1]} pixels, not {size[0]}×{size[1]}; the marks are of the "
@@ -152,26 +118,8 @@ def _place(path: Path, tables: PlaceTables, facts: tuple[PhotographFacts, ...], 
         residual = residual_of(fit, solution.residuals, k)
         photographs.append(PlacePhotograph(table.name, path.parent / table.file, camera, deviation, residual, marks))
     return Place(
-        tuple(_built(block, found[block.name]) for block in fit.model.blocks), tuple(photographs),
+        tuple(built(block, found[block.name]) for block in fit.model.blocks), tuple(photographs),
         solution.covariance, solution.names, solution.chi_square, solution.freedom, solution.doubts,
-    )  # fmt: skip
-
-
-def _built(block: SoughtBlock, found: FoundBlock) -> PlaceBlock:
-    """The block in the world."""
-    size, body = np.array(found.size), block.body
-    if np.any(size < 0):
-        raise InvalidPlace(f"block {block.name!r} came out inside out, {list(size)} m; are its marks named the right way?")
-    upright = rotation_about([0.0, 1.0, 0.0], float(np.radians(found.turn)))
-    points = (np.array(found.low) + body.vertices * size) @ upright.T
-    faces = body.triangles
-    a, b, c = (body.vertices[faces[:, i]] for i in range(3))
-    whole = np.any(np.cross(b - a, c - a), axis=-1)  # a cone's tip has triangles without area
-    mesh = Mesh(points.astype(np.float32), faces[whole], GREY, name=block.name)
-    return PlaceBlock(
-        block.name, block.kind, mesh, size, np.array(found.deviation),
-        {name: points[i] for name, i in body.corners.items()},
-        {name: points[list(ring)] for name, ring in body.edges.items()},
     )  # fmt: skip
 
 

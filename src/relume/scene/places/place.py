@@ -8,6 +8,7 @@ from pathlib import Path
 import numpy as np
 
 from relume.scene.cameras.camera import Camera
+from relume.scene.places.place_tables import SIZES
 from relume.scene.shapes.shapes import Mesh
 
 
@@ -23,6 +24,10 @@ class CameraDeviation:
     position: float
     rotation: float
     focal_length: float
+
+
+UNKNOWN_DEVIATION = CameraDeviation(float("nan"), float("nan"), float("nan"))
+"""Of a camera that another program found and said nothing of."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -77,6 +82,7 @@ class Place:
     chi_square : sum of squared residuals, each in its standard deviation
     freedom : how many residuals there are beyond the unknowns; chi_square is about as large where the marks are sound
     doubts : one line each on what should be looked at
+    points : (N, 3) world, metres, that photogrammetry found beside; none of a place of blocks
     """
 
     blocks: tuple[PlaceBlock, ...]
@@ -86,6 +92,7 @@ class Place:
     chi_square: float = 0.0
     freedom: int = 0
     doubts: tuple[str, ...] = ()
+    points: np.ndarray = field(default_factory=lambda: np.zeros((0, 3)))
 
     def meshes(self) -> tuple[Mesh, ...]:
         """One mesh a block, with its name, in world metres, +Y up."""
@@ -98,6 +105,35 @@ class Place:
     def photograph(self, name: str) -> PlacePhotograph:
         """The photograph of that name; raises ValueError with the names that there are."""
         return _named(self.photographs, name, "photograph")
+
+    def facts(self) -> dict[str, object]:
+        """What was found, in words, for a report: each size and each camera with its deviation."""
+        blocks = {
+            block.name: {
+                word: f"{value:.4g} m" + (f" ± {deviation:.2g}" if deviation > 0 else "")
+                for word, value, deviation in zip(SIZES, block.size, block.deviation, strict=True)
+                if value > 0
+            }
+            for block in self.blocks
+        }
+        cameras = {
+            each.name: _found(each) if each.marks else f"focal length {each.camera.focal_length:.5g} pixels"
+            for each in self.photographs
+        }
+        found: dict[str, object] = {"blocks": blocks, "cameras": cameras}
+        found |= {"chi square": f"{self.chi_square:.4g} of {self.freedom}"} if self.freedom else {}
+        return found | ({"points": len(self.points)} if len(self.points) else {})
+
+
+def _found(photograph: PlacePhotograph) -> dict[str, object]:
+    camera, deviation = photograph.camera, photograph.deviation
+    return {
+        "marks": photograph.marks,
+        "off by": f"{photograph.residual:.2f} pixels (RMS)",
+        "position": f"± {deviation.position:.2g} m",
+        "rotation": f"± {np.degrees(deviation.rotation):.2g}°",
+        "focal length": f"{camera.focal_length:.5g} ± {deviation.focal_length:.2g} pixels",
+    }
 
 
 def _named(among: tuple, name: str, what: str):

@@ -1,26 +1,26 @@
 """The place file: photographs, blocks with their constraints, marked edges and known lengths, in TOML.
 
-    [[photographs]]
-    name = "north"
-    file = "north.jpg"            # beside the place file
+[[photographs]]
+name = "north"
+file = "north.jpg"            # beside the place file
 
-    [[blocks]]
-    name = "house"
-    kind = "box"
-    width = 8.0                   # metres; what is left out is found
+[[blocks]]
+name = "house"
+kind = "box"
+width = 8.0                   # metres; what is left out is found
 
-    [[blocks]]
-    name = "roof"
-    kind = "roof"
-    on = "house"                  # stands on it, turned as it is
-    width = "house.width"         # as wide
-    depth = "house.depth"
-    centre_x = "house.centre_x"   # aligned with it
-    centre_z = "house.centre_z"
+[[blocks]]
+name = "roof"
+kind = "roof"
+on = "house"                  # stands on it, turned as it is
+width = "house.width"         # as wide
+depth = "house.depth"
+centre_x = "house.centre_x"   # aligned with it
+centre_z = "house.centre_z"
 
-    [marks.north.house]           # photograph, block
-    front_top = [[312.5, 208.0], [655.0, 190.5]]     # points on an edge, pixels: x right, y down
-    front_left_top = [[311.0, 207.5]]                # or a corner
+[marks.north.house]           # photograph, block
+front_top = [[312.5, 208.0], [655.0, 190.5]]     # points on an edge, pixels: x right, y down
+front_left_top = [[311.0, 207.5]]                # or a corner
 """
 
 from __future__ import annotations
@@ -28,9 +28,12 @@ from __future__ import annotations
 from pathlib import Path
 from typing import Annotated, Any, Literal
 
+import numpy as np
 from pydantic import Field, model_validator
 
 from relume.errors import InvalidPlace
+from relume.scene.cameras.camera import Camera
+from relume.scene.cameras.distortion import Distortion
 from relume.scene.toml_tables import Positive, Table, Vector, checked, read_toml
 
 Name = Annotated[str, Field(pattern=r"^[\w-]+$")]
@@ -171,6 +174,31 @@ class Found(Table):
     doubts: tuple[str, ...] = ()
 
 
+class PhotogrammetryTable(Table):
+    """Cameras and a mesh that another program found, instead of photographs and blocks.
+
+    model : COLMAP's folder, Meshroom's or OpenMVG's .json, or glTF; files are relative to the place file
+    metres_per_unit : or `between` two cameras, numbered points or places, and the `metres` that were measured there
+    up : what points up in the model's frame
+    """
+
+    model: str
+    metres_per_unit: Positive | None = None
+    between: tuple[str | int | Vector, str | int | Vector] | None = None
+    metres: Positive | None = None
+    up: Vector | None = None
+    mesh: str | None = None
+    photographs: str | None = None
+
+    @model_validator(mode="after")
+    def _one_scale(self) -> PhotogrammetryTable:
+        if (self.between is None) != (self.metres is None):
+            raise ValueError("between and metres belong together: two cameras or points, and their distance")
+        if self.between is not None and self.metres_per_unit is not None:
+            raise ValueError("both metres_per_unit and between; give one of them")
+        return self
+
+
 class PlaceTables(Table):
     """A place file.
 
@@ -178,14 +206,21 @@ class PlaceTables(Table):
     """
 
     deviation: Positive = 0.5
-    photographs: Annotated[tuple[PhotographTable, ...], Field(min_length=1)]
-    blocks: Annotated[tuple[BlockTable, ...], Field(min_length=1)]
+    photographs: tuple[PhotographTable, ...] = ()
+    blocks: tuple[BlockTable, ...] = ()
     lengths: tuple[LengthTable, ...] = ()
-    marks: dict[str, dict[str, dict[str, Annotated[tuple[Pixel, ...], Field(min_length=1)]]]] = {}
+    marks: dict[str, dict[str, dict[str, Annotated[tuple[Pixel, ...], Field(min_length=1)]]]] = Field(
+        default_factory=dict
+    )
+    photogrammetry: PhotogrammetryTable | None = None
     found: Found | None = None
 
     @model_validator(mode="after")
     def _names(self) -> PlaceTables:
+        if self.photogrammetry is not None and (self.photographs or self.blocks):
+            raise ValueError("both photogrammetry and photographs or blocks; give one of them")
+        if self.photogrammetry is None and not (self.photographs and self.blocks):
+            raise ValueError("a place needs [[photographs]] and [[blocks]], or [photogrammetry]")
         for what, entries in (("photographs", self.photographs), ("blocks", self.blocks)):
             names = [entry.name for entry in entries]
             if twice := sorted({name for name in names if names.count(name) > 1}):
@@ -195,6 +230,14 @@ class PlaceTables(Table):
             for block in self.marks[photograph]:
                 require_known(block, [b.name for b in self.blocks], f"marks.{photograph}.{block}", "block")
         return self
+
+
+def camera_of(
+    table: PhotographTable, size: tuple[int, int], focal: float, position: np.ndarray, rotation: np.ndarray
+) -> Camera:
+    """A photograph's camera with the lens that its table describes."""
+    lens = Distortion(**table.distortion.model_dump()) if table.distortion is not None else None
+    return Camera(size[0], size[1], focal, position, rotation, table.centre, lens)
 
 
 def require_known(name: str, known: Any, where: str, what: str) -> None:

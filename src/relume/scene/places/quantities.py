@@ -202,7 +202,9 @@ def _mirrored(table: BlockTable, body: Body, turn: int, made: dict[str, SoughtBl
     word = table.mirrored.across.partition(".")[2]
     axis = next((a for a in (0, 2) if word in SIDES[a]), None)
     if axis is None or (axis == 2 and table.kind == "wedge"):
-        raise ValueError(f"{where}.across is {table.mirrored.across!r}; expected an upright plane like 'house.centre_x'")
+        raise ValueError(
+            f"{where}.across is {table.mirrored.across!r}; expected an upright plane like 'house.centre_x'"
+        )
     plane = _side_of(table.mirrored.across, axis, turn, made, f"{where}.across")
     # The mirrored low side is as far beyond the plane as the high side is before it.
     low = list(of.low)

@@ -70,7 +70,9 @@ def sightings(tables: PlaceTables, model: Model) -> Sightings:
             block = model.blocks[b]
             for edge, points in edges.items():
                 where = f"marks.{photograph}.{block_name}.{edge}"
-                require_known(edge, [*block.body.edges, *block.body.corners], where, f"edge or corner of a {block.kind}")
+                require_known(
+                    edge, [*block.body.edges, *block.body.corners], where, f"edge or corner of a {block.kind}"
+                )
                 label, of = f"{block_name}.{edge} in {photograph!r}", (names.index(photograph), block.turn)
                 if edge in block.body.corners:
                     if len(points) != 1:

@@ -3,15 +3,14 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from pathlib import Path
+from typing import Any
 
 import numpy as np
 
-from relume.scene.cameras.camera import Camera
-from relume.scene.cameras.distortion import Distortion
 from relume.scene.places.first_views import Lens, Start, first_views
 from relume.scene.places.fitting import Distance, Fit, View
-from relume.scene.places.place_tables import PhotographTable, PlaceTables, require_known
+from relume.scene.places.photographs import PhotographFacts
+from relume.scene.places.place_tables import PhotographTable, PlaceTables, camera_of, require_known
 from relume.scene.places.quantities import Model, modelled
 from relume.scene.places.sightings import sightings
 
@@ -27,14 +26,6 @@ STRAY = 5.0
 """Standard deviations from which on a single mark is named."""
 EXIF_DEVIATION = 0.02
 """Share by which focal lengths of EXIF are off: they are rounded to millimetres, and a lens breathes."""
-
-
-@dataclass(frozen=True, eq=False)
-class PhotographFacts:
-    """Of a photograph's file: size, pixels, and the focal length of its EXIF, pixels, or None."""
-
-    size: tuple[int, int]
-    exif_focal_length: float | None = None
 
 
 @dataclass(frozen=True, eq=False)
@@ -68,10 +59,14 @@ def solved(tables: PlaceTables, facts: tuple[PhotographFacts, ...]) -> Solution:
     fit, start = _posed(tables, facts, model)
     begin = fit.start(start.lengths, start.turns, _lens_focals(fit, start))
     scale = _steps(fit, begin)
-    found = least_squares(
-        lambda x: fit.errors(x * scale), begin / scale, lambda x: fit.jacobian(x * scale) * scale,
-        loss="huber", f_scale=ROBUST, method="trf", xtol=1e-12, ftol=1e-12, gtol=1e-10, max_nfev=300,
-    )  # fmt: skip
+    slope: Any = lambda x: fit.jacobian(x * scale) * scale  # noqa: E731  SciPy's stubs know strings alone
+    try:
+        found = least_squares(
+            lambda x: fit.errors(x * scale), begin / scale, jac=slope, loss="huber", f_scale=ROBUST, method="trf",
+            xtol=1e-12, ftol=1e-12, gtol=1e-10, max_nfev=300,
+        )  # fmt: skip
+    except ValueError:  # SciPy's, of numbers that are not finite
+        raise ValueError("no place explains the marks; has each mark its own edge's name?") from None
     values = found.x * scale
     residuals = fit.errors(values)
     names = _names(fit, tables)
@@ -79,13 +74,6 @@ def solved(tables: PlaceTables, facts: tuple[PhotographFacts, ...]) -> Solution:
     covariance = _covariance(fit, values, residuals, names, scale)
     doubts = _doubts(fit, tables, values, residuals, covariance, names)
     return Solution(fit, values, covariance, names, residuals, float(np.sum(residuals**2)), doubts)
-
-
-def camera_of(table: PhotographTable, size: tuple[int, int], focal: float, position: np.ndarray,
-              rotation: np.ndarray) -> Camera:  # fmt: skip
-    """A photograph's camera with the lens that its table describes."""
-    lens = Distortion(**table.distortion.model_dump()) if table.distortion is not None else None
-    return Camera(size[0], size[1], focal, position, rotation, table.centre, lens)
 
 
 def _posed(tables: PlaceTables, facts: tuple[PhotographFacts, ...], model: Model) -> tuple[Fit, Start]:
@@ -175,8 +163,10 @@ def _lens_focals(fit: Fit, start: Start) -> list[float]:
 def _extent(fit: Fit, values: np.ndarray) -> float:
     """How large the place is, metres: the root mean square of its sizes and the cameras' distances."""
     six = values[fit.first_camera : fit.first_lens].reshape(-1, 6)
-    return float(np.sqrt(np.mean(np.sum((six[:, 3:] - six[:, 3:].mean(0)) ** 2, axis=-1)))) + 1e-3 + float(
-        np.median(np.abs(values[: len(fit.model.lengths)])) if fit.model.lengths else 0.0
+    return (
+        float(np.sqrt(np.mean(np.sum((six[:, 3:] - six[:, 3:].mean(0)) ** 2, axis=-1))))
+        + 1e-3
+        + float(np.median(np.abs(values[: len(fit.model.lengths)])) if fit.model.lengths else 0.0)
     )
 
 
@@ -215,13 +205,15 @@ def residual_of(fit: Fit, residuals: np.ndarray, k: int) -> float:
 def _require_one_place(
     fit: Fit, tables: PlaceTables, residuals: np.ndarray, facts: tuple[PhotographFacts, ...]
 ) -> None:
-    worst = [residual_of(fit, residuals, k) / max(facts[k].size) for k in range(len(fit.views))]
-    k = int(np.argmax(worst))
-    if not worst[k] <= ELSEWHERE:
-        name, off = tables.photographs[k].name, worst[k] * max(facts[k].size)
+    """A stray mark is named later; where a third of a photograph's marks or more are off, it is another place."""
+    off = [float(np.quantile(np.abs(_per_photograph(fit, residuals, k)), 2 / 3)) for k in range(len(fit.views))]
+    shares = [each * fit.deviation / max(fact.size) for each, fact in zip(off, facts, strict=True)]
+    k = int(np.argmax(shares))
+    if not shares[k] <= ELSEWHERE:
         raise ValueError(
-            f"photograph {name!r} does not agree with the others: its marks lie {off:.0f} pixels (RMS) from the "
-            "edges; does it show the same place, and has each mark its own edge's name?"
+            f"photograph {tables.photographs[k].name!r} does not agree with the others: a third of its marks lie more "
+            f"than {off[k] * fit.deviation:.0f} pixels from their edges; does it show the same place, and has each "
+            "mark its own edge's name?"
         )
 
 
@@ -237,9 +229,7 @@ def _covariance(
     # Marks that fit better than a person draws do so by chance; those that fit worse make all less sure.
     noise = max(1.0, float(np.sqrt(np.mean(np.minimum(residuals**2, ROBUST**2)) * len(residuals) / spare)))
     covariance = noise**2 * (axes.T * weights**2) @ axes * np.outer(scale, scale)
-    free = np.sum(axes[loose] ** 2, axis=0) > 1e-6 if loose.any() else np.zeros(len(values), bool)
-    if len(slope) < len(values):
-        free = np.ones(len(values), bool) if not free.any() else free
+    free = 1 - np.sum(axes[~loose] ** 2, axis=0) > 1e-6
     deviations = np.sqrt(np.diag(covariance))
     extent = _extent(fit, values)
     lengths = len(fit.model.lengths)
@@ -285,7 +275,11 @@ def _doubts(
         deviation, value = float(np.sqrt(covariance[number, number])), float(values[number])
         if names[number].split(" ")[0] in ("width", "height", "depth"):
             if value <= 0:
-                doubts.append(f"{names[number]} comes out as {value:.3g} m; are left and right, or front and back, swapped?")
+                doubts.append(
+                    f"{names[number]} comes out as {value:.3g} m; are left and right, or front and back, swapped?"
+                )
             elif deviation > LOOSE * value:
-                doubts.append(f"{names[number]} is {value:.3g} m ± {100 * deviation / value:.0f} % only; mark more of it")
+                doubts.append(
+                    f"{names[number]} is {value:.3g} m ± {100 * deviation / value:.0f} % only; mark more of it"
+                )
     return tuple(dict.fromkeys(doubts))

@@ -81,7 +81,10 @@ def _obj(meshes: Sequence[Mesh]) -> str:
 
 
 def _usda(meshes: Sequence[Mesh]) -> str:
-    lines = ['#usda 1.0\n(\n    defaultPrim = "Place"\n    metersPerUnit = 1\n    upAxis = "Y"\n)\n', 'def Xform "Place"\n{']
+    lines = [
+        '#usda 1.0\n(\n    defaultPrim = "Place"\n    metersPerUnit = 1\n    upAxis = "Y"\n)\n',
+        'def Xform "Place"\n{',
+    ]
     for number, mesh in enumerate(meshes):
         points = ", ".join(f"({x:.9g}, {y:.9g}, {z:.9g})" for x, y, z in mesh.vertices.tolist())
         name = f"block_{number:02d}_" + "".join(c if c.isascii() and c.isalnum() else "_" for c in mesh.name)

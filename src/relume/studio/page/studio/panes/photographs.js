@@ -225,7 +225,7 @@ export function photographsPane(studio) {
         ...missing(),
         ...(studio.brackets.length ? studio.brackets.map(bracketEntry)
           : [make("p", {}, "No photographs are in this folder yet: drop some here.")]),
-        typed(`relume merge ${names} -o plate.exr`, `import relume as rl\n\nmerged = rl.merge_brackets([rl.read_bracket(["${names}"])])`),
+        typed(`relume merge ${names} -o plate.exr`, `import relume as rl\n\nmerged = rl.capture.merge_brackets([rl.read_bracket(["${names}"])])`),
       ];
     },
     shown() {

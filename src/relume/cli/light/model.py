@@ -1,0 +1,80 @@
+"""`relume model`: edges marked in photographs in, cameras and blocks of the place out."""
+
+from __future__ import annotations
+
+from dataclasses import asdict
+from pathlib import Path
+from typing import Annotated
+
+from cyclopts import Group, Parameter
+
+import relume as rl
+from relume.cli.arguments import DryRun, require_suffix
+from relume.cli.console import OutputOptions, note, print_facts, warnings_as_notes
+from relume.cli.option_types import numbers
+
+ELSEWHERE = Group("Photogrammetry made elsewhere")
+
+
+def model(
+    place: Annotated[
+        Path,
+        Parameter(
+            help="A place file, .toml. To begin one: a folder of photographs, or photogrammetry made elsewhere, "
+            "COLMAP's folder, Meshroom's or OpenMVG's .json, or glTF."
+        ),
+    ],
+    /,
+    *,
+    out: Annotated[
+        Path | None,
+        Parameter(
+            alias="-o", help="The place file to write, with what was found; beside the one that is read, or the same."
+        ),
+    ] = None,
+    export: Annotated[
+        Path | None, Parameter(help="Write the blocks as meshes without textures: .glb, .obj, .usda or .usd.")
+    ] = None,
+    scale: Annotated[float | None, Parameter(group=ELSEWHERE, help="Metres to a unit of its model.")] = None,
+    between: Annotated[
+        tuple[str, str] | None,
+        Parameter(group=ELSEWHERE, help="Two photographs or numbered points whose distance is known: --metres."),
+    ] = None,
+    metres: Annotated[float | None, Parameter(group=ELSEWHERE, help="Between those two.")] = None,
+    up: Annotated[
+        tuple[float, float, float] | None,
+        numbers("X,Y,Z", like="0,-1,0"),
+        Parameter(group=ELSEWHERE, help="What points up in its model's frame."),
+    ] = None,
+    mesh: Annotated[Path | None, Parameter(group=ELSEWHERE, help="The mesh that was made, in the same frame.")] = None,
+    photographs: Annotated[Path | None, Parameter(group=ELSEWHERE, help="The folder of its photographs.")] = None,
+    dry_run: DryRun = False,
+    output: OutputOptions = OutputOptions(),
+) -> None:
+    """Find the cameras of photographs and the sizes of blocks together, from edges marked in the photographs."""
+    with warnings_as_notes(output):
+        # Everything that can be refused before the work.
+        if out is not None:
+            require_suffix(out, ".toml")
+        if export is not None:
+            require_suffix(export, ".glb", ".obj", ".usda", ".usd", option="--export")
+        beginning = place.is_dir() or place.suffix.lower() != ".toml"
+        if beginning and (out is None or export is not None):
+            raise ValueError(f"{place} is no place file: give -o place.toml to begin one, and export that")
+        if (between is None) != (metres is None) or (between is not None and scale is not None):
+            raise ValueError("--between and --metres belong together, instead of --scale")
+        # Without a file to write nothing is begun; what is solved may only be looked at.
+        written = [str(path) for path in (out, export) if path is not None]
+        if dry_run:
+            print_facts(output, {"would write": written})
+            return
+        if beginning and out is not None:
+            known = scale if between is None or metres is None else rl.scene.KnownDistance(*between, metres)
+            begun = rl.scene.new_place_file(place, out, scale=known, up=up, mesh=mesh, photographs=photographs)
+            if not begun.solved:
+                note(output, f"name blocks and mark their edges in {out}, then run `relume model {out} -o {out}`")
+            print_facts(output, {"written": written, **asdict(begun)})
+            return
+        # Cameras and sizes.
+        found = rl.model_place(place, out=out, export=export)
+        print_facts(output, {"written": written, **found.facts()})
