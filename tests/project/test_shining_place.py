@@ -83,6 +83,6 @@ def test_bad_words_are_refused_in_one_line(folder):
     (folder / "scene.toml").write_text(text, encoding="utf-8")
     with pytest.raises(rl.errors.InvalidScene, match="no radiance of its own"):
         rl.read_scene(folder / "scene.toml")
-    (folder / "scene.toml").write_text(text.replace("mesh = \"grey.obj\"", "radius = 2").replace('"mesh"', '"dome"'))
+    (folder / "scene.toml").write_text(text.replace('mesh = "grey.obj"', "radius = 2").replace('"mesh"', '"dome"'))
     with pytest.raises(rl.errors.InvalidScene, match="of a mesh with emissive textures"):
         rl.read_scene(folder / "scene.toml")

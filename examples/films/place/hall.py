@@ -53,7 +53,9 @@ def texture(kind: str, size: int = 512) -> np.ndarray:
         column, row = (x * 10).astype(int), (y * 8.4).astype(int)
         colour = np.where(((column + row) % 2)[..., None], [0.62, 0.56, 0.47], [0.24, 0.17, 0.14])
         joint = (np.abs(x * 10 % 1 - 0.5) > 0.48) | (np.abs(y * 8.4 % 1 - 0.5) > 0.48)
-        colour = np.where(joint[..., None], 0.1, colour * (1 + 0.12 * random.standard_normal((9, 10))[row, column])[..., None])
+        colour = np.where(
+            joint[..., None], 0.1, colour * (1 + 0.12 * random.standard_normal((9, 10))[row, column])[..., None]
+        )
     elif kind == "paper":
         stripe = np.sin(2 * np.pi * 14 * x) > 0
         colour = np.where(stripe[..., None], [0.66, 0.6, 0.48], [0.55, 0.52, 0.44])
@@ -78,6 +80,7 @@ def surfaces(painted: bool = True) -> tuple[rl.Mesh, ...]:
 
     painted : of their true materials; else grey, as a model of the hall has them
     """
+
     def of(kind):
         return rl.Diffuse(texture(kind)) if painted else GREY
 

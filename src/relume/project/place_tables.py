@@ -126,7 +126,9 @@ class DistantTable(Table):
     @model_validator(mode="after")
     def _own_radiance(self) -> DistantTable:
         if self.radiance == "own" and self.shape != "mesh":
-            raise ValueError(f'radiance = "own" is of a mesh with emissive textures; this is {self.shape}: leave it out')
+            raise ValueError(
+                f'radiance = "own" is of a mesh with emissive textures; {self.shape} has none: leave it out'
+            )
         if self.radiance == "map" and (self.lamps or self.receives):
             raise ValueError('lamps and receives are of a mesh with radiance = "own"; add that, or leave them out')
         return self
