@@ -1,4 +1,6 @@
-"""A scene file whose distant scene shines by its own radiance: it is seen, lights, has lamps, and its floor takes light."""
+"""A scene file whose distant scene shines by its own radiance: seen, as light, with lamps, with what takes light."""
+
+from typing import Any
 
 import numpy as np
 import pytest
@@ -31,7 +33,7 @@ def folder(tmp_path_factory):
     return path
 
 
-def read(folder, more="", rest=""):
+def read(folder, more="", rest="") -> Any:
     (folder / "scene.toml").write_text(SCENE.format(more=more, rest=rest), encoding="utf-8")
     return rl.read_scene(folder / "scene.toml")
 

@@ -1,4 +1,6 @@
-"""A room's radiance in textures: seen from elsewhere, as light at a point, its lamp as a light, its floor as a floor."""
+"""A room's radiance in textures: seen from elsewhere, as light at a point, with its lamp as a light."""
+
+from typing import Any
 
 import numpy as np
 import pytest
@@ -30,6 +32,7 @@ def test_an_atlas_lays_each_wall_down_to_scale_and_knows_where_each_texel_lies()
     assert np.isclose(np.abs(atlas.points).max(axis=0), [3, 3, 2.5], atol=0.01).all()
     # The texture coordinates of a triangle's middle are those of the texel that lies there.
     mesh, (width, height) = atlas.mesh, atlas.size
+    assert mesh.uv is not None
     middles, at = mesh.vertices[mesh.faces].mean(axis=1), mesh.uv[mesh.faces].mean(axis=1)
     columns, rows = (at[:, 0] * width).astype(int), ((1 - at[:, 1]) * height).astype(int)
     for middle, row, column in zip(middles, rows, columns, strict=True):
@@ -99,7 +102,8 @@ def test_a_floor_that_takes_light_reflects_what_made_it_look_so():
     shown = np.repeat(np.where(on == 1, 0.3, 1.0)[..., None], 3, axis=-1).astype(np.float32)
     photograph = rl.renderers.ProjectedPhotograph(camera, rl.RadianceMap(shown))
     baked = rl.renderers.bake((walls, floor), [photograph], texel=0.1)
-    shining, receiving = rl.renderers.receiving(baked, ["floor"], rays=256)
+    meshes: Any = rl.renderers.receiving(baked, ["floor"], rays=256)
+    shining, receiving = meshes
     assert shining.material.emits and receiving.name == "floor"
     assert np.isclose(np.median(receiving.material.reflectance), 0.3, rtol=0.02)
 

@@ -2,6 +2,7 @@
 
 import json
 import struct
+from typing import Any
 
 import numpy as np
 import pytest
@@ -21,9 +22,10 @@ def test_a_place_comes_back_with_its_radiance(baked, tmp_path, suffix):
         pytest.importorskip("pxr")
     written = rl.report.write_place(tmp_path / f"hall.{suffix}", baked)
     assert written.holes == baked.holes and len(written.textures) == len(written.masks) == 3
-    read = {mesh.name.split("/")[-1]: mesh for mesh in rl.read_meshes(written.main)}
+    read: dict[str, Any] = {mesh.name.split("/")[-1]: mesh for mesh in rl.read_meshes(written.main)}
     for part in baked.parts:
         mesh = read[part.mesh.name]
+        assert part.mesh.uv is not None
         assert np.array_equal(mesh.material.emission, part.radiance)
         assert np.allclose(mesh.vertices[mesh.faces], part.mesh.vertices[part.mesh.faces], atol=1e-6)
         assert np.allclose(mesh.uv[mesh.faces], part.mesh.uv[part.mesh.faces], atol=1e-6)
@@ -36,7 +38,7 @@ def test_what_lies_beside_a_place_is_known(baked, tmp_path):
     assert "hall_room_emissiveColor.exr" in [path.name for path in written.textures]
     written.textures[0].unlink()
     with pytest.warns(UserWarning, match="its radiance in hall_room_emissiveColor.exr, which is missing"):
-        room = next(mesh for mesh in rl.read_meshes(written.main) if mesh.name == "room")
+        room: Any = next(mesh for mesh in rl.read_meshes(written.main) if mesh.name == "room")
     assert room.material.emission.max() < 5  # what the picture of 8 bits holds
 
 

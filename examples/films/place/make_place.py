@@ -1,4 +1,4 @@
-"""Photograph the hall, project the photographs onto its model and bake them: `python make_place.py` writes out/place.glb.
+"""Photograph the hall and bake the photographs onto its model: `python make_place.py` writes out/place.glb.
 
 Five photographs of high dynamic range, by our own path tracer, stand for a photographer's; new views are held against
 the true hall seen from there.
@@ -9,9 +9,9 @@ from __future__ import annotations
 from pathlib import Path
 
 import numpy as np
+from hall import CAMERAS, camera, hall, surfaces
 
 import relume as rl
-from hall import CAMERAS, camera, hall, surfaces
 
 OUT = Path(__file__).parent / "out"
 NEW = [camera((0.6, 1.4, 1.6), (0, 0.9, -1.5)), camera((-1.2, 1.3, 1.0), (0.8, 0.7, -1.2))]

@@ -178,7 +178,7 @@ def _part(atlas: Atlas, blend: Blend, turned: np.ndarray, everywhere: tuple[np.n
     # What lies on no surface continues what does, for programs that look a texture up coarsely.
     known = np.zeros((height, width), bool)
     known[atlas.rows, atlas.columns] = True
-    row, column = distance_transform_edt(~known, return_distances=False, return_indices=True)
+    row, column = np.asarray(distance_transform_edt(~known, return_distances=False, return_indices=True))
     material = Material(
         (0.0, 0.0, 0.0), specular=0.0, emission=np.ascontiguousarray(image[row, column]), name=atlas.mesh.name
     )

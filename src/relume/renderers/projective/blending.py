@@ -79,7 +79,7 @@ def _mixed(among: Sequence[Projector], at: np.ndarray, penalty: np.ndarray, view
     with np.errstate(divide="ignore", invalid="ignore"):
         weight = np.where(np.isfinite(penalty), np.maximum(1 - penalty / last, 0) / penalty**2, 0.0)
     # Where penalties tie to the last digit none has any say; the first of them then speaks.
-    seen = np.isfinite(penalty).any(axis=0)
+    seen = np.asarray(np.isfinite(penalty).any(axis=0))
     best = np.where(seen, penalty.argmin(axis=0), -1)
     silent = np.flatnonzero(seen & ~(weight.sum(axis=0) > 0))
     weight[best[silent], silent] = 1.0

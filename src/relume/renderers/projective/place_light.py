@@ -106,14 +106,21 @@ class _Spot:
         )  # fmt: skip
 
 
+def _labelled(inside: np.ndarray) -> tuple[np.ndarray, int]:
+    """The number (H, W) of the patch that each texel inside belongs to, from 1, and how many there are."""
+    found = label(inside, np.ones((3, 3)))
+    assert isinstance(found, tuple)
+    return found
+
+
 def _spots(part: BakedMesh, level: float) -> list[_Spot]:
     # More than rounding above it, where a spot was taken off already.
     bright = part.used & (luminance(part.radiance) > level * (1 + 1e-3))
-    found, count = label(bright, np.ones((3, 3)))
+    found, count = _labelled(bright)
     values, spots = luminance(part.radiance), []
     for number in range(1, count + 1):
         whole = found == number
-        panes, most = label(whole & (values > PANE * np.quantile(values[whole], 0.9)))
+        panes, most = _labelled(whole & (values > PANE * np.quantile(values[whole], 0.9)))
         for pane in range(1, most + 1):
             inside = panes == pane
             shown = part.radiance[inside].astype(np.float64)
@@ -162,7 +169,7 @@ def place_irradiance(place: BakedPlace, points: np.ndarray, normals: np.ndarray,
     """
     lamps = place_lights(place)
     glow, total = Arriving(lamps.residual), np.zeros((len(points), 3))
-    sample = qmc.Sobol(2, seed=0).random(rays)
+    sample = qmc.Sobol(2, rng=0).random(rays)
     radius, angle = np.sqrt(sample[:, 0]), 2 * np.pi * sample[:, 1]
     local = np.stack([radius * np.cos(angle), radius * np.sin(angle), np.sqrt(1 - sample[:, 0])], axis=-1)
     local /= np.linalg.norm(local, axis=-1, keepdims=True)
@@ -177,7 +184,7 @@ def place_irradiance(place: BakedPlace, points: np.ndarray, normals: np.ndarray,
 
 def _from_rectangle(light: RectangleLight, caster: RayCaster, points: np.ndarray, normals: np.ndarray) -> np.ndarray:
     """What a rectangle gives: Σ L cos θ cos θ' A / d² over its spots, where nothing stands between."""
-    spots = (qmc.Sobol(2, seed=1).random(SPOTS) - 0.5) * light.size
+    spots = (qmc.Sobol(2, rng=1).random(SPOTS) - 0.5) * light.size
     total = np.zeros(len(points))
     for spot in np.array(light.position) + spots @ light.frame[:, :2].T:
         away = spot - points
@@ -201,7 +208,7 @@ def receiving(place: BakedPlace, names: Sequence[str], rays: int = 1024) -> tupl
     rays : as in `place_irradiance`
 
     A surface of radiance L under the irradiance E of all the rest is given the reflectance π L / E (Debevec 1998, §7),
-    so that objects throw shadows on it and colour it. What would reflect more than all light is held at that, and told.
+    so that objects throw shadows on it and colour it. What would reflect more than all light is held at that, with a warning.
     Raises ValueError for a name that no mesh has.
     """
     there = [part.mesh.name for part in place.parts]
