@@ -73,7 +73,7 @@ def test_a_mesh_that_receives_light_reflects_it(folder):
 
 
 def test_bad_words_are_refused_in_one_line(folder):
-    with pytest.raises(rl.errors.InvalidScene, match="light.distant: the place has no mesh 'floor'; it has"):
+    with pytest.raises(rl.errors.InvalidScene, match=r"light\.distant: the place has no mesh 'floor'; it has"):
         read(folder, more=', receives = ["floor"]')
     with pytest.raises(rl.errors.InvalidScene, match='lamps and receives are of a mesh with radiance = "own"'):
         (folder / "scene.toml").write_text(

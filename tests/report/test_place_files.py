@@ -37,7 +37,7 @@ def test_what_lies_beside_a_place_is_known(baked, tmp_path):
     assert set(rl.scene.files_beside_mesh(written.main)) == {path.name for path in written.textures}
     assert "hall_room_emissiveColor.exr" in [path.name for path in written.textures]
     written.textures[0].unlink()
-    with pytest.warns(UserWarning, match="its radiance in hall_room_emissiveColor.exr, which is missing"):
+    with pytest.warns(UserWarning, match=r"its radiance in hall_room_emissiveColor\.exr, which is missing"):
         room: Any = next(mesh for mesh in rl.read_meshes(written.main) if mesh.name == "room")
     assert room.material.emission.max() < 5  # what the picture of 8 bits holds
 
@@ -59,7 +59,7 @@ def test_holes_are_drawn(baked, tmp_path):
 
 
 def test_other_files_are_refused(baked, tmp_path):
-    with pytest.raises(ValueError, match="as .glb or .usda"):
+    with pytest.raises(ValueError, match=r"as \.glb or \.usda"):
         rl.report.write_place(tmp_path / "hall.obj", baked)
     with pytest.raises(rl.errors.OutputNotWritten):
         rl.report.write_place(tmp_path / "nowhere" / "hall.glb", baked)
