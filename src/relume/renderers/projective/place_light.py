@@ -208,7 +208,7 @@ def receiving(place: BakedPlace, names: Sequence[str], rays: int = 1024) -> tupl
     rays : as in `place_irradiance`
 
     A surface of radiance L under the irradiance E of all the rest is given the reflectance π L / E (Debevec 1998, §7),
-    so that objects throw shadows on it and colour it. What would reflect more than all light is held there, with a warning.
+    so that objects throw shadows on it and colour it. What would reflect more than all light is held there, warned of.
     Raises ValueError for a name that no mesh has.
     """
     there = [part.mesh.name for part in place.parts]
