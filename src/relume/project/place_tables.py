@@ -4,15 +4,18 @@ from __future__ import annotations
 
 from dataclasses import replace
 from pathlib import Path
-from typing import Literal
+from typing import Annotated, Literal
 
 import numpy as np
-from pydantic import model_validator
+from pydantic import Field, model_validator
 
 from relume.composite.surface.projection import box_mesh
 from relume.errors import UnreadableFile
 from relume.project.mesh_tables import Placement, placed
 from relume.project.schema import GreyOrColour, Positive, Table, Vector
+from relume.renderers.projective.place_light import place_lights, receiving
+from relume.renderers.projective.shining_meshes import place_of
+from relume.scene.lights import RectangleLight
 from relume.scene.materials.media import Medium
 from relume.scene.places.reading import read_shapes
 from relume.scene.scene import Box, Distant, Dome, Enclosure, Infinite
@@ -122,6 +125,9 @@ class DistantTable(Table):
     """The shape of the distant scene.
 
     shape : infinite, unless it is a dome of a radius about a centre, a box from one corner to the other, or a mesh
+    radiance : of a mesh: "map", what a probe saw is projected onto it; "own", it shines by its own emissive textures
+    lamps : of a mesh of its own radiance: so many of its brightest spots at most become lamps, which renderers find
+    receives : names of meshes of its own radiance that take light instead: objects throw shadows on them
     """
 
     shape: Literal["infinite", "dome", "box", "mesh"] = "infinite"
@@ -130,6 +136,24 @@ class DistantTable(Table):
     low: Vector | None = None
     high: Vector | None = None
     mesh: str | None = None
+    radiance: Literal["map", "own"] = "map"
+    lamps: Annotated[int, Field(ge=0, le=256)] = 0
+    receives: tuple[str, ...] = ()
+
+    @property
+    def is_projected(self) -> bool:
+        """Whether a map that was taken at a place is projected onto it."""
+        return self.shape != "infinite" and self.radiance == "map"
+
+    @model_validator(mode="after")
+    def _own_radiance(self) -> DistantTable:
+        if self.radiance == "own" and self.shape != "mesh":
+            raise ValueError(
+                f'radiance = "own" is of a mesh with emissive textures; {self.shape} has none: leave it out'
+            )
+        if self.radiance == "map" and (self.lamps or self.receives):
+            raise ValueError('lamps and receives are of a mesh with radiance = "own"; add that, or leave them out')
+        return self
 
     @model_validator(mode="after")
     def _what_the_shape_needs(self) -> DistantTable:
@@ -161,3 +185,20 @@ def distant_scene(table: DistantTable, folder: Path) -> Distant:
         except ValueError as error:
             raise UnreadableFile(f"light.distant.mesh: {table.mesh}: {error}") from None
     return Infinite()
+
+
+def shining_place(table: DistantTable, folder: Path) -> tuple[tuple[Mesh, ...], tuple[RectangleLight, ...]]:
+    """The meshes that shine by their own radiance, or take light, and the lamps among them; none of other tables.
+
+    Raises UnreadableFile, and ValueError for meshes without emissive textures and names that none has.
+    """
+    if table.radiance != "own":
+        return (), ()
+    assert table.mesh is not None  # _what_the_shape_needs
+    place = place_of(read_shapes(folder / table.mesh))
+    meshes = receiving(place, table.receives)
+    if not table.lamps:
+        return meshes, ()
+    found = place_lights(place, table.lamps)
+    dimmed = {part.mesh.name: part.mesh for part in found.residual.parts}
+    return tuple(mesh if mesh.name in table.receives else dimmed[mesh.name] for mesh in meshes), found.lights

@@ -3,6 +3,16 @@ from .photon_map.drawing import drawn_discs as drawn_discs
 from .photon_map.drawing import drawn_photons as drawn_photons
 from .photon_map.photon_map import PhotonMap as PhotonMap
 from .photon_map.photon_map import PhotonStep as PhotonStep
+from .projective.baking import BakedMesh as BakedMesh
+from .projective.baking import BakedPlace as BakedPlace
+from .projective.baking import bake as bake
+from .projective.photographs import ProjectedPhotograph as ProjectedPhotograph
+from .projective.place_light import PlaceLights as PlaceLights
+from .projective.place_light import place_irradiance as place_irradiance
+from .projective.place_light import place_lights as place_lights
+from .projective.place_light import receiving as receiving
+from .projective.projective_texture import ProjectiveTexture as ProjectiveTexture
+from .projective.shining_meshes import place_of as place_of
 from .radiosity.form_factors import FormFactors as FormFactors
 from .radiosity.form_factors import form_factors as form_factors
 from .radiosity.radiosity import Radiosity as Radiosity

@@ -28,3 +28,5 @@ from .shots.light_placing import MirroredLight as MirroredLight
 from .shots.light_placing import mirrored_light as mirrored_light
 from .shots.material_balls import MaterialBall as MaterialBall
 from .shots.material_balls import material_balls as material_balls
+from .shots.place_files import PlaceFiles as PlaceFiles
+from .shots.place_files import write_place as write_place

@@ -14,7 +14,7 @@ from relume.light.light_sequence import LightSequence
 from relume.project.finished_light import FinishedLight
 from relume.project.keyed_values import table_at, values_at
 from relume.project.place_tables import DistantTable as DistantSceneTable
-from relume.project.place_tables import distant_scene
+from relume.project.place_tables import distant_scene, shining_place
 from relume.project.probe_tables import without_hanging
 from relume.project.scene_file.images import naming
 from relume.project.schema import GreyOrColour, Positive, Vector
@@ -25,6 +25,7 @@ from relume.scene.lights import Light
 from relume.scene.motion.keyframes import Interpolation
 from relume.scene.motion.moving_objects import columns_turned
 from relume.scene.scene import Distant, Infinite
+from relume.scene.shapes.shapes import Mesh
 from relume.sphere.directions import UP, rotation_about
 from relume.sphere.environment_files import as_environment
 from relume.sphere.environment_map import EnvironmentMap
@@ -38,7 +39,8 @@ class LightTable(FinishedLight):
     """The light of the distant scene: a map, maps or a sky, turned about +Y, counter-clockwise from above, or a colour.
 
     exposure : stops by which it is brighter, beside `scale`
-    distant : the shape of the distant scene, onto which the map is projected, as in the shot file
+    distant : the shape of the distant scene, onto which the map is projected, as in the shot file; or a mesh that
+        shines by its own radiance, before the map where there is one
     probe : where the map was taken, metres; of several probes the place they are joined for, their middle unless given
     keyframes : of a sequence: how far it is turned, and how much brighter it is
     """
@@ -54,7 +56,7 @@ class LightTable(FinishedLight):
     @model_validator(mode="after")
     def _of_a_place(self) -> LightTable:
         require_rising(self.keyframes)
-        near = self.distant.shape != "infinite"
+        near = self.distant.is_projected
         if near and self.probe is None and self.probes is None:
             raise ValueError("a near distant scene needs probe = [x, y, z], the place the map was taken at, metres")
         if self.probe is not None and not near and self.probes is None:
@@ -66,7 +68,8 @@ class LightTable(FinishedLight):
     @model_validator(mode="after")
     def _one_source(self) -> LightTable:
         kinds = [*self.given(), *(["colour"] if self.colour is not None else [])]
-        if len(kinds) != 1:
+        shines = self.distant.radiance == "own"
+        if len(kinds) > 1 or not (kinds or shines):
             raise ValueError(
                 f"has {' and '.join(kinds) or 'none of them'}; give one of map, maps, probes, sky and colour"
             )
@@ -76,14 +79,14 @@ class LightTable(FinishedLight):
 
 
 def distant_light(table: LightTable | None, path: Path, joined: InterpolatedLight | None = None) -> EnvironmentMap:
-    """The light from infinity as its file has it, black without a table; raises InvalidScene naming the key.
+    """The light from infinity as its file has it, black without any; raises InvalidScene naming the key.
 
     path : the scene file, beside which the map is looked for
     joined : of several probes
     """
     if joined is not None:
         return joined.light
-    if table is None:
+    if table is None or (table.colour is None and not table.given()):
         return _even((0.0, 0.0, 0.0))
     if table.colour is not None:
         with naming(f"{path}: light.colour"):
@@ -163,6 +166,14 @@ def distant_of(table: LightTable | None, path: Path, joined: InterpolatedLight |
     with naming(f"{path}: light.probe"):
         require_inside(distant, table.probe)
     return distant, table.probe
+
+
+def shining_of(table: LightTable | None, path: Path) -> tuple[tuple[Mesh, ...], tuple[Light, ...]]:
+    """A distant scene that shines by its own radiance: its meshes and lamps; raises InvalidScene naming the key."""
+    if table is None:
+        return (), ()
+    with naming(f"{path}: light.distant"):
+        return shining_place(table.distant, path.parent)
 
 
 def read_light(path: Path) -> EnvironmentMap:

@@ -27,6 +27,7 @@ from relume.project.scene_file.lights import (
     joined_of,
     maps_of,
     read_light,
+    shining_of,
 )
 from relume.project.scene_file.materials import SurfaceTable, made
 from relume.project.scene_file.metering import shines
@@ -112,7 +113,8 @@ class SceneTable(Table):
 
     @model_validator(mode="after")
     def _shows_something(self) -> SceneTable:
-        if not self.objects and not self.local:
+        shines = self.light is not None and self.light.distant.radiance == "own"
+        if not self.objects and not self.local and not shines:
             raise ValueError("objects: none, so only the light would be seen; add [[objects]] with a sphere or a mesh")
         return self
 
@@ -179,6 +181,7 @@ def _read_table(path: Path) -> SceneFile:
     read = distant_light(table.light, path, joined)
     light = adjusted_light(read, table.light, path)
     distant, probe = distant_of(table.light, path, joined)
+    shining, lamps = shining_of(table.light, path)
     light, hanging = hanging_in(light, joined, table.light)
     lights = (*lamps_of(table.lights, path), *hanging)
     for doubt in () if joined is None else joined.notes:
@@ -197,7 +200,7 @@ def _read_table(path: Path) -> SceneFile:
     solids = tuple(solid for each in objects for solid in each.at_rest())
     with naming(f"{path}: medium"):
         medium = table.medium and table.medium.medium()
-    scene = Scene(light, tuple(local), solids, lights, distant, probe, medium)
+    scene = Scene(light, (*shining, *local), solids, (*lights, *lamps), distant, probe, medium)
     orbits = tuple(each.orbit for each in objects for _ in each.solids)
     # And how it moves.
     sequence = None

@@ -124,6 +124,11 @@ class Light(FinishedLight):
     @model_validator(mode="after")
     def _one_source(self) -> Light:
         require_rising(self.keyframes)
+        if self.distant.radiance == "own":
+            raise ValueError(
+                'distant.radiance = "own" is of scene files; onto the mesh of a shot its map or balls are projected: '
+                "leave it out"
+            )
         finished = bool(self.given())
         if (self.balls is None) != finished:
             raise ValueError("give one of balls, map, maps, probes and sky")

@@ -3,13 +3,16 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field, replace
+from pathlib import Path
 from typing import Any
 
 import numpy as np
 
+from relume.image import files
 from relume.image.colour import decode_srgb
 from relume.scene.gltf.document import GltfDocument
 from relume.scene.gltf.textures import Texture, placed, read_texture
+from relume.scene.gltf.writing import RADIANCE
 from relume.scene.materials.checks import triple
 from relume.scene.materials.materials import Material
 
@@ -54,12 +57,14 @@ class GltfMaterial:
     description : the file's own words
     textures : by glTF's names
     lost : what is not rendered of it, in words
+    radiance : (H, W, 3) what it sends out, from a file beside, in place of the emissive texture of 8 bits; or None
     """
 
     numbers: Material
     description: dict[str, Any]
     textures: dict[str, Texture] = field(default_factory=dict)
     lost: tuple[str, ...] = ()
+    radiance: np.ndarray | None = None
 
     @property
     def coordinates(self) -> int:
@@ -74,7 +79,8 @@ class GltfMaterial:
         if uv is None or not self.textures:
             return self.numbers, uv, () if uv is not None or not self.textures else ("textures without coordinates",)
         images, uv, lost = placed(self.textures, uv)
-        return _with_images(self.numbers, self.description, images), uv, lost
+        material = _with_images(self.numbers, self.description, images)
+        return material if self.radiance is None else replace(material, emission=self.radiance), uv, lost
 
 
 def read_materials(document: GltfDocument) -> tuple[GltfMaterial, ...]:
@@ -97,7 +103,20 @@ def _read(document: GltfDocument, index: int, description: dict[str, Any]) -> Gl
     other = [key for key, texture in textures.items() if texture.coordinates != used]
     lost |= {f"{key} (of another set of texture coordinates than the first)" for key in other}
     kept = {key: texture for key, texture in textures.items() if key not in other}
-    return GltfMaterial(_numbers(description), description, kept, tuple(sorted(lost)))
+    radiance, missing = _radiance(document, description)
+    return GltfMaterial(_numbers(description), description, kept, (*sorted(lost), *missing), radiance)
+
+
+def _radiance(document: GltfDocument, description: dict[str, Any]) -> tuple[np.ndarray | None, tuple[str, ...]]:
+    """What a file beside holds of the material's emission, and what is lost where it is missing."""
+    extras = description.get("extras")
+    name = extras.get(RADIANCE) if isinstance(extras, dict) else None
+    if not isinstance(name, str) or "emissiveTexture" not in description:
+        return None, ()
+    beside = document.path.parent / Path(name).name
+    if not beside.is_file():
+        return None, (f"its radiance in {name}, which is missing (8 bits of it are shown)",)
+    return files.read_radiance(beside).radiance, ()
 
 
 def _within(description: dict[str, Any], *place: str) -> dict[str, Any]:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import json
 import os
 import struct
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -25,28 +25,37 @@ SOLID = 1.0
 """thicknessFactor of a body: path tracers follow its own walls, and any thickness above 0 says that it has some."""
 
 
-def write_glb(path: str | os.PathLike[str], meshes: Sequence[Mesh]) -> None:
+SHOWN = 0.99
+"""Of an emission that a file beside holds whole, the share that its picture of 8 bits shows; brighter is cut off."""
+RADIANCE = "relume_radiance"
+"""Of a material's extras: the file beside, scene-linear and in full precision, of what its emissiveTexture shows."""
+
+
+def write_glb(path: str | os.PathLike[str], meshes: Sequence[Mesh], *, radiance: Mapping[str, str] = {}) -> None:
     """Write meshes whose images end at their rims as a .glb file, whole or not at all; see `glb`.
 
     Raises ValueError for another suffix or another kind of material, OutputNotWritten.
     """
     if Path(path).suffix.lower() != ".glb":
         raise ValueError(f"{path}: materials are written as .glb; give it that suffix")
-    data = glb(meshes, repeats=False)
+    data = glb(meshes, repeats=False, radiance=radiance)
     with files.replacing(path) as temporary:
         Path(temporary).write_bytes(data)
 
 
-def glb(meshes: Sequence[Mesh], *, images: bool = True, repeats: bool = True) -> bytes:
+def glb(
+    meshes: Sequence[Mesh], *, images: bool = True, repeats: bool = True, radiance: Mapping[str, str] = {}
+) -> bytes:
     """A .glb of the meshes: a node each of the mesh's name at the origin, vertices in world coordinates, metres.
 
     images : keep images over the texture coordinates, as PNG of 8 bits; else their means are in their place
     repeats : images repeat beyond their rim; else they end there
+    radiance : by the name of a mesh, the file beside that holds its emission whole: an image of 8 bits cannot
 
     Ray tracers read attenuation and transmission as those of solid bodies; `thin` bodies get no thickness.
     Raises ValueError for a material that is neither a Material nor Diffuse.
     """
-    contents = _Contents(images, REPEAT if repeats else CLAMP)
+    contents = _Contents(images, REPEAT if repeats else CLAMP, radiance)
     for mesh in meshes:
         node = {"name": mesh.name, "mesh": contents.entry("meshes", _mesh(mesh, contents))}
         contents.header["scenes"][0]["nodes"].append(contents.entry("nodes", node))
@@ -67,8 +76,8 @@ def glb_bytes(header: dict[str, Any], chunks: bytes) -> bytes:
 class _Contents:
     """What accumulates while a file is written: its header and its one buffer."""
 
-    def __init__(self, keeps_images: bool, wrap: int) -> None:
-        self.keeps_images, self.wrap = keeps_images, wrap
+    def __init__(self, keeps_images: bool, wrap: int, radiance: Mapping[str, str]) -> None:
+        self.keeps_images, self.wrap, self.radiance = keeps_images, wrap, radiance
         self.buffer = bytearray()
         self.header: dict[str, Any] = {
             "asset": {"version": "2.0", "generator": "relume"},
@@ -159,6 +168,9 @@ def _material(mesh: Mesh, contents: _Contents) -> dict[str, Any]:
     if material.emits:
         # The factor holds 1 at most; the strength is what is above it.
         strongest = max(float(np.max(material.emission)), 1.0)
+        if mesh.name in contents.radiance:
+            strongest = max(float(np.quantile(material.emission, SHOWN)), 1e-6)
+            written["extras"] = {RADIANCE: contents.radiance[mesh.name]}
         written |= contents.colour(np.asarray(material.emission) / strongest, "emissiveFactor", "emissiveTexture")
         written.setdefault("emissiveFactor", [1.0, 1.0, 1.0])
         extensions["KHR_materials_emissive_strength"] = {"emissiveStrength": strongest}

@@ -8,6 +8,7 @@ from urllib.parse import unquote
 
 from relume.errors import UnreadableFile
 from relume.scene.gltf.document import read_document
+from relume.scene.gltf.writing import RADIANCE
 from relume.scene.usd.stage import SUFFIXES as USD_SUFFIXES
 
 
@@ -26,6 +27,7 @@ def files_beside_mesh(path: str | Path) -> tuple[str, ...]:
         try:
             header = read_document(path).header
             given = [each.get("uri") for key in ("buffers", "images") for each in header.get(key, [])]
+            given += [(each.get("extras") or {}).get(RADIANCE) for each in header.get("materials", [])]
         except (ValueError, AttributeError, TypeError) as error:
             raise UnreadableFile(f"{path}: not a readable glTF ({' '.join(str(error).split())})") from None
         found = [unquote(uri) for uri in given if isinstance(uri, str) and not uri.startswith("data:")]

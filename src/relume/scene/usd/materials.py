@@ -12,6 +12,7 @@ from typing import Any
 import numpy as np
 
 from relume.errors import UnreadableFile
+from relume.image import files
 from relume.image.colour import decode_srgb
 from relume.image.files.photographs.texture_pixels import texture_pixels
 from relume.scene.materials.checks import triple
@@ -125,6 +126,9 @@ class _Reader:
         asset = producers[0].Get() if producers else None
         place = "" if asset is None else asset.resolvedPath or asset.path
         try:
+            if Path(place).suffix.lower() == ".exr" and Path(place).is_file():
+                linear = files.read_radiance(place).radiance
+                return np.concatenate([linear, np.ones_like(linear[..., :1])], axis=-1)
             resolver = self.asset_resolver.GetResolver()
             opened = resolver.OpenAsset(self.asset_resolver.ResolvedPath(place)) if place else None
             if opened is None:

@@ -1,0 +1,1 @@
+"""Projective, view-dependent texture mapping: photographs of a place shown from where none was taken."""
