@@ -208,7 +208,10 @@ def _listed(path: Path, size: int, modified: int) -> tuple[tuple[int, ...], Frac
 
 
 def video_frames(path: str | os.PathLike[str]) -> Iterator[np.ndarray]:
-    """All frames of a video one after another, (H, W, 3) uint8, upright; converted and refused as by `read_video_frame`."""
+    """All frames of a video one after another, (H, W, 3) uint8, upright.
+
+    They are converted and refused as by `read_video_frame`.
+    """
     path = Path(path)
     with _decoding(path) as (container, stream):
         for number, frame in enumerate(container.decode(stream), 1):
