@@ -1,8 +1,8 @@
 """The picture of docs/light.md on modelled places: `python examples/places/figures.py [FOLDER]`, a minute.
 
 A chapel of known sizes is rendered from five places. Of every edge that a photograph shows two points are marked, half
-a pixel off; `rl.model_place` finds the chapel and the cameras again. FOLDER/places.jpg: a photograph with its marks, and
-the chapel that was found, rendered from where no photograph was taken.
+a pixel off, and `rl.model_place` finds the chapel and the cameras again. FOLDER/places.jpg shows a photograph with its
+marks, and the chapel that was found, rendered from where no photograph was taken.
 """
 
 from __future__ import annotations
