@@ -14,7 +14,7 @@ from relume.errors import BallNotFound, NotABracket, UnreadableFile
 from relume.image.files.video import video_frames, video_rate
 from relume.probe.video.exposure_course import ExposureCourse, exposure_course
 from relume.probe.video.exposure_ratios import ExposureRatio, ratio_of_quantiles
-from relume.probe.video.facets import find_facets, laid_on_another, measured_again
+from relume.probe.video.facets import find_facets, followed, laid_on_another
 from relume.probe.video.light_tables import LightTables, looked_up
 from relume.probe.video.lookup import BallLookup, BallPlace, Circle, Continuation, FrameLookup, Lookup
 from relume.probe.video.merging import Take
@@ -31,7 +31,8 @@ class BallFilm:
 
     facets : how often the filter shows the ball; 1 without one, 5 of Waese & Debevec's
     rims : (x, y, radius) of the ball in each facet, pixels, in any order; found unless given
-    follow_rims : whether given rims are moved to where they are seen near there
+    follow_rims : whether the one rim that is given is moved to where it is seen near there; of facets the given rim of
+        the brightest is taken as it is, and the others are moved onto it
     place : of the ball and its camera
     """
 
@@ -212,7 +213,8 @@ def _seen_in(
     # Of exposures that alternate the one is looked at in which most is neither white nor black.
     frames = list(_by_use(film, tables))
     if kind.rims:
-        rims = measured_again(frames[0], kind.rims, tables) if kind.follow_rims else kind.rims
+        follow = kind.follow_rims and kind.facets == 1
+        rims = (followed(frames[0], kind.rims[0], tables, film.path.name),) if follow else kind.rims
     else:
         rims = _found(frames, kind.facets, tables, film.path.name)
     if kind.facets == 1:

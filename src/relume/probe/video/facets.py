@@ -136,22 +136,28 @@ def laid_on_another(
         bright, dark = (_samples(frames, rims[k], rims[number - 1], place, (aside[k], aside[number - 1]), tables)
                         for k in pair)  # fmt: skip
         if stops is not None:
-            known = np.full(3, -(stops[number] - stops[number - 1]) * np.log(2))
+            step = ExposureRatio(np.full(3, -(stops[number] - stops[number - 1]) * np.log(2)), np.zeros(3))
         else:
-            known = ratio_of_quantiles(bright[0][:, bright[2]], dark[0][:, dark[2]], tables, what).logarithm
-        if known.mean() > -DARKER:
+            step = ratio_of_quantiles(bright[0][:, bright[2]], dark[0][:, dark[2]], tables, what)
+        if step.logarithm.mean() > -DARKER:
             raise NotABracket(
-                f"{what}: shows {np.exp(known.mean()):.2f} times the light of the facet before it; facets through "
-                "densities differ by a half stop or more: check the number of facets, or pick their rims"
+                f"{what}: shows {np.exp(step.logarithm.mean()):.2f} times the light of the facet before it; facets "
+                "through densities differ by a half stop or more: check the number of facets, or pick their rims"
             )
-        shift = _shift(bright, dark, known, tables)
+        shift = _shift(bright, dark, step.logarithm, tables)
         x, y, radius = rims[number]
         rims[number] = (x + shift[0], y + shift[1], radius)
-        step = ExposureRatio(known, np.zeros(3))
         if stops is None:
             dark = _samples(frames, rims[number], rims[number - 1], place, (aside[number], aside[number - 1]), tables)
             both = bright[1] & dark[1]
-            step = ratio_of_pixels(bright[0][both], dark[0][both], tables, what)
+            try:
+                step = ratio_of_pixels(bright[0][both], dark[0][both], tables, what)
+            except NotABracket:
+                warn(
+                    f"{what}: few pixels show light well in it and in the next brighter one, so its exposure is known "
+                    f"to {100 * step.error.mean():.0f} % only; give --stops, or film where more lamps are",
+                    effect=float(step.error.mean()),
+                )
         before = ratios[-1]
         ratios.append(ExposureRatio(before.logarithm + step.logarithm, np.hypot(before.error, step.error)))
     return tuple(rims), tuple(aside), tuple(ratios)
@@ -243,11 +249,7 @@ def _shift(
     return (x, y) if np.hypot(x, y) < side / 8 else (0.0, 0.0)
 
 
-def measured_again(frame: np.ndarray, circles: Sequence[Circle], tables: LightTables) -> tuple[Circle, ...]:
-    """Rims that were picked by hand, each moved to where it is seen near there."""
-    light = tables.exposure[frame, np.arange(3)]
-    result = []
-    for number, circle in enumerate(circles, 1):
-        outline = picked_rim(light, outline_of_circle(*circle), f"facet {number}")
-        result.append((*outline.centre, outline.radius))
-    return tuple(result)
+def followed(frame: np.ndarray, circle: Circle, tables: LightTables, name: str) -> Circle:
+    """A rim that was picked by hand, moved to where it is seen near there; as it is, with a warning, where none is."""
+    rim = picked_rim(tables.exposure[frame, np.arange(3)], outline_of_circle(*circle), name)
+    return (*rim.centre, rim.radius)

@@ -96,7 +96,7 @@ class FilmProbe:
             "stored as": self.stored,
         }
         if any(found.rims):
-            facts["rims"] = [[round(value, 2) for value in rim] for rims in found.rims for rim in rims]
+            facts["rims"] = [",".join(f"{value:.1f}" for value in rim) for rims in found.rims for rim in rims]
         facts["saturated, share of the light at most"] = f"{self.clipped:.3g}"
         return facts
 
