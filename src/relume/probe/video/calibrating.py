@@ -45,7 +45,9 @@ class BallFilm:
         if not 1 <= self.facets <= 16:
             raise ValueError(f"{self.facets} facets; expected 1 to 16, like 5")
         if self.rims and len(self.rims) != self.facets:
-            raise ValueError(f"{len(self.rims)} rims for {self.facets} facets; give one each, or none to have them found")
+            raise ValueError(
+                f"{len(self.rims)} rims for {self.facets} facets; give one each, or none to have them found"
+            )
 
 
 @dataclass(frozen=True)

@@ -186,8 +186,7 @@ def _samples(
     lookup = BallLookup(place, rim, 2)
     left, top = (round(at) - int(middle) for at in rim[:2])
     x, y = (
-        (at - middle + of - corner - 0.5).astype(np.float32)
-        for at, of, corner in ((x, rim[0], left), (y, rim[1], top))
+        (at - middle + of - corner - 0.5).astype(np.float32) for at, of, corner in ((x, rim[0], left), (y, rim[1], top))
     )
     result = []
     for frame in frames:

@@ -175,9 +175,7 @@ def film_maps(
         ahead = 2 * max(os.cpu_count() or 1, 1)
         frames = zip(*(video_frames(film) for film in found.films), strict=False)
         collected = _in_order(pool, lambda each: _collected(found, *each), enumerate(frames), ahead)
-        moments = _in_order(
-            pool, lambda each: _moment(found, *each), _windows(found, collected, steadying), ahead
-        )
+        moments = _in_order(pool, lambda each: _moment(found, *each), _windows(found, collected, steadying), ahead)
         steady = enumerate(steadying.steadied(moments, found.tables))
         yield from _in_order(pool, lambda each: then((each[0], each[1]())), steady, ahead)
 
