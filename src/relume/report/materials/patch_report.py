@@ -42,7 +42,7 @@ def write_patch_report(
     parts = separate_patch(samples, light)
     contents = [table({name: _words(value) for name, value in found.facts().items()})]
     if not parts.separable:
-        contents.append(note("The patch has the lamp's own colour: its parts are told apart by their shape alone."))
+        contents.append(note("The patch has the lamp's own colour: its parts are separated by their shape alone."))
     contents += [
         figure(
             encoded_figure(_maps(samples, parts, found)),
