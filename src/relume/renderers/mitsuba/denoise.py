@@ -25,6 +25,8 @@ _BLOCK, _DARK = 16, 1e-8
 NEIGHBOURS, EDGE = 16.0, 2.0
 """σ in pixels of the places whose light is kept as a whole, and in σ where they end: as far as a tile of a large
 picture is denoised beyond its edges. Some 3000 pixels are as one with as many times the rays; 4 to 32 do as well."""
+PEAK, NARROW = 4.0, 2.0
+"""A highlight is so many times as bright, cleaned, as what is about it; σ in pixels of the place that it keeps."""
 
 
 def denoised(
@@ -123,12 +125,19 @@ def _as_bright(clean: np.ndarray, traced: np.ndarray, shows: np.ndarray) -> np.n
     traced : (H, W, 3), as it shows; shows : (H, W, 1), the share of `clean` that does
     """
 
-    def about(light: np.ndarray) -> np.ndarray:
-        return gaussian_filter(light.sum(-1, dtype=np.float64), NEIGHBOURS, truncate=EDGE)
+    def about(light: np.ndarray, reach: float = NEIGHBOURS) -> np.ndarray:
+        return gaussian_filter(light, reach, truncate=EDGE)
 
-    left, arrived = about(shows * clean), about(traced)
-    lit = left > 1e-6 * left.max()  # below that there is nothing to scale
-    return clean * np.where(lit, arrived / np.where(lit, left, 1), 1)[..., None].astype(np.float32)
+    def ratio(part: np.ndarray, reach: float) -> np.ndarray:
+        left, arrived = about(shown * part, reach), about(bright * part, reach)
+        lit = left > 1e-6 * left.max()  # below that there is nothing to scale
+        return np.where(lit, arrived / np.where(lit, left, 1), 1)
+
+    shown, bright = ((light.sum(-1, dtype=np.float64)) for light in (shows * clean, traced))
+    # A highlight keeps its own light: spread about it, what the filter took of it would stand as a halo.
+    peaks = shown > PEAK * about(shown)
+    scale = np.where(peaks, ratio(peaks, NARROW), ratio(~peaks, NEIGHBOURS))
+    return clean * scale[..., None].astype(np.float32)
 
 
 def _unmatted(premultiplied: np.ndarray, matte: np.ndarray) -> np.ndarray:
