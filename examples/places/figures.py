@@ -1,7 +1,7 @@
-"""Photographs and marks of examples/places, and a picture of docs/light.md: `python examples/places/figures.py [FOLDER]`.
+"""Photographs and marks of a place, and a picture of docs/light.md: `python examples/places/figures.py [FOLDER]`.
 
-A chapel of known sizes is rendered from five places, a minute in all. Of every edge that a photograph shows two points
-are marked half a pixel off, which chapel.toml then holds; `rl.model_place` finds sizes and cameras again.
+A chapel of known sizes is rendered from five places, two minutes in all. Of every edge that a photograph shows, two
+points are marked half a pixel off, which chapel.toml then holds; `rl.model_place` finds sizes and cameras again.
 FOLDER/places.jpg: the marks over a photograph, the edges that were found over it, and the chapel that was found, seen
 from where no photograph was taken.
 """
