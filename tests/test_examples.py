@@ -1,11 +1,13 @@
-"""The scene files of examples/whitted show what their comments and the paper say (Whitted 1980, §4)."""
+"""The examples show what their comments say: scene files of examples/whitted (Whitted 1980, §4), examples/places."""
 
 from __future__ import annotations
 
 from dataclasses import replace
 from functools import cache
+from importlib.util import module_from_spec, spec_from_file_location
 from itertools import combinations
 from pathlib import Path
+from types import ModuleType
 
 import numpy as np
 import pytest
@@ -15,7 +17,9 @@ from relume.renderers.whitted.whitted import PreparedWhitted
 from relume.scene.materials.whitted import WhittedMaterial
 from relume.scene.shapes.shapes import Patches
 
-FOLDER = Path(__file__).parents[1] / "examples" / "whitted"
+EXAMPLES = Path(__file__).parents[1] / "examples"
+FOLDER = EXAMPLES / "whitted"
+CHAPEL = EXAMPLES / "places" / "chapel.toml"
 FILES = sorted(path.stem for path in FOLDER.glob("*.toml"))
 
 
@@ -208,3 +212,47 @@ def test_the_balls_of_the_sequence_go_round_without_touching_and_come_back() -> 
     half = file.at(0.5).objects[1]
     assert isinstance(half, rl.Sphere)
     assert half.centre == pytest.approx((-1.75, 0.6, 0.0), abs=1e-9)
+
+
+def places_figures() -> ModuleType:
+    """The script that makes the photographs and marks of examples/places."""
+    specification = spec_from_file_location("places_figures", CHAPEL.with_name("figures.py"))
+    assert specification is not None and specification.loader is not None
+    module = module_from_spec(specification)
+    specification.loader.exec_module(module)
+    return module
+
+
+def test_the_chapel_is_found_from_its_marks() -> None:
+    place = rl.model_place(CHAPEL)
+    assert place.doubts == ()
+    assert [photograph.file.is_file() for photograph in place.photographs] == [True] * 5
+    sizes = {block.name: block.size for block in place.blocks}
+    assert sizes["nave"] == pytest.approx([7, 8, 14], rel=0.003)
+    assert sizes["roof"] == pytest.approx([7, 4, 14], rel=0.003)
+    assert sizes["left_aisle"] == pytest.approx([3, 4.5, 14], rel=0.003)
+    assert sizes["right_aisle"].tolist() == sizes["left_aisle"].tolist()
+    assert sizes["tower"] == pytest.approx([7, 15, 6], rel=0.003)
+    assert sizes["spire"] == pytest.approx([7, 7, 6], rel=0.003)
+    assert sizes["well"] == pytest.approx([2.5, 1.2, 2.5], rel=0.007)
+    # Of what is found beside the truth in its own deviations; of 250 spare residuals χ² is 250 ± 22.
+    off = [(size - truth) / deviation for size, truth, deviation in (
+        (place.block("tower").size[1], 15.0, place.block("tower").deviation[1]),
+        (place.block("well").size[0], 2.5, place.block("well").deviation[0]),
+    )]  # fmt: skip
+    assert np.abs(off).max() < 3
+    assert 0.75 < place.chi_square / place.freedom < 1.25
+
+
+def test_the_cameras_of_the_chapel_are_found() -> None:
+    true = places_figures().CAMERAS
+    for photograph in rl.model_place(CHAPEL).photographs:
+        turned = photograph.camera.rotation.T @ true[photograph.name].rotation
+        assert np.degrees(np.arccos((np.trace(turned) - 1) / 2)) < 0.2
+        assert np.linalg.norm(photograph.camera.position - true[photograph.name].position) < 0.3
+        assert photograph.camera.focal_length == pytest.approx(900, rel=0.01)
+
+
+def test_the_chapel_s_marks_are_those_that_its_script_makes() -> None:
+    figures = places_figures()
+    assert CHAPEL.read_text(encoding="utf-8").endswith(figures.BELOW + figures.as_toml(figures.marks()))

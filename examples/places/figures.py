@@ -1,118 +1,147 @@
-"""The picture of docs/light.md on modelled places: `python examples/places/figures.py [FOLDER]`, a minute.
+"""Photographs and marks of a place, and a picture of docs/light.md: `python examples/places/figures.py [FOLDER]`.
 
-A chapel of known sizes is rendered from five places. Of every edge that a photograph shows two points are marked, half
-a pixel off, and `rl.model_place` finds the chapel and the cameras again. FOLDER/places.jpg shows a photograph with its
-marks, and the chapel that was found, rendered from where no photograph was taken.
+A chapel of known sizes is rendered from five places, two minutes in all. Of every edge that a photograph shows, two
+points are marked half a pixel off, which chapel.toml then holds; `rl.model_place` finds sizes and cameras again.
+FOLDER/places.jpg: the marks over a photograph, the edges that were found over it, and the chapel that was found, seen
+from where no photograph was taken.
 """
 
 from __future__ import annotations
 
 import sys
-import tempfile
 from pathlib import Path
 
 import cv2
 import numpy as np
 
 import relume as rl
+from relume.renderers.raytrace.raycast import RayCaster
 from relume.scene.places.place_tables import BlockTable
-from relume.scene.places.quantities import modelled
+from relume.scene.places.quantities import Model, modelled
 from relume.scene.toml_tables import read_toml
 
-HERE = Path(__file__).parent
-SIZE = (1200, 900)
+CHAPEL = Path(__file__).parent / "chapel.toml"
+BELOW = "# Marks, which figures.py writes anew: half a pixel off.\n"
 TRUTH = {
     "width of block 'nave'": 7.0, "height of block 'nave'": 8.0, "height of block 'roof'": 4.0,
     "width of block 'left_aisle'": 3.0, "height of block 'left_aisle'": 4.5, "height of block 'tower'": 15.0,
     "depth of block 'tower'": 6.0, "height of block 'spire'": 7.0, "width of block 'well'": 2.5,
     "height of block 'well'": 1.2, "x of block 'well'": -8.0, "z of block 'well'": 12.0,
 }  # fmt: skip
-PLACES = ((-22.0, 4.0, 32.0), (18.0, 2.5, 34.0), (30.0, 5.0, 4.0), (-28.0, 9.0, -18.0), (4.0, 14.0, 38.0))
-SUN = rl.light.SunPosition(elevation=np.radians(38), azimuth=np.radians(215))
-WHITE = rl.Diffuse((1.0, 1.0, 1.0))
-GREEN, ORANGE = (60, 200, 90), (255, 120, 20)
+SIZE = (1200, 900)
+NOISE = 0.5
+"""Of a mark, pixels."""
 
 
-def rendered(meshes: tuple[rl.Mesh, ...], camera: rl.Camera) -> np.ndarray:
+def camera(*position: float) -> rl.Camera:
+    """A camera at a place, aimed at the chapel."""
+    return rl.Camera.looking_at(
+        np.array(position), np.array([0.0, 10.0, 4.0]), width=SIZE[0], height=SIZE[1], focal_length=900
+    )
+
+
+CAMERAS = {
+    "front_left": camera(-22, 4, 32), "front_right": camera(18, 2.5, 34), "right": camera(30, 5, 4),
+    "back_left": camera(-28, 9, -18), "above": camera(4, 14, 38),
+}  # fmt: skip
+ELSEWHERE = camera(-16, 18, 36)
+SUN = rl.light.SunPosition(elevation=np.radians(38), azimuth=np.radians(140))
+GREEN, ORANGE = (20, 150, 60), (255, 110, 10)
+
+
+def true_corners(model: Model, index: int) -> np.ndarray:
+    """The corners (N, 3) of a block as they truly are, world, metres."""
+    one = np.array([1.0, *(TRUTH[name] for name in model.lengths)])
+    return model.points(index, range(len(model.blocks[index].body.vertices))) @ one
+
+
+def truth() -> tuple[Model, tuple[rl.Mesh, ...]]:
+    """The chapel's blocks, and as they truly are."""
+    tables = read_toml(CHAPEL, "place", rl.errors.InvalidPlace)["blocks"]
+    model = modelled([BlockTable(**table) for table in tables])
+    meshes = [
+        rl.Mesh(true_corners(model, index).astype(np.float32), block.body.triangles, rl.Diffuse((0.5, 0.5, 0.5)))
+        for index, block in enumerate(model.blocks)
+    ]
+    return model, tuple(meshes)
+
+
+def marks() -> dict[str, dict[str, dict[str, np.ndarray]]]:
+    """Of each photograph and block the points on edges that it shows, pixels: (N, 2), with noise."""
+    model, meshes = truth()
+    shapes, random = RayCaster.of(meshes), np.random.default_rng(3)
+    found: dict[str, dict[str, dict[str, np.ndarray]]] = {}
+    for photograph, view in CAMERAS.items():
+        found[photograph] = {}
+        for index, block in enumerate(model.blocks):
+            edges: dict[str, np.ndarray] = {}
+            for name, ring in block.body.edges.items():
+                if len(ring) > 2 and name in ("bottom", "top"):
+                    continue  # other names of the lowest and the highest ring
+                ends = true_corners(model, index)[list(ring)]
+                points = ends[::8] if len(ring) > 2 else ends[0] + np.array([[0.02], [0.98]]) * (ends[1] - ends[0])
+                away = points - view.position
+                far = np.linalg.norm(away, axis=-1)
+                seen = points[~shapes.occluded(view.position, away / far[:, None], 0.999 * far)]
+                shown = view.project(seen)
+                if len(seen) > 1 and np.all((shown > 0) & (shown < SIZE)) and np.ptp(shown, axis=0).max() > 15:
+                    edges[name] = shown + random.normal(0, NOISE, shown.shape)
+            if edges:
+                found[photograph][block.name] = edges
+    return found
+
+
+def as_toml(marked: dict[str, dict[str, dict[str, np.ndarray]]]) -> str:
+    """Marks as a place file has them."""
+    lines = []
+    for photograph, blocks in marked.items():
+        for block, edges in blocks.items():
+            lines.append(f"\n[marks.{photograph}.{block}]")
+            for name, points in edges.items():
+                rows = [f"    [{x:.2f}, {y:.2f}]," for x, y in points.tolist()]
+                lines += [f"{name} = [", *rows, "]"] if len(rows) > 3 else [f"{name} = {points.round(2).tolist()}"]
+    return "\n".join(lines) + "\n"
+
+
+def rendered(meshes: tuple[rl.Mesh, ...], view: rl.Camera) -> np.ndarray:
     """The blocks on the ground under a clear sky, developed: (H, W, 3) uint8."""
     light = rl.light.sky(rl.light.Sky(SUN), 128)
-    ground = rl.Plane(rl.Diffuse((0.28, 0.27, 0.2)), (400.0, 400.0))
-    stone = [rl.Mesh(m.vertices, m.faces, rl.Diffuse((0.55, 0.5, 0.42)), name=m.name) for m in meshes]
-    picture = rl.render(rl.Scene(light, (ground,), tuple(stone)), camera, rl.Mitsuba(samples=48, denoise=True))
-    return rl.develop(picture.radiance, rl.Film(4.5e-5)).pixels
+    ground = rl.Plane(rl.Diffuse((0.12, 0.14, 0.06)), (8000.0, 8000.0))
+    stone = [rl.Mesh(mesh.vertices, mesh.faces, rl.Diffuse((0.55, 0.5, 0.42))) for mesh in meshes]
+    picture = rl.render(rl.Scene(light, (ground, *stone)), view, rl.Mitsuba(samples=48, denoise=True))
+    return rl.develop(picture.radiance, rl.Film(3e-5)).pixels
 
 
-def free(walls: np.ndarray, points: np.ndarray, eye: np.ndarray) -> np.ndarray:
-    """Which points (N, 3) no triangle (M, 3, 3) hides from the eye; their own surfaces do not (Möller & Trumbore)."""
-    a, ab, ac = walls[:, 0], walls[:, 1] - walls[:, 0], walls[:, 2] - walls[:, 0]
-    away = (points - eye)[:, None]
-    across = np.cross(away, ac)
-    area = np.sum(ab * across, axis=-1)
-    with np.errstate(divide="ignore", invalid="ignore"):
-        u = np.sum((eye - a) * across, axis=-1) / area
-        turned = np.cross(eye - a, ab)
-        v = np.sum(away * turned, axis=-1) / area
-        share = np.sum(ac * turned, axis=-1) / area
-    return ~np.any((u >= 0) & (v >= 0) & (u + v <= 1) & (share > 0) & (share < 0.999), axis=1)
+def drawn(picture: np.ndarray, lines: list[np.ndarray], colour: tuple[int, int, int], dots: bool = False) -> np.ndarray:
+    """The picture with lines (N, 2), pixels, and with dots at their points."""
+    picture = picture.copy()
+    for line in lines:
+        # Sixteenths of a pixel; OpenCV counts from the middle of the first one.
+        at = np.round(16 * (line - 0.5)).astype(np.int32)
+        cv2.polylines(picture, [at], False, colour, 3, cv2.LINE_AA, 4)
+        for x, y in at.tolist() if dots else ():
+            cv2.circle(picture, (x, y), 16 * 6, colour, -1, cv2.LINE_AA, 4)
+    return picture
 
 
 def main(out: Path) -> None:
-    tables = [BlockTable(**each) for each in read_toml(HERE / "chapel.toml", "place", rl.errors.InvalidPlace)["blocks"]]
-    model = modelled(tables)
-    one = np.array([1.0, *(TRUTH[name] for name in model.lengths)])
-    cameras = [
-        rl.Camera.looking_at(np.array(p), np.array([0.0, 10.0, 4.0]), width=SIZE[0], height=SIZE[1], focal_length=900)
-        for p in PLACES
-    ]
-    truth = tuple(
-        rl.Mesh((model.points(i, range(len(b.body.vertices))) @ one).astype(np.float32), b.body.triangles, WHITE)
-        for i, b in enumerate(model.blocks)
-    )
-    walls = np.concatenate([mesh.vertices[mesh.faces] for mesh in truth]).astype(float)
-    random = np.random.default_rng(3)
-    text = (
-        "".join(
-            f'[[photographs]]\nname = "p{k}"\nfile = "p{k}.jpg"\nsize = {list(SIZE)}\n\n' for k in range(len(cameras))
-        )
-        + (HERE / "chapel.toml").read_text()
-    )
-    marked: dict[int, list[np.ndarray]] = {}
-    for k, camera in enumerate(cameras):
-        for index, block in enumerate(model.blocks):
-            corners = model.points(index, range(len(block.body.vertices))) @ one
-            text += f"\n[marks.p{k}.{block.name}]\n"
-            for name, ring in block.body.edges.items():
-                if len(ring) > 2 and name not in ("bottom", "top"):
-                    continue  # other names of the same rings
-                ends = corners[list(ring)]
-                points = ends[::8] if len(ring) > 2 else ends[0] + np.array([[0.02], [0.98]]) * (ends[1] - ends[0])
-                seen = points[free(walls, points, camera.position)]
-                shown = camera.project(seen)
-                if len(seen) > 1 and np.all((shown > 0) & (shown < SIZE)) and np.ptp(shown, axis=0).max() > 15:
-                    shown = shown + random.normal(0, 0.5, shown.shape)
-                    text += f"{name} = {shown.round(2).tolist()}\n"
-                    marked.setdefault(k, []).append(shown)
-    with tempfile.TemporaryDirectory() as folder:
-        (Path(folder) / "place.toml").write_text(text)
-        place = rl.model_place(Path(folder) / "place.toml")
-    for name, words in place.facts().items():
-        print(name, words)
-    # A photograph with its marks, and the place that was found from elsewhere.
-    photograph = rendered(truth, cameras[0]).copy()
-    found = place.photograph("p0").camera
-    for block in place.blocks:
-        for points in block.edges.values():
-            line = np.round(found.project(points) * 8).astype(np.int32)
-            cv2.polylines(photograph, [line], False, ORANGE, 2, cv2.LINE_AA, 3)
-    for points in marked[0]:
-        for point in points:
-            cv2.circle(photograph, np.round(point * 8).astype(int).tolist(), 40, GREEN, -1, cv2.LINE_AA, 3)
-    elsewhere = rl.Camera.looking_at(
-        np.array([-14.0, 18.0, 38.0]), np.array([0.0, 10.0, 3.0]), width=SIZE[0], height=SIZE[1], focal_length=900
-    )
-    both = np.concatenate([photograph, rendered(place.meshes(), elsewhere)], axis=1)
+    """Photographs, marks, and the picture of them."""
+    marked, (_, meshes) = marks(), truth()
+    for name, view in CAMERAS.items():
+        rl.write(CHAPEL.parent / "photographs" / f"{name}.jpg", rl.Photograph(rendered(meshes, view)))
+    CHAPEL.write_text(CHAPEL.read_text(encoding="utf-8").split(BELOW)[0] + BELOW + as_toml(marked), encoding="utf-8")
+    place = rl.model_place(CHAPEL)
+    print(place.facts())
+
+    # Marks, what was found of them, and the place from elsewhere.
+    taken = place.photograph("front_left")
+    photograph = rl.read_photograph(taken.file).pixels
+    green = [points for edges in marked["front_left"].values() for points in edges.values()]
+    orange = [taken.camera.project(points) for block in place.blocks for points in block.edges.values()]
+    shown = [drawn(photograph, green, GREEN, dots=True), drawn(photograph, orange, ORANGE)]
+    both = np.concatenate([each[:, 200:1000] for each in (*shown, rendered(place.meshes(), ELSEWHERE))], axis=1)
     small = cv2.resize(both, None, fx=0.5, fy=0.5, interpolation=cv2.INTER_AREA)
-    rl.write(out / "places.jpg", rl.Photograph(small, "places"))
+    rl.write(out / "places.jpg", rl.Photograph(small))
 
 
 if __name__ == "__main__":

@@ -32,6 +32,8 @@ def test_a_folder_of_photographs_begins_a_place_file(tmp_path, capsys):
     assert "mark their edges" in noted
     text = out.read_text()
     assert 'name = "north_side"\nfile = "photographs/north side.png"\nsize = [40, 30]' in text
+    assert "# roof: back_bottom, right_bottom, front_bottom, left_bottom, ridge, front_left, front_right," in text
+    assert max(map(len, text.splitlines())) <= 120
     # It is a place file, which lacks nothing but marks.
     assert "photograph 'north_side' has no marked edges" in refused(["model", out], capsys)
     assert "is there already" in refused(["model", tmp_path / "photographs", "-o", out], capsys)

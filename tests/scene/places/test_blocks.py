@@ -142,3 +142,34 @@ def test_round_edges_are_found_from_points_on_them():
     found = solved(tables, tuple(PhotographFacts(size) for _ in cameras))
     assert found.values[: len(truth)] == pytest.approx([truth[name] for name in model.lengths], rel=1e-3)
     assert max(np.abs(found.residuals)) < 0.2
+
+
+@pytest.mark.parametrize("seed", range(4))
+def test_a_round_block_far_from_all_others_is_found(seed):
+    blocks = [{"name": "hall", "kind": "box", "depth": 14.0}, {"name": "well", "kind": "revolution"}]
+    truth = {"width of block 'hall'": 7.0, "height of block 'hall'": 8.0, "width of block 'well'": 2.5,
+             "height of block 'well'": 1.2, "x of block 'well'": -8.0, "z of block 'well'": 12.0}  # fmt: skip
+    cameras = [
+        Camera.looking_at(np.array(position), np.array([0.0, 4.0, 4.0]), width=1200, height=900, focal_length=900)
+        for position in ((-22.0, 4.0, 32.0), (18.0, 2.5, 34.0), (4.0, 14.0, 38.0))
+    ]
+    model, random = modelled([BlockTable(**block) for block in blocks]), np.random.default_rng(seed)
+    one = np.array([1.0, *(truth[name] for name in model.lengths)])
+    marks: dict[str, Any] = {}
+    for number, camera in enumerate(cameras):
+        marks[f"p{number}"] = {}
+        for index, block in enumerate(model.blocks):
+            # Every eighth point of a ring's side that faces the camera: what the well itself hides is not marked.
+            edges = {}
+            for name, ring in block.body.edges.items():
+                points = model.points(index, ring if len(ring) == 2 else ring[:-1:8]) @ one
+                if len(ring) > 2:
+                    near = (points - points.mean(0)) @ (camera.position - points.mean(0)) > 0
+                    points = points[near]
+                edges[name] = (camera.project(points) + random.normal(0, 0.5, (len(points), 2))).tolist()
+            marks[f"p{number}"][block.name] = edges
+    photographs = [{"name": f"p{k}", "file": "none.jpg"} for k in range(3)]
+    tables = PlaceTables.model_validate({"photographs": photographs, "blocks": blocks, "marks": marks})
+    found = solved(tables, tuple(PhotographFacts((1200, 900)) for _ in cameras))
+    assert found.values[: len(truth)] == pytest.approx([truth[name] for name in model.lengths], rel=0.03)
+    assert found.chi_square < 1.5 * found.freedom

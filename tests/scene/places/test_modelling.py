@@ -17,6 +17,7 @@ from relume.scene.places.reading import read_shapes
 from relume.scene.places.solving import Solution, solved
 from relume.sphere.directions import rotation_angle
 
+OTHER = {"front": "back", "back": "front"}
 FACTS = tuple(PhotographFacts(SIZE) for _ in CAMERAS)
 
 
@@ -104,7 +105,10 @@ def test_a_place_is_written_and_read_again(tmp_path):
 
 def test_a_place_file_gives_meshes_and_cameras_to_what_reads_those(tmp_path):
     place = rl.model_place(place_file(tmp_path), out=tmp_path / "place.toml")
-    assert [mesh.name for mesh in read_shapes(tmp_path / "place.toml")] == ["house", "roof", "tower", "annex"]
+    (mesh,) = read_shapes(tmp_path / "place.toml")
+    assert mesh.name == "place"
+    triangles = [part.vertices[part.faces] for part in place.meshes()]
+    assert mesh.vertices[mesh.faces] == pytest.approx(np.concatenate(triangles), abs=1e-6)
     camera = rl.read_camera(tmp_path / "place.toml", 800, 600, name="photo1")  # the picture at half its size
     assert camera.position == pytest.approx(place.photograph("photo1").camera.position)
     assert camera.focal_length == pytest.approx(place.photograph("photo1").camera.focal_length / 2)
@@ -145,6 +149,13 @@ def test_a_photograph_of_another_place_is_named(tmp_path):
     }
     with pytest.raises(InvalidPlace, match="'photo3' does not agree with the others"):
         rl.model_place(place_file(tmp_path, place_shoot.toml(photo3=other)))
+
+
+def test_sides_that_are_swapped_throughout_are_named(tmp_path):
+    text = re.sub(r"(?m)^(left|right)_bottom = .*\n", "", place_shoot.toml())
+    text = re.sub(r"\b(front|back)_(bottom|top|left|right) =", lambda m: f"{OTHER[m[1]]}_{m[2]} =", text)
+    with pytest.raises(InvalidPlace, match=r"marks\.toml: block 'house' came out inside out, 8 × 5 × -\d"):
+        rl.model_place(place_file(tmp_path, text))
 
 
 @pytest.mark.parametrize("off", [9.0, 300.0])

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import numpy as np
 
-from relume.errors import InvalidPlace
 from relume.scene.materials.materials import Diffuse
 from relume.scene.places.place import PlaceBlock
 from relume.scene.places.place_tables import FoundBlock
@@ -17,11 +16,13 @@ GREY = Diffuse((0.5, 0.5, 0.5))
 
 
 def built(block: SoughtBlock, found: FoundBlock) -> PlaceBlock:
-    """The block in the world."""
+    """The block in the world; raises ValueError for one of negative size."""
     size, body = np.array(found.size), block.body
     if np.any(size < 0):
-        raise InvalidPlace(
-            f"block {block.name!r} came out inside out, {list(size)} m; are its marks named the right way?"
+        sizes = " × ".join(f"{each:.3g}" for each in size)
+        raise ValueError(
+            f"block {block.name!r} came out inside out, {sizes} m: are left and right, or front and back, swapped in "
+            "its marks?"
         )
     upright = rotation_about([0.0, 1.0, 0.0], float(np.radians(found.turn)))
     points = (np.array(found.low) + body.vertices * size) @ upright.T

@@ -24,6 +24,8 @@ FIELD = 1.2
 """Focal length in picture widths where nothing gives one: between a telephone's and a normal lens."""
 PRIOR = 1e-4
 """Weight of sizes near the known ones: decides only what no mark does."""
+CURVED = 0.01
+"""Weight of curved edges against straight ones: they are met only nearly, so that they decide what those leave open."""
 TOGETHER = 4
 """Photographs whose half turns are tried all at once; others join one by one."""
 BEHIND = 10.0
@@ -153,15 +155,17 @@ def _solved(
     normals = normalised(np.cross(world[:, 0], world[:, 1]))
     upright = about_y(angles[marks.turn[pairs[:, 0]]])
     # Both ends of the edge lie in the plane of its two rays.
+    scale, free = _scale(model)
     rows, right = [], []
     for end in (0, 1):
-        factors = np.einsum("ni,nij,njp->np", normals, upright, marks.ends[pairs[:, 0], end])
-        block = np.zeros((len(pairs), count + 3 * cameras))
-        block[:, :count] = factors[:, 1:]
-        np.put_along_axis(block, count + 3 * k[:, None] + np.arange(3), -normals, axis=1)
-        rows.append(block)
-        right.append(-factors[:, 0])
-    scale, free = _scale(model)
+        factors = np.einsum("nij,njp->nip", upright, marks.ends[pairs[:, 0], end])
+        _add_planes(rows, right, normals, factors, k, cameras)
+    for curve in marks.curves:
+        first = curve.rows[0]
+        if marks.photograph[first] in flips and known[marks.turn[first]]:
+            camera, turn = int(marks.photograph[first]), about_y(angles[marks.turn[first]][None])[0]
+            planes, factors = _curve_planes(rays[curve.rows], turn @ curve.chain, turned[camera], scale)
+            _add_planes(rows, right, CURVED * planes, factors, np.full(len(planes), camera), cameras)
     prior = PRIOR * np.eye(count + 3 * cameras)
     prior_right = np.concatenate([np.full(count, PRIOR * scale), np.zeros(3 * cameras)])
     if free:  # no size is given: their mean is one, until a measured distance sets it
@@ -185,6 +189,37 @@ def _solved(
         cost += BEHIND * float(np.mean(depth <= 0))
     sizes = [model.row(q) @ one for block in model.blocks for q in block.size]
     return cost + BEHIND * float(np.mean(np.array(sizes) < 0)), lengths, positions
+
+
+def _add_planes(
+    rows: list[np.ndarray], right: list[np.ndarray], normals: np.ndarray, factors: np.ndarray, k: np.ndarray,
+    cameras: int,
+) -> None:  # fmt: skip
+    """Add equations: world points, factors (N, 3, 1 + lengths), lie in planes (N, 3) through the cameras k (N,)."""
+    along = np.einsum("ni,nip->np", normals, factors)
+    block = np.zeros((len(k), along.shape[1] - 1 + 3 * cameras))
+    block[:, : along.shape[1] - 1] = along[:, 1:]
+    np.put_along_axis(block, along.shape[1] - 1 + 3 * k[:, None] + np.arange(3), -normals, axis=1)
+    rows.append(block)
+    right.append(-along[:, 0])
+
+
+def _curve_planes(
+    rays: np.ndarray, chain: np.ndarray, rotation: np.ndarray, scale: float
+) -> tuple[np.ndarray, np.ndarray]:
+    """Planes (3, 3) through the camera and the points, factors (3, 3, 1 + lengths), that lie in them nearly.
+
+    Which point of a curve a mark shows is not known before its size is; the outermost marks to the left and to the
+    right are about its outermost points, and the marks lie on the mean about as high as its points.
+    """
+    across = (chain @ np.array([1.0, *np.full(chain.shape[2] - 1, scale)])) @ rotation[:, 0]
+    left, right = int(np.argmin(rays[:, 0])), int(np.argmax(rays[:, 0]))
+    planes = np.stack([
+        np.cross(rays[left], [0.0, 1.0, 0.0]), np.cross(rays[right], [0.0, 1.0, 0.0]),
+        np.cross(rays.mean(0), [1.0, 0.0, 0.0]),
+    ])  # fmt: skip
+    points = np.stack([chain[int(np.argmin(across))], chain[int(np.argmax(across))], chain.mean(0)])
+    return normalised(planes) @ rotation.T, points
 
 
 def _scale(model: Model) -> tuple[float, bool]:

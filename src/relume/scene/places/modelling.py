@@ -49,9 +49,9 @@ def model_place(
     facts = tuple(_facts(path, table.file, table.size) for table in tables.photographs)
     try:
         solution = solved(tables, facts)
+        place = _place(path, tables, facts, solution)
     except ValueError as error:
         raise InvalidPlace(f"{path}: {error}") from None
-    place = _place(path, tables, facts, solution)
     for doubt in place.doubts:
         warn(f"{path}: {doubt}")
     if out is not None:

@@ -32,13 +32,12 @@ def read_place(path: str | os.PathLike[str]) -> Place:
         raise InvalidPlace(f"{path}: nothing was found in it yet; run `relume model {path.name} -o {path.name}` first")
     try:
         model = modelled(tables.blocks)
+        if new := [block.name for block in model.blocks if block.name not in found.blocks]:
+            raise ValueError(f"block {new[0]!r} was added since it was solved; run `relume model` again")
+        blocks = [built(block, found.blocks[block.name]) for block in model.blocks]
     except ValueError as error:
         raise InvalidPlace(f"{path}: {error}") from None
-    blocks, photographs = [], []
-    for block in model.blocks:
-        if block.name not in found.blocks:
-            raise InvalidPlace(f"{path}: block {block.name!r} was added since it was solved; run `relume model` again")
-        blocks.append(built(block, found.blocks[block.name]))
+    photographs = []
     for table in tables.photographs:
         if table.name not in found.cameras:
             raise InvalidPlace(f"{path}: photograph {table.name!r} was added since; run `relume model` again")
@@ -57,8 +56,20 @@ def read_place(path: str | os.PathLike[str]) -> Place:
 
 
 def read_shapes(path: str | os.PathLike[str]) -> tuple[Mesh, ...]:
-    """The meshes of a mesh file, or the blocks of a place file, .toml."""
-    return read_place(path).meshes() if Path(path).suffix.lower() == ".toml" else read_meshes(Path(path))
+    """The meshes of a mesh file; of a place file, .toml, one of all blocks.
+
+    One surface, for a plate shows few blocks well: what it does not show then takes its reflectance from the rest.
+    """
+    path = Path(path)
+    if path.suffix.lower() != ".toml":
+        return read_meshes(path)
+    parts = read_place(path).meshes()
+    if not parts:
+        raise InvalidPlace(f"{path}: the place has no mesh; name one in its file")
+    starts = np.cumsum([0, *(len(part.vertices) for part in parts[:-1])])
+    faces = [part.faces + start for part, start in zip(parts, starts, strict=True)]
+    vertices = np.concatenate([part.vertices for part in parts])
+    return (Mesh(vertices, np.concatenate(faces).astype(np.int32), parts[0].material, name=path.stem),)
 
 
 def _of_photogrammetry(path: Path, table: PhotogrammetryTable) -> Place:

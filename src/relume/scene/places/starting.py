@@ -4,11 +4,13 @@ from __future__ import annotations
 
 import os
 import re
+import textwrap
 from dataclasses import dataclass
 from pathlib import Path
 
 from relume.errors import InvalidPlace
 from relume.image import files
+from relume.scene.places.bodies import BODIES
 from relume.scene.places.photogrammetry.reading import KnownDistance, read_photogrammetry
 from relume.scene.places.photographs import photograph_facts, pictures_in
 
@@ -23,7 +25,9 @@ name = "house"
 kind = "box"          # or roof, gable, wedge, pyramid, wall, floor, arch, revolution
 width = 10.0
 
-# Points on edges, pixels: x to the right, y down from the upper left corner of the picture.
+# Points on edges, pixels: x to the right, y down from the upper left corner of the picture. Two or more on each edge
+# that the photograph shows; of a corner one. Which side of the first block is its front is yours to say: right is then
+# to the right of who stands before it. It is the same side in all photographs.
 """
 
 
@@ -87,8 +91,18 @@ def new_place_file(
             f"# focal_length = 1000.0     # pixels, where it is known exactly; {known}\n"
         )
         marks.append(f"[marks.{_quoted(name)}.house]\n# front_top = [[100.0, 200.0], [400.0, 210.0]]\n")
-    files.write_text(out, INTRODUCTION + "\n".join(tables) + FIRST_BLOCK + "\n".join(marks))
+    files.write_text(out, INTRODUCTION + "\n".join(tables) + FIRST_BLOCK + _names_of_edges() + "\n".join(marks))
     return NewPlace(len(found))
+
+
+def _names_of_edges() -> str:
+    """The edges and corners of each kind of block, as comments."""
+    lines = []
+    for kind, body in BODIES.items():
+        names = ", ".join(body.edges) + "; corners " + ", ".join(body.corners)
+        lines += textwrap.wrap(f"{kind}: {names}", 118, initial_indent="# ", subsequent_indent="#     ")
+    ring = "# revolution: ring_0, which is bottom, and so on up to the last, which is top"
+    return "\n".join([*lines, ring]) + "\n\n"
 
 
 def _photogrammetry_text(
