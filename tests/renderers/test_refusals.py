@@ -16,8 +16,7 @@ from relume.renderers.prefiltered.materials import layers_of
 from relume.renderers.prefiltered.prefiltered import Prefiltered
 from relume.renderers.radiosity.radiosity import Radiosity
 from relume.renderers.renderer import Renderer
-from relume.renderers.unsupported_features import unsupported_features
-from relume.renderers.unsupported_lights import light_name
+from relume.renderers.unsupported import light_name, unsupported_features
 from relume.renderers.whitted.materials import as_whitted
 from relume.renderers.whitted.whitted import Whitted, view_of
 from relume.scene.cameras.camera import Camera

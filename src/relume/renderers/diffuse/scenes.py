@@ -19,8 +19,7 @@ from relume.renderers.diffuse.checks import require_far_light, require_lit
 from relume.renderers.raytrace.lamps import Distant, Environment, Point, Surface, lamp_of, painted
 from relume.renderers.raytrace.raycast import RayCaster
 from relume.renderers.raytrace.surface import Surfaces
-from relume.renderers.unsupported_features import renderer_of, unsupported_features
-from relume.renderers.unsupported_lights import refused_light
+from relume.renderers.unsupported import refused_light, renderer_of, unsupported_features
 from relume.scene.lights import AmbientLight, DistantLight, PointLight
 from relume.scene.materials.checks import Colour
 from relume.scene.materials.materials import Diffuse, Material

@@ -17,7 +17,7 @@ from typing import Any
 
 from relume.renderers.directional_albedo import COAT_IOR, COSINES, NARROWEST, NARROWEST_SHEEN, ggx_shares, sheen_shares
 from relume.renderers.mitsuba.arrays import texture
-from relume.renderers.unsupported_features import extra_lobes
+from relume.renderers.unsupported import extra_lobes
 from relume.scene.materials.materials import Material
 
 # The stubs of Mitsuba are of no variant in particular.

@@ -10,7 +10,7 @@ import numpy as np
 from relume.errors import UnsupportedScene, warn
 from relume.renderers.directional_albedo import NARROWEST
 from relume.renderers.mitsuba.arrays import rgb, texture_words
-from relume.renderers.unsupported_features import extra_lobes
+from relume.renderers.unsupported import extra_lobes
 from relume.scene.materials.abc_facets import ABCFacets
 from relume.scene.materials.materials import Diffuse, Material, Ward
 from relume.scene.materials.measured import MeasuredBRDF

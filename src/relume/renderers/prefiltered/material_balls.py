@@ -21,7 +21,7 @@ from relume.renderers.directional_albedo import COAT_IOR, COSINES, ROUGHNESSES, 
 from relume.renderers.half_vectors import directional_albedo
 from relume.renderers.prefiltered.contact_sheet import binned, coarse, disc
 from relume.renderers.prefiltered.materials import MIRROR, SMOOTHEST
-from relume.renderers.unsupported_features import unsupported_features
+from relume.renderers.unsupported import unsupported_features
 from relume.scene.materials.abc_facets import ABCFacets
 from relume.scene.materials.materials import Diffuse, Material, Ward, mean_colour, mean_number
 from relume.scene.materials.measured import MeasuredBRDF

@@ -13,7 +13,7 @@ from relume.light.reflection.glossy import albedo
 from relume.light.reflection.lobes import GGXLobe, Lambert, Mirror
 from relume.light.reflection.weights import ByAngle, Complement, Schlick
 from relume.renderers.raytrace.alpha_coverage import repeated
-from relume.renderers.unsupported_features import warn_of_unsupported
+from relume.renderers.unsupported import warn_of_unsupported
 from relume.scene.materials.materials import Colour, Diffuse, Material
 from relume.scene.materials.reflective import Layer, Reflective, Towards
 

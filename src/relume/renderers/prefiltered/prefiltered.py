@@ -26,7 +26,7 @@ from relume.renderers.prefiltered.shading_inputs import GBuffer, Samples, Term, 
 from relume.renderers.raytrace.visibility import Seen, Stage
 from relume.renderers.renderer import Renderer
 from relume.renderers.results import Progress, Render
-from relume.renderers.unsupported_lights import light_name, renderer_for
+from relume.renderers.unsupported import light_name, renderer_for
 from relume.scene.cameras.camera import Camera
 from relume.scene.lights import RectangleLight, SphereLight
 from relume.scene.materials.abc_facets import ABCFacets

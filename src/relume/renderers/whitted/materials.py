@@ -12,7 +12,7 @@ from relume.errors import UnsupportedScene, warn
 from relume.light.reflection.brdf import PhongReflectance, Reflectance
 from relume.light.reflection.lobes import Lambert, Lobe, Mirror, Phong
 from relume.light.reflection.weights import Complement, Even, Fresnel, Schlick, Weight
-from relume.renderers.unsupported_features import warn_of_unsupported
+from relume.renderers.unsupported import warn_of_unsupported
 from relume.scene.materials.abc_facets import ABCFacets
 from relume.scene.materials.bumps import BumpMap, Bumps, Wrinkles
 from relume.scene.materials.materials import Colour, Diffuse, Material, Ward
