@@ -228,7 +228,7 @@ def _seen_in(
 def _by_use(film: FilmFacts, tables: LightTables) -> Iterator[np.ndarray]:
     """A film's kept frames, those first that show most well."""
     shown = [((small > tables.black) & (small < tables.white)).mean() for small in film.small]
-    for number, frame in sorted(film.kept, key=lambda pair: -shown[pair[0]])[:KEPT]:
+    for _, frame in sorted(film.kept, key=lambda pair: -shown[pair[0]])[:KEPT]:
         yield frame
 
 
