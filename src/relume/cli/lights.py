@@ -16,6 +16,15 @@ from relume.cli.option_types import Point, numbers
 
 PLACES = Group("Lights that have a place")
 Corners = tuple[float, float, float, float, float, float]
+LightsOut = Annotated[
+    list[Path],
+    Parameter(
+        alias="-o",
+        negative="",
+        help="The file to write, again for each: .json, .usda (USD), .gltf, .py (Blender), .rad (Radiance), .xml "
+        "(Mitsuba). Of a folder of maps one for each map, numbered.",
+    ),
+]
 
 
 @Parameter(name="*")
@@ -82,15 +91,7 @@ def lights(
     light_map: MapFile,
     /,
     *,
-    out: Annotated[
-        list[Path],
-        Parameter(
-            alias="-o",
-            negative="",
-            help="The file to write, again for each: .json, .usda (USD), .gltf, .py (Blender), .rad (Radiance), .xml "
-            "(Mitsuba).",
-        ),
-    ],
+    out: LightsOut,
     format: Annotated[
         Literal["json", "usd", "gltf", "blender", "radiance", "mitsuba"] | None,
         Parameter(help="The program to write for, whatever the file's suffix; for a single -o."),
