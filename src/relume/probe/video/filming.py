@@ -29,7 +29,8 @@ from relume.sphere.mappings.mapping import LatLong
 
 CLIPPED_DOUBT = 1e-4
 """Share of the light, in lower bounds, from which on saturated lamps make a doubt."""
-One, Other = TypeVar("One"), TypeVar("Other")
+One = TypeVar("One")
+Other = TypeVar("Other")
 
 
 @dataclass(frozen=True)

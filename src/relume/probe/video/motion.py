@@ -78,7 +78,7 @@ def flow_between(
         beside = int(picture.shape[1] * BESIDE)
         pictures.append(np.concatenate([picture[:, -beside:], picture, picture[:, :beside]], axis=1))
     beside = (pictures[0].shape[1] - min(2 * ROWS, columns)) // 2
-    finder = cv2.DISOpticalFlow_create(cv2.DISOPTICAL_FLOW_PRESET_FAST)
+    finder = cv2.DISOpticalFlow.create(cv2.DISOPTICAL_FLOW_PRESET_FAST)
     start = np.zeros((*pictures[0].shape, 2), np.float32)
     flow = finder.calc(pictures[1], pictures[0], start)[:, beside : -beside or None]
     scale = columns / flow.shape[1]
