@@ -350,3 +350,19 @@ def test_places_that_cannot_be_are_refused_in_one_line(words, report, tmp_path, 
     stored(tmp_path, EnvironmentMap(lights.constant(16).radiance, unit="cd/m²"), "lux.exr")
     assert report in refused(["lights", "light.exr", "-o", "a.json", *words], capsys)
     assert not (tmp_path / "a.json").exists()
+
+
+def test_a_folder_of_maps_becomes_a_file_of_the_same_lights_for_each(tmp_path, capsys):
+    maps, out = tmp_path / "maps", tmp_path / "lights.json"
+    maps.mkdir()
+    for number, brighter in enumerate((1, 2)):
+        write(maps / f"map_{number}.exr", RadianceMap(brighter * lights.spiky(16).radiance.astype(np.float32)))
+    facts = made([maps, "-o", out, "--count", 6], capsys)
+    assert (facts["maps"], facts["lights"]) == (2, 6)
+    (towards, first), (later, second) = (read(tmp_path / f"lights_00000{number}.json") for number in (1, 2))
+    assert not out.exists()
+    # Light for light: the map only became twice as bright.
+    np.testing.assert_allclose(later, towards, atol=0.02)
+    np.testing.assert_allclose(second, 2 * first, rtol=0.05)
+    assert "of a single map" in refused(["lights", maps, "-o", out, "--sun"], capsys)
+    assert "of a single map" in refused(["lights", maps, "-o", out, "--picture", tmp_path / "a.png"], capsys)

@@ -24,7 +24,7 @@ from relume.probe.ball.probing import BallProbe, rim_doubts
 from relume.probe.ball.silhouette import outline_of_circle
 from relume.probe.ball.unwrapping import BallView, unwrap_ball
 from relume.sphere.environment_map import EnvironmentMap
-from relume.sphere.mappings.mapping import LatLong
+from relume.sphere.mappings.mapping import LatLong, pixel_directions
 from synthetic import CENTRE, lobes, photograph_ball
 
 FRONT, SIDE = np.array([0.0, 0.17, 1.0]), np.array([1.0, 0.17, 0.0])
@@ -364,3 +364,18 @@ def test_a_dry_run_says_what_it_was_warned_of(folder, tmp_path, capsys, monkeypa
     monkeypatch.setattr(import_module("relume.cli.probe"), "require_files", lambda _: warn("the profile is old"))
     words = ["probe", str(folder / "front"), "-o", str(tmp_path / "out.exr"), "--dry-run"]
     assert "note: the profile is old" in printed(words, capsys).err
+
+
+def test_a_film_becomes_a_folder_of_maps(tmp_path, capsys):
+    pytest.importorskip("av")
+    from probe_films import filmed, place_light, write_video
+
+    light = place_light(0)(pixel_directions(LatLong(), 64)) / 600
+    film = write_video(tmp_path / "around.mkv", [filmed(light * 2.0 ** -(3 * (k % 2)), seed=k) for k in range(4)])
+    words = ["probe", film, "--spherical", "--size", "32", "-o", tmp_path / "maps"]
+    facts = reported([*words, "--stops", "0,3"], capsys)
+    assert (facts["frames"], facts["exposures repeat after"], facts["latency, frames"]) == (4, 2, 2)
+    assert [path.name for path in sorted((tmp_path / "maps").iterdir())] == [f"map_00000{k}.exr" for k in (1, 2, 3, 4)]
+    assert read_radiance(tmp_path / "maps" / "map_000001.exr").radiance.shape == (32, 64, 3)
+    assert "holds files already" in refused(words, capsys, code=3)
+    assert "--each is for photographs" in refused([*words, "--each"], capsys)

@@ -1,4 +1,4 @@
-"""`relume lights`: an environment map in, lights for other programs out."""
+"""`relume lights`: an environment map in, or a folder of them, lights for other programs out."""
 
 from __future__ import annotations
 
@@ -16,6 +16,15 @@ from relume.cli.option_types import Point, numbers
 
 PLACES = Group("Lights that have a place")
 Corners = tuple[float, float, float, float, float, float]
+LightsOut = Annotated[
+    list[Path],
+    Parameter(
+        alias="-o",
+        negative="",
+        help="The file to write, again for each: .json, .usda (USD), .gltf, .py (Blender), .rad (Radiance), .xml "
+        "(Mitsuba). Of a folder of maps one for each map, numbered.",
+    ),
+]
 
 
 @Parameter(name="*")
@@ -82,15 +91,7 @@ def lights(
     light_map: MapFile,
     /,
     *,
-    out: Annotated[
-        list[Path],
-        Parameter(
-            alias="-o",
-            negative="",
-            help="The file to write, again for each: .json, .usda (USD), .gltf, .py (Blender), .rad (Radiance), .xml "
-            "(Mitsuba).",
-        ),
-    ],
+    out: LightsOut,
     format: Annotated[
         Literal["json", "usd", "gltf", "blender", "radiance", "mitsuba"] | None,
         Parameter(help="The program to write for, whatever the file's suffix; for a single -o."),
@@ -136,10 +137,13 @@ def lights(
     dry_run: DryRun = False,
     output: OutputOptions = OutputOptions(),
 ) -> None:
-    """Turn an environment map into lights that carry all of its light, for renderers that cannot use such maps."""
+    """Turn an environment map into lights that carry all of its light, for renderers that cannot use such maps.
+
+    Of a folder of maps, as of a film, the same lights follow the light from map to map, in a file for each.
+    """
     with warnings_as_notes(output):
         # Everything that can be refused is refused before any work.
-        require_files([light_map, *([places.second] if places.second else [])])
+        require_files([*([] if light_map.is_dir() else [light_map]), *([places.second] if places.second else [])])
         to = rl.LightFiles(tuple(out), residual, format)
         for path in out:
             require_suffix(path, path.suffix.lower())
@@ -159,6 +163,10 @@ def lights(
             soft=soft,
             room=places.room(),
         )
+        if light_map.is_dir():
+            sequence = rl.light.LightSequence.found(light_map.absolute(), mapping=mapping, clamp=clamp)
+            _over_time(sequence, settings, to, picture, places, accept, dry_run, output)
+            return
         light = rl.read_environment(light_map, mapping, clamp=clamp)
         settings = replace(settings, second=places.second_probe(mapping, clamp=clamp))
         written = [*out, *([residual] if residual else []), *([picture] if picture else [])]
@@ -175,3 +183,23 @@ def lights(
         facts = {"written": [str(path) for path in written], "lights": number, "method": method, "unit": light.unit}
         print_facts(output, facts | made.facts())
         finish(output, made.doubts, accept=accept)
+
+
+def _over_time(
+    maps: rl.light.LightSequence, settings: rl.light.LightSettings, to: rl.LightFiles, picture: Path | None,
+    places: Places, accept: bool, dry_run: bool, output: OutputOptions,
+) -> None:  # fmt: skip
+    """Write the lights of every map of a folder, in files with its number."""
+    if picture is not None or places.second is not None:
+        raise ValueError("--picture and --second are of a single map; leave them out for a folder of maps")
+    count, doubts = len(maps.paths), list[str]()
+    names = [[path.with_stem(f"{path.stem}_{number:06d}") for path in to.paths] for number in range(1, count + 1)]
+    if dry_run:
+        print_facts(output, {"would write": [str(path) for path in names[0] + names[-1]], "maps": count})
+        return
+    lights = 0
+    for made, paths in zip(rl.light.follow_lights(maps, settings), names, strict=True):
+        rl.write_lights(made, replace(to, paths=tuple(paths)))
+        lights, doubts = len(made.lights.directions), [*doubts, *made.doubts]
+    print_facts(output, {"written": [str(path) for path in names[0] + names[-1]], "maps": count, "lights": lights})
+    finish(output, doubts, accept=accept)

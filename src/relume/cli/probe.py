@@ -33,6 +33,18 @@ from relume.cli.console import (
 from relume.cli.option_types import Point, Seconds, TimesFromNames, numbers
 
 Rim = tuple[float, float, float] | tuple[float, ...]
+Times = Annotated[
+    Seconds | None, Parameter(help="Exposure time of each photograph, like 1/30,1/60; replaces the EXIF.")
+]
+EachPlace = Annotated[
+    bool,
+    Parameter(
+        negative="",
+        help="Make a map of every place, a folder inside the folder that is given, to -o FOLDER/place.exr; one where "
+        "no ball is found is named, the others are written, and what is there is kept. Give the folder above the "
+        "places: of PLACES/* the folders of views inside would count as places.",
+    ),
+]
 
 
 @Parameter(name="*")
@@ -225,21 +237,11 @@ def probe(
     profile: Annotated[
         Path | None, Parameter(help="The camera's profile from `relume merge --save-profile`; else recovered.")
     ] = None,
-    times: Annotated[
-        Seconds | None, Parameter(help="Exposure time of each photograph, like 1/30,1/60; replaces the EXIF.")
-    ] = None,
+    times: Times = None,
     times_from_names: TimesFromNames = False,
     size: Annotated[int, Parameter(help="Rows of the map.")] = 512,
     accept: Accept = False,
-    each: Annotated[
-        bool,
-        Parameter(
-            negative="",
-            help="Make a map of every place, a folder inside the folder that is given, to -o FOLDER/place.exr; one "
-            "where no ball is found is named, the others are written, and what is there is kept. Give the folder above "
-            "the places: of PLACES/* the folders of views inside would count as places.",
-        ),
-    ] = False,
+    each: EachPlace = False,
     cluster: ClusterWord = None,
     dry_run: DryRun = False,
     output: OutputOptions = OutputOptions(),

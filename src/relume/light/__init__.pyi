@@ -56,6 +56,7 @@ from .light_set import LightSet as LightSet
 from .light_set import LightSettings as LightSettings
 from .light_set import Room as Room
 from .light_set import SecondProbe as SecondProbe
+from .light_set import follow_lights as follow_lights
 from .light_set import make_lights as make_lights
 from .reflection.each import reflect_each as reflect_each
 from .reflection.files import ReflectionFiles as ReflectionFiles

@@ -5,7 +5,9 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import dataclass, replace
+from itertools import tee
 
 import numpy as np
 
@@ -13,10 +15,12 @@ from relume.errors import RelumeError, SunNotFound, UnreadableFile
 from relume.image.radiance import SATURATED
 from relume.light.constellations.constellation import Constellation, constellation, irradiance_error, together
 from relume.light.constellations.k_means import Regions
+from relume.light.constellations.moving import moving_constellation
 from relume.light.constellations.placement import PlacedLights, chosen, placed_in_box
 from relume.light.constellations.rectangles import MedianCut
 from relume.light.constellations.residual import key_lights
 from relume.light.constellations.triangulation import triangulated
+from relume.light.light_sequence import LightSequence
 from relume.light.suns.extraction import Sun, extract_sun
 from relume.sphere.audit import six_digits
 from relume.sphere.environment_map import EnvironmentMap
@@ -209,6 +213,28 @@ def make_lights(light: EnvironmentMap, settings: LightSettings = LightSettings()
         notes += alone
         doubts += _clipped(second.name, second.light, seen)
     return replace(made, notes=tuple(notes), doubts=tuple(doubts))
+
+
+def follow_lights(sequence: LightSequence, settings: LightSettings = LightSettings()) -> Iterator[LightSet]:
+    """The lights of each map of a sequence, one `LightSet` a map: the same lights in all, which move without popping.
+
+    settings : `count`, `soft`, and `method`, by which the first map is divided before k-means settles
+
+    A light's number is the same in all. Each map's lights carry all of its light. Source: Lloyd 1982.
+    Raises ValueError for settings of a single map: suns, a residual, places; UnreadableFile for a first map that is
+    black, and for what is none.
+    """
+    if settings.suns is not None or settings.residual or settings.room is not None or settings.second is not None:
+        raise ValueError("suns, a residual and places are of a single map; leave them out for a folder of maps")
+    first = sequence.at(0)
+    if not first.radiance.any():
+        raise UnreadableFile(f"{sequence.paths[0]}: black all over; begin with a map that shows light")
+    times = [number / sequence.rate for number in range(len(sequence.paths))]
+    maps, kept = tee(map(sequence.at, times))
+    moving = moving_constellation(maps, settings.count or COUNT, settings.method)
+    for path, light, lights in zip(sequence.paths, kept, moving, strict=True):
+        doubts = tuple(_clipped(path.name, light, ()))
+        yield LightSet(light, lights, lights, _apparent_diameters(lights, 0, settings.soft), doubts=doubts)
 
 
 def _divide(

@@ -125,7 +125,20 @@ def _both(first: np.ndarray | None, second: np.ndarray | None) -> np.ndarray | N
 
 def _lights(cells: Cells, regions: np.ndarray) -> Constellation:
     """A light for every region that has light, the strongest first."""
-    number = int(regions.max()) + 1
+    every = lights_of_regions(cells, regions, int(regions.max()) + 1)
+    order = np.argsort(-(every.irradiance @ LUMINANCE_WEIGHTS), kind="stable")
+    order = order[every.irradiance[order].sum(axis=-1) > 0]
+    rank = np.full(len(every.directions) + 1, -1, np.int32)
+    rank[order] = np.arange(len(order), dtype=np.int32)
+    assert every.angular_radii is not None and every.solid_angles is not None
+    return Constellation(
+        every.directions[order], every.irradiance[order], every.angular_radii[order], every.solid_angles[order],
+        cells.in_pixels(rank[regions]),
+    )  # fmt: skip
+
+
+def lights_of_regions(cells: Cells, regions: np.ndarray, number: int) -> Constellation:
+    """A light for each of so many regions (R, C) of cells, in their order; without any light where that has none."""
     inside = np.flatnonzero(regions.ravel() >= 0)
     labels = regions.ravel()[inside]
 
@@ -135,21 +148,15 @@ def _lights(cells: Cells, regions: np.ndarray) -> Constellation:
 
     flux, moments = summed(cells.flux), summed(cells.moment)
     areas = np.bincount(labels, cells.areas.ravel()[inside], number)
-    strengths = flux @ LUMINANCE_WEIGHTS
-    order = np.argsort(-strengths, kind="stable")
-    order = order[flux[order].sum(axis=-1) > 0]
-    flux, moments, areas, strengths = flux[order], moments[order], areas[order], strengths[order]
-    lengths = np.linalg.norm(moments, axis=-1)
+    strengths, lengths = flux @ LUMINANCE_WEIGHTS, np.linalg.norm(moments, axis=-1)
     directions = moments / np.maximum(lengths, 1e-300)[:, None]
     for light in np.flatnonzero(lengths <= 1e-6 * strengths):
         # Light from everywhere alike has no mean direction; the middle of its region is as good as any.
-        directions[light] = _middle(cells, regions == order[light])
+        directions[light] = _middle(cells, regions == light)
     # Of an even disc of angular radius a the mean direction is (1 + cos a)/2 = cos²(a/2) long.
-    short = (strengths - lengths) / strengths
+    short = (strengths - lengths) / np.maximum(strengths, 1e-300)
     radii = 2 * np.arcsin(np.sqrt(np.clip(short, 0, 1)))
-    rank = np.full(number + 1, -1, np.int32)
-    rank[order] = np.arange(len(order), dtype=np.int32)
-    return Constellation(directions, flux, radii, areas, cells.in_pixels(rank[regions]))
+    return Constellation(directions, flux, radii, areas, cells.in_pixels(regions))
 
 
 def _middle(cells: Cells, region: np.ndarray) -> np.ndarray:

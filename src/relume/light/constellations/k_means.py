@@ -76,6 +76,22 @@ class KMeans:
         return np.repeat(np.repeat(labels, step, axis=0)[:rows], step, axis=1)[:, :columns]
 
 
+def follow(cells: Cells, centres: np.ndarray, iterations: int = 2) -> np.ndarray:
+    """The number of the nearest centre to each cell, (R, C) int32, the centres moved to the light that is theirs.
+
+    centres : (N, 3), unit, those of a moment before; none jumps: one that has lost its light waits where it was
+    iterations : so that centres come to where light has gone; they are near it already
+    """
+    lit, directions, step = _coarse(cells)
+    labels = np.empty(lit.shape[:2], np.int32)
+    middles, reaches = _groups(directions)
+    for _ in range(iterations):
+        centres = _centres(_assigned(lit, directions, middles, reaches, centres, labels), centres)
+    _assigned(lit, directions, middles, reaches, centres, labels)
+    rows, columns = cells.areas.shape
+    return np.repeat(np.repeat(labels, step, axis=0)[:rows], step, axis=1)[:, :columns]
+
+
 def _coarse(cells: Cells) -> tuple[np.ndarray, np.ndarray, int]:
     """∫ Y dω and ∫ Y ω dω (R, C, 4) in cells of 0.7° or more, their middles, and how many cells each side they hold."""
     rows, columns = cells.areas.shape

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
+from contextlib import suppress
 from dataclasses import dataclass, replace
 from fractions import Fraction
 from pathlib import Path
@@ -228,18 +229,17 @@ def _seen_in(
 def _by_use(film: FilmFacts, tables: LightTables) -> Iterator[np.ndarray]:
     """A film's kept frames, those first that show most well."""
     shown = [((small > tables.black) & (small < tables.white)).mean() for small in film.small]
-    for number, frame in sorted(film.kept, key=lambda pair: -shown[pair[0]])[:KEPT]:
+    for _, frame in sorted(film.kept, key=lambda pair: -shown[pair[0]])[:KEPT]:
         yield frame
 
 
 def _found(frames: Sequence[np.ndarray], facets: int, tables: LightTables, name: str) -> tuple[Circle, ...]:
     """The rims in the first of a few frames that shows them."""
-    for frame in frames[:3]:
-        try:
+    *others, last = frames[:3]
+    for frame in others:
+        with suppress(BallNotFound):
             return find_facets(frame, facets, tables, name)
-        except BallNotFound as refused:
-            refusal = refused
-    raise refusal
+    return find_facets(last, facets, tables, name)
 
 
 def _films_ratios(

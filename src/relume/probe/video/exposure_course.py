@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from itertools import pairwise
 
 import numpy as np
 
@@ -105,8 +106,9 @@ def _phase_ratios(
     phases = [np.concatenate(list(small[phase::period])) for phase in range(period)]
     order = np.argsort([-float(np.median(phase)) for phase in phases], kind="stable")
     result = [ExposureRatio(np.zeros(3), np.zeros(3))] * period
-    for before, number in zip(order, order[1:], strict=False):
-        step = ratio_of_quantiles(phases[before], phases[number], tables, f"{name}, exposure {number + 1} of {period}")
+    for before, number in pairwise(order):
+        what = f"{name}, exposure {number + 1} of {period}"
+        step = ratio_of_quantiles(phases[before], phases[number], tables, what)
         last = result[before]
         result[number] = ExposureRatio(last.logarithm + step.logarithm, np.hypot(last.error, step.error))
     return tuple(result)

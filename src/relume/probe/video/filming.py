@@ -28,8 +28,9 @@ from relume.probe.video.steadying import Steadying
 from relume.sphere.mappings.mapping import LatLong
 
 CLIPPED_DOUBT = 1e-4
-"""Share of the light, in lower bounds, from which on saturated lamps are told as a doubt."""
-One, Other = TypeVar("One"), TypeVar("Other")
+"""Share of the light, in lower bounds, from which on saturated lamps make a doubt."""
+One = TypeVar("One")
+Other = TypeVar("Other")
 
 
 @dataclass(frozen=True)
@@ -134,12 +135,15 @@ def probe_film(
         raise ValueError("no films were given; name a film of a mirrored ball, or of a 360° camera")
     _require_empty(Path(out))
     with GatheredDoubts() as gathered:
+        # What holds for all frames, found once; a film that cannot be used is refused here.
         progress("look", 0.0)
         found = calibrate_film(
             paths, kind, settings.size, period=settings.period, stops=settings.stops, profile=profile,
             steady=settings.steady_exposure,
         )  # fmt: skip
         progress("look", 1.0)
+
+        # A map of every frame; the files are written by the threads that make the maps.
         shares, names = [], []
         with _appearing(Path(out)) as folder:
 
@@ -155,12 +159,13 @@ def probe_film(
                 names.append(name)
                 shares.append(share)
                 progress("maps", len(names) / found.count)
+    # What lamps brighter than all exposures leave unknown.
     doubts = [*gathered.doubts]
     most, frames = max(shares), sum(share > 0 for share in shares)
     if most > CLIPPED_DOUBT:
         doubts.append(Doubt(
-            f"{paths[0].name}: lamps saturate even the darkest exposure in {frames} of {found.count} frames, where they "
-            f"are at least {100 * most:.2g} % of the light; add a darker exposure", most,
+            f"{paths[0].name}: lamps saturate even the darkest exposure in {frames} of {found.count} frames, where "
+            f"they are at least {100 * most:.2g} % of the light; add a darker exposure", most,
         ))  # fmt: skip
     stored = "half" if settings.half else "float"
     latency = settings.steadying.latency + _reach(found, settings.steadying)
@@ -236,10 +241,8 @@ def _windows(
         for film, here in enumerate(held[number]):
             for phase in set(range(found.courses[film].period)) - {here.phase}:
                 # The first frames have none before them, and wait for those after them.
-                gaps = [
-                    at - number for at, frames in held.items()
-                    if frames[film].phase == phase and abs(at - number) < period and (at <= number + after or at < period)
-                ]  # fmt: skip
+                within = [at for at in held if abs(at - number) < period and (at <= number + after or at < period)]
+                gaps = [at - number for at in within if held[at][film].phase == phase]
                 closest = min(map(abs, gaps), default=0)
                 near += [(film, gap, held[number + gap][film]) for gap in gaps if abs(gap) == closest]
         return held[number], near

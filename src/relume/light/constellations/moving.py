@@ -1,0 +1,39 @@
+"""Lights of maps that follow one another: the same lights in every map, which move without popping."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import replace
+
+import numpy as np
+
+from relume.light.constellations.cells import cells_of
+from relume.light.constellations.constellation import Constellation, constellation, lights_of_regions
+from relume.light.constellations.k_means import KMeans, Regions, follow
+from relume.sphere.environment_map import EnvironmentMap
+
+SETTLED = 1e-5
+"""Share of the spread that an iteration saves in the first map: where lights have settled, still light stays still."""
+
+
+def moving_constellation(maps: Iterator[EnvironmentMap], count: int, start: Regions) -> Iterator[Constellation]:
+    """The same lights in every map, all of its light in them; light n of one map goes on as light n of the next.
+
+    maps : one after another, like `LightSequence` gives
+    count : of lights, at most; fixed by the first map
+    start : how the first map is divided, before k-means settles
+
+    Each light goes on from where it was to the mean of the light that is nearest to it (Lloyd 1982, begun from the
+    map before). One that has lost its light stays, dark, so that none jumps. Later maps have no say in earlier ones.
+    """
+    centres: np.ndarray | None = None
+    for light in maps:
+        if centres is None:
+            first = constellation(light, count, KMeans(500, start, SETTLED))
+            centres = first.directions
+        cells = cells_of(light)
+        lights = lights_of_regions(cells, follow(cells, centres), len(centres))
+        dark = lights.irradiance.sum(axis=-1, keepdims=True) <= 0
+        lights = replace(lights, directions=np.where(dark, centres, lights.directions))
+        centres = lights.directions
+        yield lights
