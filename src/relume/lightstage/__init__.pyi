@@ -28,6 +28,9 @@ from .garment_recolouring import recolour_field as recolour_field
 from .geometry.calibration import calibrate_rig as calibrate_rig
 from .geometry.decoding import DecodingSettings as DecodingSettings
 from .geometry.fusion import FusionSettings as FusionSettings
+from .geometry.merging import MergedScan as MergedScan
+from .geometry.merging import MergingSettings as MergingSettings
+from .geometry.merging import merge_scans as merge_scans
 from .geometry.meshing import CleaningSettings as CleaningSettings
 from .geometry.patterns import ProjectorPatterns as ProjectorPatterns
 from .geometry.patterns import write_patterns as write_patterns
@@ -36,9 +39,9 @@ from .geometry.rig import read_rig as read_rig
 from .geometry.rig import write_rig as write_rig
 from .geometry.scan import Scan as Scan
 from .geometry.scan import ScanSettings as ScanSettings
-from .geometry.scan import read_normals as read_normals
 from .geometry.scan import scan as scan
-from .geometry.scan import write_scan as write_scan
+from .geometry.scan_files import read_normals as read_normals
+from .geometry.scan_files import write_scan as write_scan
 from .live import LiveField as LiveField
 from .live import TurningMap as TurningMap
 from .live import live_field as live_field
