@@ -8,6 +8,7 @@ from .acquire.import_stage import Imported as Imported
 from .acquire.import_stage import ImportSettings as ImportSettings
 from .acquire.import_stage import import_stage as import_stage
 from .acquire.read_stage import read_stage as read_stage
+from .acquire.read_stage import stage_camera as stage_camera
 from .acquire.stage_file import TargetCard as TargetCard
 from .acquire.store_building import build_store as build_store
 from .driving.drive_file import write_drive as write_drive

@@ -106,12 +106,14 @@ def test_the_command_merges_the_cameras_of_a_stage(tmp_path, capsys):
         write_photographs(folder, pictures(sight([ball(RADIUS)], own), PATTERNS, SHOOTING), PATTERNS)
         place = {"position": own.camera.position.tolist(), "look_at": [0, 0, 0], "hfov_deg": 20}
         names, cameras = [*names, folder], {**cameras, f"at {turn}": place}
-    light = {"files": {name: f"{name.split()[1]}/white.png" for name in cameras}, "direction": [0, 0, 1]}
+    # The second camera took no pictures under the stage's lights.
+    light = {"files": {"at 0": "0/white.png"}, "direction": [0, 0, 1]}
     (tmp_path / "stage.json").write_text(json.dumps({"lights": [light], "cameras": cameras}))
     write_rig(tmp_path / "rig.json", SMALL)
     out = tmp_path / "ball.glb"
     command = ["stage", "scan", *names, "--rig", tmp_path / "rig.json", "--stage", tmp_path, "-o", out]
-    assert "2 folders of photographs: give --stage, and --camera once for each" in refused(command, capsys)
+    assert "several folders of photographs: give --stage, and --camera for each" in refused(command, capsys)
+    assert "2 folders of photographs, but 1 --camera" in refused([*command, "--camera", "at 0"], capsys)
     told = reported([*command, "--camera", "at 0", "--camera", "at 90"], capsys)
     (mesh,) = read_meshes(out)
     assert told["vertices"] == len(mesh.vertices)

@@ -56,19 +56,17 @@ def scan(
         require_suffix(out, ".glb")
         if rig is None and boards is None:
             raise ValueError("give --rig, or --boards to calibrate it with")
-        if normals is not None and stage is None:
-            raise ValueError("--normals are in their stage's frame; give --stage too")
-        if len(photographs) > 1 and (stage is None or len(camera or []) != len(photographs)):
-            raise ValueError(
-                f"{len(photographs)} folders of photographs: give --stage, and --camera once for each, "
-                "which place them in one frame"
-            )
-        if normals is not None and len(normals) != len(photographs):
-            raise ValueError(
-                f"{len(normals)} --normals for {len(photographs)} folders of photographs; give one for each"
-            )
+        if stage is None and (normals or camera):
+            raise ValueError("--normals and --camera are in their stage's frame; give --stage too")
+        if len(photographs) > 1 and (stage is None or camera is None):
+            raise ValueError("several folders of photographs: give --stage, and --camera for each: one frame for all")
+        for option, given in (("--camera", camera), ("--normals", normals)):
+            if given is not None and len(given) != len(photographs):
+                raise ValueError(
+                    f"{len(photographs)} folders of photographs, but {len(given)} {option}; give one for each"
+                )
         require_files([*(normals or []), *([rig] if rig is not None and boards is None else [])])
-        cameras = [_of_stage(stage, name) for name in camera or [None]]
+        cameras = [None if stage is None else rl.lightstage.stage_camera(stage, name) for name in camera or [None]]
         # Camera and projector.
         if boards is None:
             assert rig is not None
@@ -90,13 +88,3 @@ def scan(
         if found.residual is not None:
             facts["rig's residual, camera and projector, pixels"] = [float(f"{each:.2g}") for each in found.residual]
         print_facts(output, facts)
-
-
-def _of_stage(stage: Path | str | None, name: str | None) -> rl.Camera | None:
-    """The stage's camera of this name; None without a stage."""
-    if stage is None:
-        return None
-    found = rl.lightstage.read_stage(stage, name).camera
-    if found is None:
-        raise ValueError(f"{stage}: has no camera, which places the mesh; add it to stage.json")
-    return found
