@@ -145,7 +145,7 @@ def _said(scanned: Scan, places: np.ndarray, reach: float) -> tuple[np.ndarray, 
     distance, weight = np.zeros(len(places)), np.zeros(len(places))
     # A NaN among the four pixels about a place makes the mean NaN: holes and jumps between surfaces say nothing.
     jump = ndimage.maximum_filter(np.nan_to_num(far), 3) - ndimage.minimum_filter(np.nan_to_num(far, nan=np.inf), 3)
-    far = np.where(jump < 3 * reach, far, np.nan)
+    far = np.where(jump < 4 * reach, far, np.nan)
     there, slope, counts = (ndimage.map_coordinates(values, rows_columns, order=1) for values in (far, cosine, certain))
     before = (there - np.linalg.norm(places[inside] - camera.position, axis=-1)) * slope
     believed = np.isfinite(before) & np.isfinite(counts) & (np.abs(before) < reach) & (slope > LEAST_COSINE)
