@@ -127,6 +127,7 @@ def test_the_commands_make_patterns_and_a_mesh(tmp_path, capsys):
     (mesh,) = read_meshes(tmp_path / "ball.glb")
     assert told["vertices"] == len(mesh.vertices) > 2000
     distance = np.linalg.norm(mesh.vertices, axis=1)
+    assert mesh.normals is not None
     assert 1e3 * np.sqrt(np.mean((distance - 0.09) ** 2)) < 0.3
     assert np.median(np.einsum("nk,nk->n", mesh.normals, mesh.vertices) / 0.09) > 0.99
 

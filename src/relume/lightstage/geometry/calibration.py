@@ -51,7 +51,7 @@ def calibrate_rig(
     if len(boards) < FEWEST:
         raise ValueError(f"a calibration needs {FEWEST} boards, each at another slant, better ten; {len(boards)} given")
     if min(squares) < 3 or not 0 < square < np.inf:
-        raise ValueError(f"a board of {squares[0]}×{squares[1]} squares of {square} m; give 3 each way or more, above 0")
+        raise ValueError(f"a board of {squares[0]}×{squares[1]} squares of {square} m; give 3 each way, above 0 m")
     # What the camera and the projector see of every board.
     names = [f"board {i + 1}" if isinstance(b, PatternPhotographs) else str(Path(b)) for i, b in enumerate(boards)]
     world, seen, shown = [], [], []

@@ -137,7 +137,7 @@ def _said(scanned: Scan, places: np.ndarray, reach: float) -> tuple[np.ndarray, 
     cosine = np.einsum("...k,...k->...", normal, camera.position - scanned.surface) / far
     rays = camera.rays()
     variance = np.einsum("...i,...ij,...j->...", rays, scanned.points.covariance, rays)
-    inner = np.minimum(ndimage.distance_transform_edt(np.isfinite(cosine)) / RIM, 1)
+    inner = np.minimum(np.asarray(ndimage.distance_transform_edt(np.isfinite(cosine))) / RIM, 1)
     certain = inner * cosine / (variance + LEAST_DEVIATION**2)
     pixel = camera.project(places) - 0.5
     inside = np.all((pixel >= 0) & (pixel <= [camera.width - 1, camera.height - 1]), axis=-1)
