@@ -56,6 +56,7 @@ RENDERERS = {"mitsuba", "drjit", "mitsuba_oidn"}
 INSTALLED_AS = {
     "PIL": "pillow",
     "cv2": "opencv-python-headless",
+    "skimage": "scikit-image",
     "PyOpenColorIO": "opencolorio",
     "pxr": "usd-core",
     "openjd": "openjd-cli",

@@ -8,7 +8,8 @@ is the pattern's mean over a wide neighbourhood. The camera adds noise of photon
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from functools import cache
 from pathlib import Path
 
 import numpy as np
@@ -25,11 +26,16 @@ from relume.renderers.raytrace.raycast import RayCaster
 from relume.renderers.raytrace.surface import Surfaces
 from relume.scene.cameras.camera import Camera
 from relume.scene.materials.materials import Material
+from relume.scene.shapes.meshes import read_meshes
 from relume.scene.shapes.shapes import Mesh
 
 ALBEDO = np.array([0.6, 0.42, 0.34])
 SPREAD = 24.0
 """Projector pixels, the deviation of how far light is scattered: one and a half periods, so that no cosine is left."""
+
+HEAD = Path(__file__).resolve().parents[3] / "shared" / "stages" / "head"
+LIFE = 0.2
+"""The stage's head is 1.66 m wide; a fifth of it is life-sized."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -219,3 +225,25 @@ def exposures_of_board(
         return np.where(within & (square.sum(axis=1) % 2 == 0), 0.08, 0.9)
 
     return pictures(sight([mesh], rig, shooting.rays, albedo), patterns, shooting, seed=number)
+
+
+@cache
+def head_of_stage() -> tuple[Mesh, ...]:
+    """The light stage's head, as large as life."""
+    found = read_meshes(HEAD / "objects" / "subject.glb")
+    return tuple(
+        replace(mesh, vertices=(LIFE * mesh.vertices).astype(np.float32)) for mesh in found if mesh.name == "head"
+    )
+
+
+def ball(radius: float = 0.09) -> Mesh:
+    """A fine ball at the origin."""
+    import trimesh
+
+    made = trimesh.creation.icosphere(subdivisions=5, radius=radius)
+    return Mesh(
+        made.vertices.astype(np.float32),
+        made.faces.astype(np.int32),
+        Material(),
+        (made.vertices / radius).astype(np.float32),
+    )

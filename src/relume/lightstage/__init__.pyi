@@ -8,6 +8,7 @@ from .acquire.import_stage import Imported as Imported
 from .acquire.import_stage import ImportSettings as ImportSettings
 from .acquire.import_stage import import_stage as import_stage
 from .acquire.read_stage import read_stage as read_stage
+from .acquire.read_stage import stage_camera as stage_camera
 from .acquire.stage_file import TargetCard as TargetCard
 from .acquire.store_building import build_store as build_store
 from .driving.drive_file import write_drive as write_drive
@@ -28,6 +29,9 @@ from .garment_recolouring import recolour_field as recolour_field
 from .geometry.calibration import calibrate_rig as calibrate_rig
 from .geometry.decoding import DecodingSettings as DecodingSettings
 from .geometry.fusion import FusionSettings as FusionSettings
+from .geometry.merging import MergedScan as MergedScan
+from .geometry.merging import MergingSettings as MergingSettings
+from .geometry.merging import merge_scans as merge_scans
 from .geometry.meshing import CleaningSettings as CleaningSettings
 from .geometry.patterns import ProjectorPatterns as ProjectorPatterns
 from .geometry.patterns import write_patterns as write_patterns
@@ -36,9 +40,9 @@ from .geometry.rig import read_rig as read_rig
 from .geometry.rig import write_rig as write_rig
 from .geometry.scan import Scan as Scan
 from .geometry.scan import ScanSettings as ScanSettings
-from .geometry.scan import read_normals as read_normals
 from .geometry.scan import scan as scan
-from .geometry.scan import write_scan as write_scan
+from .geometry.scan_files import read_normals as read_normals
+from .geometry.scan_files import write_scan as write_scan
 from .live import LiveField as LiveField
 from .live import TurningMap as TurningMap
 from .live import live_field as live_field

@@ -34,6 +34,8 @@ def test_the_rig_is_the_one_that_photographed(photographs):
 def test_too_few_boards_and_other_boards_are_refused(photographs):
     with pytest.raises(ValueError, match="needs 3 boards, each at another slant, better ten; 2 given"):
         calibrate_rig(photographs[:2], squares=SQUARES, square=SQUARE)
+    with pytest.raises(ValueError, match="a board of 9×7 squares of 0 m"):
+        calibrate_rig(photographs, squares=SQUARES, square=0)
     with pytest.raises(GridNotFound, match="board 1: no board of 12×5 squares found"):
         calibrate_rig(photographs, squares=(12, 5), square=SQUARE)
 

@@ -11,11 +11,14 @@ import relume as rl
 from relume.cli.arguments import require_files, require_suffix
 from relume.cli.console import OutputOptions, print_facts, warnings_as_notes
 from relume.cli.option_types import numbers
-from relume.cli.stage.options import Camera, place
+from relume.cli.stage.options import place
 
 
 def scan(
-    photographs: Annotated[Path, Parameter(help="A folder of photographs named as the patterns, with projector.json.")],
+    photographs: Annotated[
+        list[Path],
+        Parameter(help="A folder of photographs named as the patterns, with projector.json; several are merged."),
+    ],
     /,
     *,
     out: Annotated[Path, Parameter(alias="-o", help="The mesh, .glb.")],
@@ -34,9 +37,16 @@ def scan(
         Path | str | None,
         Parameter(converter=place, n_tokens=1, help="The stage whose camera took the photographs: the mesh's frame."),
     ] = None,
-    camera: Camera = None,
+    camera: Annotated[
+        list[str] | None,
+        Parameter(negative="", help="The stage's camera that took them; again for each folder; the first."),
+    ] = None,
     normals: Annotated[
-        Path | None, Parameter(help="With --stage: maps.exr of `relume stage separate`, which fine detail is from.")
+        list[Path] | None,
+        Parameter(
+            negative="",
+            help="With --stage: maps.exr of `relume stage separate`, which fine detail is from; again for each folder.",
+        ),
     ] = None,
     output: OutputOptions = OutputOptions(),
 ) -> None:
@@ -46,12 +56,17 @@ def scan(
         require_suffix(out, ".glb")
         if rig is None and boards is None:
             raise ValueError("give --rig, or --boards to calibrate it with")
-        if normals is not None and stage is None:
-            raise ValueError("--normals are in their stage's frame; give --stage too")
-        require_files([path for path in (normals, rig if boards is None else None) if path is not None])
-        own = None if stage is None else rl.lightstage.read_stage(stage, camera).camera
-        if stage is not None and own is None:
-            raise ValueError(f"{stage}: has no camera, which places the mesh; add it to stage.json")
+        if stage is None and (normals or camera):
+            raise ValueError("--normals and --camera are in their stage's frame; give --stage too")
+        if len(photographs) > 1 and (stage is None or camera is None):
+            raise ValueError("several folders of photographs: give --stage, and --camera for each: one frame for all")
+        for option, given in (("--camera", camera), ("--normals", normals)):
+            if given is not None and len(given) != len(photographs):
+                raise ValueError(
+                    f"{len(photographs)} folders of photographs, but {len(given)} {option}; give one for each"
+                )
+        require_files([*(normals or []), *([rig] if rig is not None and boards is None else [])])
+        cameras = [None if stage is None else rl.lightstage.stage_camera(stage, name) for name in camera or [None]]
         # Camera and projector.
         if boards is None:
             assert rig is not None
@@ -60,8 +75,12 @@ def scan(
             folders = sorted(path for path in boards.glob("*") if path.is_dir())
             found = rl.lightstage.calibrate_rig(folders, squares=squares, square=square)
         # The mesh.
-        maps = None if normals is None else rl.lightstage.read_normals(normals)
-        scanned = rl.lightstage.scan(photographs, found, camera=own, normals=maps)
+        maps = [None] * len(photographs) if normals is None else [rl.lightstage.read_normals(path) for path in normals]
+        scans = [
+            rl.lightstage.scan(folder, found, camera=own, normals=given)
+            for folder, own, given in zip(photographs, cameras, maps, strict=True)
+        ]
+        scanned = scans[0] if len(scans) == 1 else rl.lightstage.merge_scans(scans)
         rl.lightstage.write_scan(out, scanned)
         if boards is not None and rig is not None:
             rl.lightstage.write_rig(rig, found)

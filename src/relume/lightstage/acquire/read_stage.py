@@ -17,6 +17,7 @@ from relume.lightstage.acquire.stage_file import STAGE_FILE, LightEntry, Stage, 
 from relume.lightstage.acquire.stage_file_reading import read_stage_file
 from relume.lightstage.acquire.store_place import is_url
 from relume.lightstage.field.field import ReflectanceField
+from relume.scene.cameras.camera import Camera
 
 PICTURES = (".exr", ".hdr", ".pic", ".pfm", ".float", ".jpg", ".jpeg", ".png", ".tif", ".tiff")
 """Endings of files that would be a light's picture; camera raws are developed or merged first."""
@@ -62,6 +63,24 @@ def find_stage_file(path: str | os.PathLike[str]) -> tuple[Stage, Path]:
     if source.suffix.lower() == LIST:
         return _listed(source), source
     return read_stage_file(source), source
+
+
+def stage_camera(
+    path: str | os.PathLike[str], camera: str | None = None, *, width: int = 512, height: int = 512
+) -> Camera:
+    """Where a camera of a stage stands and looks, whether the stage has pictures of it or not.
+
+    camera : the one of its pictures unless given; width, height : of the pictures it takes, where the file names it
+    Raises as `read_stage` does, and InvalidStage for a stage that names no camera.
+    """
+    if camera is not None and not is_url(path) and (Path(path) / STAGE_FILE).is_file():
+        named = find_stage_file(path)[0].cameras
+        if camera in named:
+            return named[camera].camera(width, height)
+    found = read_stage(path, camera).camera
+    if found is None:
+        raise InvalidStage(f"{path}: has no camera, which gives the frame; add it to stage.json")
+    return found
 
 
 def stage_geometry(path: str | os.PathLike[str]) -> tuple[Path | None, float | None]:

@@ -42,13 +42,16 @@ def calibrate_rig(
     The rig's frame is the camera's: it stands at the origin and looks along −Z. Both lenses have one focal length, a
     principal point of their own and k1, k2; the camera's principal point is the picture's middle, the projector's is
     not, since projectors throw upward.
-    Raises ValueError for too few boards, and GridNotFound where a board is not seen or lies in the projector's shade.
+    Raises ValueError for too few boards or squares, and GridNotFound where a board is not seen or lies in the
+    projector's shade.
     Source: Moreno & Taubin 2012, "Simple, accurate, and robust projector-camera calibration".
     """
     import cv2
 
     if len(boards) < FEWEST:
         raise ValueError(f"a calibration needs {FEWEST} boards, each at another slant, better ten; {len(boards)} given")
+    if min(squares) < 3 or not 0 < square < np.inf:
+        raise ValueError(f"a board of {squares[0]}×{squares[1]} squares of {square} m; give 3 each way, above 0 m")
     # What the camera and the projector see of every board.
     names = [f"board {i + 1}" if isinstance(b, PatternPhotographs) else str(Path(b)) for i, b in enumerate(boards)]
     world, seen, shown = [], [], []

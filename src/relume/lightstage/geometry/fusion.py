@@ -94,7 +94,7 @@ def fused_points(
     system = sparse.vstack(blocks).tocsr()
     found = linalg.spsolve((system.T @ system).tocsc(), system.T @ np.concatenate(wanted))
     points = np.full(scanned.points.shape, np.nan)
-    points[kept] = camera.position + found[:, None] * rays[kept]
+    points[kept] = camera.position + np.asarray(found)[:, None] * rays[kept]
     return points
 
 

@@ -43,7 +43,7 @@ def cleaned(scanned: ScannedPoints, camera: Camera, settings: CleaningSettings =
     """
     kept = scanned.known & (scanned.gap <= settings.widest_gap * np.nanmedian(scanned.gap))
     points = np.where(kept[..., None], scanned.points, np.nan)
-    limit = settings.longest_edge * _footprint(points, camera)
+    limit = settings.longest_edge * pixel_widths(points, camera)
     # Points that their neighbours contradict; twice, since the first pass takes neighbours away.
     for _ in range(2):
         near = np.zeros(kept.shape, int)
@@ -94,7 +94,7 @@ def lattice_mesh(
     halves = np.stack([[[a, b, c], [a, c, d]], [[a, b, d], [b, c, d]]]).reshape(2, 2, 3, -1)
     faces = np.where(falling, halves[0], halves[1]).transpose(0, 2, 1).reshape(-1, 3)
     faces = faces[(faces >= 0).all(axis=1)]
-    limit = settings.longest_edge * np.sqrt(2) * _footprint(place, camera)
+    limit = settings.longest_edge * np.sqrt(2) * pixel_widths(place, camera)
     for first, second in ((0, 1), (1, 2), (2, 0)):
         length = np.linalg.norm(place[faces[:, first]] - place[faces[:, second]], axis=-1)
         faces = faces[length < limit[faces[:, first]]]
@@ -112,9 +112,19 @@ def surface_normals(points: np.ndarray, camera: Camera) -> np.ndarray:
     return np.where(facing[..., None] > 0, normal, np.nan)
 
 
-def _footprint(points: np.ndarray, camera: Camera) -> np.ndarray:
-    """How wide a pixel is at each point, metres."""
+def pixel_widths(points: np.ndarray, camera: Camera) -> np.ndarray:
+    """How wide a pixel is at each point (…, 3), metres."""
     return np.linalg.norm(points - camera.position, axis=-1) / camera.focal_length
+
+
+def face_normals(vertices: np.ndarray, faces: np.ndarray) -> np.ndarray:
+    """Unit normals (N, 3) at vertices (N, 3): the mean of their faces' (M, 3), each by its area."""
+    sides = vertices[faces]
+    across = np.cross(sides[:, 1] - sides[:, 0], sides[:, 2] - sides[:, 0])
+    total = np.zeros_like(vertices)
+    for corner in range(3):
+        np.add.at(total, faces[:, corner], across)
+    return total / np.maximum(np.linalg.norm(total, axis=-1, keepdims=True), 1e-30)
 
 
 def _moved(values: np.ndarray, down: int, across: int, beyond: float = np.nan) -> np.ndarray:

@@ -7,21 +7,21 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from relume.errors import UnreadableFile, warn
-from relume.image import files
+from relume.errors import warn
 from relume.lightstage.geometry.decoding import DecodingSettings, ProjectorPlaces, decoded_places
 from relume.lightstage.geometry.fusion import FusionSettings, corrected_normals, fused_points
-from relume.lightstage.geometry.meshing import CleaningSettings, cleaned, lattice_mesh, surface_normals
+from relume.lightstage.geometry.meshing import CleaningSettings, cleaned, face_normals, lattice_mesh, surface_normals
 from relume.lightstage.geometry.pattern_photographs import PatternPhotographs, read_pattern_photographs
 from relume.lightstage.geometry.rig import ScannerRig, read_rig
 from relume.lightstage.geometry.triangulation import ScannedPoints, triangulated
 from relume.scene.cameras.camera import Camera
-from relume.scene.gltf.writing import write_glb
 from relume.scene.materials.materials import Material
 from relume.scene.shapes.shapes import Mesh
 
 SHADE = 0.5
 """Of what is bright enough in the picture, the share that the patterns do not reach from which on it is warned of."""
+PLAIN = Material(base_color=(0.5, 0.5, 0.5))
+"""What a scanned surface is taken for: its shape alone is known."""
 
 
 @dataclass(frozen=True)
@@ -40,6 +40,7 @@ class Scan:
     mesh : a vertex for each pixel of the camera that saw surface; its texture coordinates are the picture's
     points : of all pixels, before they were cleaned and fused with normals
     kept : (H, W) bool, which of them are the mesh's
+    surface : (H, W, 3), these, fused with normals where there are some; NaN elsewhere
     places : what the patterns said of each pixel
     rig : the camera and the projector
     """
@@ -47,6 +48,7 @@ class Scan:
     mesh: Mesh
     points: ScannedPoints
     kept: np.ndarray
+    surface: np.ndarray
     places: ProjectorPlaces
     rig: ScannerRig
 
@@ -108,20 +110,7 @@ def scan(
         turned = corrected_normals(normals, points, given.camera, settings.fusion)
         points = fused_points(scanned, kept, turned, given.camera, settings.fusion)
         turned = np.where(np.isfinite(turned), turned, surface_normals(points, given.camera))
-    return Scan(_mesh(points, kept, turned, given.camera, settings.cleaning), scanned, kept, places, given)
-
-
-def write_scan(path: str | os.PathLike[str], scanned: Scan) -> None:
-    """Write a scan's mesh as .glb, whole or not at all; raises OutputNotWritten."""
-    write_glb(path, (scanned.mesh,))
-
-
-def read_normals(path: str | os.PathLike[str]) -> np.ndarray:
-    """The normals (H, W, 3) of the maps that `write_surface` wrote, 0 where unknown; raises UnreadableFile."""
-    layers = files.read_layers(path)
-    if "normal" not in layers or layers["normal"].shape[-1] != 3:
-        raise UnreadableFile(f'{path}: has no layer "normal"; give maps.exr, as `relume stage separate` writes it')
-    return layers["normal"]
+    return Scan(_mesh(points, kept, turned, given.camera, settings.cleaning), scanned, kept, points, places, given)
 
 
 def _mesh(
@@ -131,14 +120,7 @@ def _mesh(
     pixels, faces = lattice_mesh(points, kept, camera, settings)
     rows, columns = pixels.T
     vertices = points[rows, columns]
-    sides = vertices[faces]
-    across = np.cross(sides[:, 1] - sides[:, 0], sides[:, 2] - sides[:, 0])
-    total = np.zeros_like(vertices)
-    for corner in range(3):
-        np.add.at(total, faces[:, corner], across)
-    of_faces = total / np.maximum(np.linalg.norm(total, axis=-1, keepdims=True), 1e-30)
     own = normals[rows, columns]
-    own = np.where(np.isfinite(own), own, of_faces)
+    own = np.where(np.isfinite(own), own, face_normals(vertices, faces))
     uv = np.stack([(columns + 0.5) / camera.width, 1 - (rows + 0.5) / camera.height], axis=-1)
-    plain = Material(base_color=(0.5, 0.5, 0.5))
-    return Mesh(vertices.astype(np.float32), faces, plain, own.astype(np.float32), uv.astype(np.float32), "scan")
+    return Mesh(vertices.astype(np.float32), faces, PLAIN, own.astype(np.float32), uv.astype(np.float32), "scan")
