@@ -88,6 +88,11 @@ from .relighting.stage_lighting import StageLighting as StageLighting
 from .relighting.stage_lighting import irradiances as irradiances
 from .rti.export import RTIForm as RTIForm
 from .rti.export import export_rti as export_rti
+from .strobes.strobe_film import StrobeCycle as StrobeCycle
+from .strobes.strobe_film import StrobeFilm as StrobeFilm
+from .strobes.strobe_film import read_strobes as read_strobes
+from .strobes.strobe_film import relight_strobes as relight_strobes
+from .strobes.strobe_film import relit_strobes as relit_strobes
 from .surface.separation import separate as separate
 from .surface.surface_files import measure_surface as measure_surface
 from .surface.surface_files import write_surface as write_surface
