@@ -17,6 +17,14 @@ from .driving.driving import drive as drive
 from .driving.drive_sequence import DriveSequence as DriveSequence
 from .driving.drive_sequence import drive_sequence as drive_sequence
 from .driving.drive_sequence import write_drive_sequence as write_drive_sequence
+from .driving.led_calibration import LampCalibration as LampCalibration
+from .driving.led_calibration import PatchMatch as PatchMatch
+from .driving.led_calibration import PrimaryPatches as PrimaryPatches
+from .driving.led_calibration import calibrate_primaries as calibrate_primaries
+from .driving.led_calibration import camera_to_rec709 as camera_to_rec709
+from .driving.led_calibration import match_patches as match_patches
+from .driving.led_calibration import patches_from_photographs as patches_from_photographs
+from .driving.led_calibration import patches_from_spectra as patches_from_spectra
 from .driving.subjects import MeasuredSubject as MeasuredSubject
 from .driving.subjects import SurfaceSubject as SurfaceSubject
 from .field.field import Noise as Noise
@@ -47,6 +55,11 @@ from .live import LiveField as LiveField
 from .live import TurningMap as TurningMap
 from .live import live_field as live_field
 from .live import turning_map as turning_map
+from .matting.actor_matte import MatteLevels as MatteLevels
+from .matting.actor_matte import composite_actor as composite_actor
+from .matting.actor_matte import composite_actor_frames as composite_actor_frames
+from .matting.actor_matte import difference_matte as difference_matte
+from .matting.actor_matte import infrared_matte as infrared_matte
 from .matting.composite import Backdrop as Backdrop
 from .matting.composite import composite_matte as composite_matte
 from .matting.composite import place_in_environment as place_in_environment
