@@ -194,8 +194,11 @@ def patches_from_photographs(
         pixels = files.read_radiance(path).radiance if has_radiance else decoded(files.read_photograph(path))
         row = []
         for left, top, width, height in rectangles:
-            if min(left, top) < 0 or min(width, height) < 1 or top + height > len(pixels) or (
-                left + width > pixels.shape[1]
+            if (
+                min(left, top) < 0
+                or min(width, height) < 1
+                or top + height > len(pixels)
+                or (left + width > pixels.shape[1])
             ):
                 raise ValueError(
                     f"{path}: no patch at {left},{top},{width},{height} in {pixels.shape[1]}×{len(pixels)} pixels"

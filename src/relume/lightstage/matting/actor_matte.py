@@ -74,7 +74,9 @@ def difference_matte(frame: np.ndarray, empty: np.ndarray, levels: MatteLevels =
     an empty stage that is black.
     """
     if frame.ndim != 3 or frame.shape != empty.shape or frame.shape[2] != 3:
-        raise ValueError(f"the frame is {frame.shape}, the empty stage {empty.shape}; expected two of (rows, columns, 3)")
+        raise ValueError(
+            f"the frame is {frame.shape}, the empty stage {empty.shape}; expected two of (rows, columns, 3)"
+        )
     white = float(np.percentile(empty.max(axis=-1), _WHITE))
     if not white > 0:
         raise ValueError("the empty stage is black, and so is no light to tell the actor by; give its picture in light")

@@ -22,6 +22,7 @@ from relume.image.files.video import video_frames
 from relume.image.photograph import Photograph
 from relume.image.radiance import RadianceMap
 from relume.lightstage.acquire.encoding import PhotographEncoding
+from relume.lightstage.acquire.light_files import LIST, read_directions, read_lp
 from relume.lightstage.acquire.rotating_arm import frame_paths
 from relume.lightstage.field.field import Pictures
 from relume.lightstage.field.lights import StageLights
@@ -59,6 +60,17 @@ class StrobeCycle:
                 f"start {self.start}, tracking frames {list(self.tracking)} in a period of {self.period}; expected "
                 "places from 0 below the period, each once, and a start from 0"
             )
+
+    @staticmethod
+    def listed(path: str | os.PathLike[str], tracking: Sequence[int] = (), start: int = 0) -> StrobeCycle:
+        """The cycle whose lamps an .lp, or a plain list of directions, names in the order of their flashes.
+
+        Raises InvalidStage.
+        """
+        if Path(path).suffix.lower() == LIST:
+            names, directions = read_lp(path)
+            return StrobeCycle(StageLights.towards(directions, names), tuple(tracking), start)
+        return StrobeCycle(StageLights.towards(read_directions(path)), tuple(tracking), start)
 
     @property
     def period(self) -> int:
@@ -160,9 +172,7 @@ class StrobeFilm:
         return [motion_of((turns + place).ravel(), self.frame) for place in self.cycle.lamp_places]
 
 
-def read_strobes(
-    source: str | os.PathLike[str], cycle: StrobeCycle, *, encoding: str | None = None
-) -> StrobeFilm:
+def read_strobes(source: str | os.PathLike[str], cycle: StrobeCycle, *, encoding: str | None = None) -> StrobeFilm:
     """A strobe film from a video, which is held in memory as 8-bit frames, or from a folder of frames.
 
     encoding : of photographs, "srgb", "linear" or a response file; sRGB, as players show videos, unless given
