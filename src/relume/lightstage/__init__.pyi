@@ -12,11 +12,11 @@ from .acquire.stage_file import TargetCard as TargetCard
 from .acquire.store_building import build_store as build_store
 from .acquire.strobe_arm import StrobeArm as StrobeArm
 from .driving.drive_file import write_drive as write_drive
-from .driving.driving import LampPrimaries as LampPrimaries
-from .driving.driving import drive as drive
 from .driving.drive_sequence import DriveSequence as DriveSequence
 from .driving.drive_sequence import drive_sequence as drive_sequence
 from .driving.drive_sequence import write_drive_sequence as write_drive_sequence
+from .driving.driving import LampPrimaries as LampPrimaries
+from .driving.driving import drive as drive
 from .driving.led_calibration import LampCalibration as LampCalibration
 from .driving.led_calibration import PatchMatch as PatchMatch
 from .driving.led_calibration import PrimaryPatches as PrimaryPatches

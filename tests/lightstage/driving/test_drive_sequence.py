@@ -66,5 +66,5 @@ def test_what_cannot_be_is_refused(tmp_path):
         drive_sequence(STAGE, [])
     with pytest.raises(ValueError, match="smoothing is -1"):
         drive_sequence(STAGE, [glow(0)], smoothing=-1)
-    with pytest.raises(ValueError, match="written to .csv"):
+    with pytest.raises(ValueError, match=r"written to \.csv"):
         write_drive_sequence(tmp_path / "t.json", drive_sequence(STAGE, [glow(0)]))

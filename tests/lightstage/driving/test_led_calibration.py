@@ -52,7 +52,7 @@ def test_confusion_is_1_for_pure_primaries_and_grows_as_two_become_alike():
     close = calibrate_primaries(PrimaryPatches(("a", "b", "c"), mixed))
     assert close.condition == pytest.approx(1 / np.tan(0.1), rel=1e-9)
     assert close.twins == ("a", "b", pytest.approx(0.2))
-    with pytest.warns(UserWarning, match=r"hardly tells a, b, c apart \(condition inf\); a and c are 0\.0 degrees"):
+    with pytest.warns(UserWarning, match=r"hardly distinguishes a, b, c \(condition inf\); a and c are 0\.0 degrees"):
         calibrate_primaries(PrimaryPatches(("a", "b", "c"), np.eye(3)[[0, 1, 0]][:, None]))
 
 

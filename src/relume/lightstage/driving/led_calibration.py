@@ -103,7 +103,7 @@ def calibrate_primaries(
     to_rec709 : (3, 3) from the camera's colours to linear Rec. 709, as `camera_to_rec709` finds it; none unless given,
         as pictures that relume reads are in Rec. 709 already
     maximum : as of `LampPrimaries`
-    Warns of primaries that are hard to tell apart. Raises ValueError for primaries that give no light in Rec. 709.
+    Warns of primaries that are nearly alike. Raises ValueError for primaries that give no light in Rec. 709.
     """
     seen = patches.values[:, patches.white].astype(np.float64)
     turned = seen if to_rec709 is None else seen @ np.asarray(to_rec709, np.float64).T
@@ -121,7 +121,7 @@ def calibrate_primaries(
     if condition > _ILL:
         alike = f"; {twins[0]} and {twins[1]} are {np.degrees(twins[2]):.1f} degrees apart" if twins else ""
         warn(
-            f"the camera hardly tells {', '.join(patches.names)} apart (condition {condition:.3g}){alike}; some "
+            f"the camera hardly distinguishes {', '.join(patches.names)} (condition {condition:.3g}){alike}; some "
             "colours need far more light than others, or cannot be made"
         )
     return LampCalibration(

@@ -51,7 +51,7 @@ def infrared_matte(
     infrared : (H, W), linear
     empty : (H, W), the same without the actor, B
     actor : A, what the actor shows in infrared; black unless given
-    Where the backdrop is not brighter than the actor nothing can be told, and α is 1: what is there stays. Raises
+    Where the backdrop is not brighter than the actor nothing is known, and α is 1: what is there stays. Raises
     ValueError for other shapes, and where that is so of every pixel.
     """
     if infrared.ndim != 2 or infrared.shape != empty.shape:
@@ -79,7 +79,7 @@ def difference_matte(frame: np.ndarray, empty: np.ndarray, levels: MatteLevels =
         )
     white = float(np.percentile(empty.max(axis=-1), _WHITE))
     if not white > 0:
-        raise ValueError("the empty stage is black, and so is no light to tell the actor by; give its picture in light")
+        raise ValueError("the empty stage is black, so nothing in it differs from the actor; give its picture in light")
     off = np.sqrt(np.mean(np.square(frame.astype(np.float64) - empty), axis=-1)) / white
     return levels.of(median_filter(off, 3))
 

@@ -75,7 +75,7 @@ def flow_from(frame: np.ndarray, later: np.ndarray) -> np.ndarray:
     light = [np.maximum(luminance(each), 0) for each in (frame, later)]
     white = max(float(np.percentile(np.stack(light), _WHITE)), 1e-30)
     first, second = ((255 * np.sqrt(np.minimum(each / white, 1))).astype(np.uint8) for each in light)
-    finder = cv2.DISOpticalFlow_create(cv2.DISOPTICAL_FLOW_PRESET_MEDIUM)
+    finder = cv2.DISOpticalFlow.create(cv2.DISOPTICAL_FLOW_PRESET_MEDIUM)
     return finder.calc(first, second, np.zeros((*first.shape, 2), np.float32))
 
 

@@ -104,7 +104,7 @@ class StrobeFilm:
         if held < 2 * period or held % period:
             raise InvalidStage(
                 f"the film has {held} frames from frame {self.cycle.start} on, {max(held, 0) / period:.2f} periods of "
-                f"{period}; expected a whole number of periods, 2 or more: check the lamps, the start and the film's end"
+                f"{period}; expected a whole number of periods, 2 or more: check lamps, start and the film's end"
             )
         means = np.array([float(np.mean(self.frame(self.cycle.start + number))) for number in range(held)])
         self._check(means.reshape(-1, period))
