@@ -303,5 +303,12 @@ def test_a_strobe_film_is_relit(tmp_path, capsys):
     assert main([*command, "-o", str(tmp_path / "out")]) == 0
     assert json.loads(capsys.readouterr().out)["pictures"] == 6
     np.testing.assert_allclose(read_radiance(tmp_path / "out" / "frame_0003.exr").radiance, 0.3, rtol=1e-3)
+    (tmp_path / "maps").mkdir()
+    for number in range(5):
+        light = EnvironmentMap(np.full((8, 16, 3), 1 + number, np.float32))
+        write(tmp_path / "maps" / f"m_{number}.exr", as_radiance_map(light))
+    changing = [*command[:-3], "--json", "--light", str(tmp_path / "maps"), "-o", str(tmp_path / "b")]
+    assert main(changing) == 2
+    assert "5 lights for the 6 frames" in capsys.readouterr().err and not (tmp_path / "b").exists()
     assert main([*command, "-o", str(tmp_path / "b"), "--film-start", "1"]) == 2
     assert "2.75 periods of 4" in capsys.readouterr().err and not (tmp_path / "b").exists()

@@ -55,6 +55,7 @@ from .live import LiveField as LiveField
 from .live import TurningMap as TurningMap
 from .live import live_field as live_field
 from .live import turning_map as turning_map
+from .matting.actor_film import composite_actor_film as composite_actor_film
 from .matting.actor_matte import MatteLevels as MatteLevels
 from .matting.actor_matte import composite_actor as composite_actor
 from .matting.actor_matte import composite_actor_frames as composite_actor_frames

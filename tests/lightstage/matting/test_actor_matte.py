@@ -3,6 +3,9 @@
 import numpy as np
 import pytest
 
+from relume.cli import main
+from relume.image import files
+from relume.image.radiance import RadianceMap
 from relume.lightstage.matting.actor_matte import (
     MatteLevels,
     composite_actor,
@@ -86,3 +89,31 @@ def test_what_does_not_fit_is_refused_at_its_frame():
         composite_actor(frame, cover[1:], EMPTY, PLACE)
     with pytest.raises(ValueError, match="0 ≤ low < high"):
         MatteLevels(0.5, 0.4)
+
+
+@pytest.mark.parametrize("by", ["differences", "infrared"])
+def test_the_command_puts_a_film_before_a_place(tmp_path, capsys, by):
+    for folder in ("film", "infrared"):
+        (tmp_path / folder).mkdir()
+    covers = [disc(centre, softness=0.01) for centre in (20, 36)]
+    grey = np.repeat(WALL[..., None], 3, axis=-1)
+    for number, cover in enumerate(covers):
+        for folder, picture in (("film", shown(cover, EMPTY)), ("infrared", (1 - cover)[..., None] * grey)):
+            files.write(tmp_path / folder / f"f{number}.exr", RadianceMap(picture.astype(np.float32)))
+    for name, picture in (("empty", EMPTY), ("place", PLACE), ("ir", grey)):
+        files.write(tmp_path / f"{name}.exr", RadianceMap(picture.astype(np.float32)))
+    command = ["stage", "actor", *(str(tmp_path / "film"), "--empty", str(tmp_path / "empty.exr"))]
+    command += ["--over", str(tmp_path / "place.exr"), "-o", str(tmp_path / "out")]
+    if by == "infrared":
+        command += ["--infrared", str(tmp_path / "infrared"), "--infrared-empty", str(tmp_path / "ir.exr")]
+    assert main(command) == 0
+    for number, cover in enumerate(covers):
+        made = files.read_radiance(tmp_path / "out" / f"frame_{number + 1:04d}.exr").radiance
+        # Differences are sure to a pixel at the edge.
+        wrong = np.abs(made - shown(cover, PLACE)).max(axis=-1) > 0.01
+        assert wrong.mean() < (0.01 if by == "differences" else 1e-9)
+    files.write(tmp_path / "infrared" / "f2.exr", RadianceMap(grey.astype(np.float32)))
+    if by == "infrared":
+        capsys.readouterr()
+        assert main([*command[:-6], "-o", str(tmp_path / "other"), *command[-4:]]) == 2
+        assert "3 pictures for the 2 frames" in capsys.readouterr().err and not (tmp_path / "other").exists()

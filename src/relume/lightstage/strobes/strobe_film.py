@@ -206,8 +206,9 @@ def relit_strobes(
     several = list(lights) if isinstance(lights, Sequence) else [lights] * len(film.times)
     if len(several) != len(film.times):
         raise ValueError(f"{len(several)} lights for the {len(film.times)} frames that have all lamps; give one each")
-    for time, light in zip(film.times, several, strict=True):
-        yield relight(film.field(time), light, settings=settings)
+    return (
+        relight(film.field(time), light, settings=settings) for time, light in zip(film.times, several, strict=True)
+    )
 
 
 def relight_strobes(
