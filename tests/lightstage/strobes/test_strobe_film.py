@@ -8,6 +8,7 @@ import pytest
 import relume as rl
 from relume.errors import InvalidStage
 from relume.image import files
+from relume.image.files.video import Movie
 from relume.image.radiance import RadianceMap
 from relume.lightstage.field.field import whole
 from relume.lightstage.field.lights import StageLights
@@ -132,3 +133,16 @@ def test_films_that_do_not_fit_their_cycle_are_refused():
         StrobeCycle(LAMPS, tracking=(7,))
     with pytest.raises(ValueError, match="no field at frame 3: all lamps are known from 5 to 12"):
         film.field(3)
+
+
+def test_a_video_of_strobes_is_read_as_srgb(tmp_path):
+    pytest.importorskip("av")
+    with Movie(tmp_path / "film.mp4", 30) as movie:
+        for number in range(12):
+            movie.add(np.full((32, 48, 3), 60 + 30 * (number % 6), np.uint8))
+    film = read_strobes(tmp_path / "film.mp4", StrobeCycle(LAMPS))
+    values = whole(film.field(6))[:, 16, 24, 1]
+    # sRGB codes 60 to 210 as light, a code or two off for the video's compression.
+    np.testing.assert_allclose(values, [0.0452, 0.1022, 0.1878, 0.3050, 0.4564, 0.6445], rtol=0.06)
+    with pytest.raises(InvalidStage, match="12 frames from frame 0"):
+        read_strobes(tmp_path / "film.mp4", StrobeCycle(LAMPS, tracking=(0,)))
