@@ -273,3 +273,42 @@ def test_a_stage_with_something_wrong_is_refused_in_one_line(what, said, tmp_pat
 
 def test_a_command_that_is_none_is_refused_in_one_line(capsys):
     assert "relume stage --help" in refused(["stage", "relit"], capsys)
+
+
+def test_a_folder_of_maps_drives_a_stage_by_a_table(stage, tmp_path, capsys):
+    maps = tmp_path / "maps"
+    maps.mkdir()
+    for number in range(3):
+        light = EnvironmentMap(np.full((8, 16, 3), 1 + number, np.float32))
+        write(maps / f"m_{number}.exr", as_radiance_map(light))
+    command = ["stage", "drive", str(stage), "--light", str(maps), "--json"]
+    assert main([*command, "-o", str(tmp_path / "t.csv")]) == 0
+    facts = json.loads(capsys.readouterr().out)
+    assert facts["frames"] == 3 and facts["headroom"] is None
+    lines = (tmp_path / "t.csv").read_text().splitlines()
+    assert lines[0] == "frame,light,red,green,blue" and len(lines) == 1 + 3 * facts["lights"]
+    assert main([*command, "-o", str(tmp_path / "t.json")]) == 2
+    single = ["stage", "drive", str(stage), "--light", str(maps / "m_0.exr"), "-o", str(tmp_path / "s.csv")]
+    assert main([*single, "--smoothing", "2"]) == 2 and not (tmp_path / "s.csv").exists()
+
+
+def test_a_strobe_film_is_relit(tmp_path, capsys):
+    (tmp_path / "film").mkdir()
+    (tmp_path / "lamps.txt").write_text("0 0 1\n1 0 1\n-1 0 1\n0 1 1\n")
+    for number in range(12):
+        pixels = np.full((24, 24, 3), 0.2 + 0.1 * (number % 4), np.float32)
+        write(tmp_path / "film" / f"f{number}.exr", RadianceMap(pixels))
+    command = ["stage", "perform", str(tmp_path / "film"), "--lamps", str(tmp_path / "lamps.txt"), "--nearest"]
+    command += ["--direction", "1,0,1", "--json"]
+    assert main([*command, "-o", str(tmp_path / "out")]) == 0
+    assert json.loads(capsys.readouterr().out)["pictures"] == 6
+    np.testing.assert_allclose(read_radiance(tmp_path / "out" / "frame_0003.exr").radiance, 0.3, rtol=1e-3)
+    (tmp_path / "maps").mkdir()
+    for number in range(5):
+        light = EnvironmentMap(np.full((8, 16, 3), 1 + number, np.float32))
+        write(tmp_path / "maps" / f"m_{number}.exr", as_radiance_map(light))
+    changing = [*command[:-3], "--json", "--light", str(tmp_path / "maps"), "-o", str(tmp_path / "b")]
+    assert main(changing) == 2
+    assert "5 lights for the 6 frames" in capsys.readouterr().err and not (tmp_path / "b").exists()
+    assert main([*command, "-o", str(tmp_path / "b"), "--film-start", "1"]) == 2
+    assert "2.75 periods of 4" in capsys.readouterr().err and not (tmp_path / "b").exists()

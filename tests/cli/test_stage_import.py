@@ -704,3 +704,17 @@ def test_a_store_remembers_the_stage_s_mesh(tmp_path):
     mesh, radius = stage_geometry(tmp_path / "a.zarr")
     assert mesh == (folder / "objects" / "ball.ply").resolve()
     assert radius == pytest.approx(np.radians(1.5))
+
+
+def test_strobes_along_an_arm_are_one_light_a_frame(tmp_path, capsys):
+    (tmp_path / "film").mkdir()
+    for index in range(12):
+        write(tmp_path / "film" / f"f{index}.png", Photograph(np.full((32, 48, 3), 9 + 10 * index, np.uint8)))
+    options = ["--strobes", "3,4", "--stepped", "--no-noise", "--encoding", "linear"]
+    field = imported(tmp_path / "film", tmp_path / "a.zarr", *options)
+    assert field.lights.grid == (3, 4)
+    # The ring nearest the top holds the first flash of each sequence.
+    np.testing.assert_allclose(255 * whole(field)[:4, 0, 0, 0], [9, 39, 69, 99], rtol=1e-5)
+    for wrong in (["--strobes", "5,4"], ["--strobes", "3,4", "--film", "3,4,4"]):
+        assert main(["stage", "import", str(tmp_path / "film"), "-o", str(tmp_path / "b.zarr"), *wrong]) == 2
+    assert not (tmp_path / "b.zarr").exists()

@@ -1,5 +1,6 @@
 """A lamp that goes round: where it is in each frame, and how that is found."""
 
+from functools import partial
 from pathlib import Path
 
 import numpy as np
@@ -119,7 +120,7 @@ def test_a_video_becomes_a_stage(tmp_path: Path) -> None:
         for index in range(16):
             movie.add(frame(index))
     course = still(8, rings=2, first_inclination=0.5, step=1.0)
-    field = open_pictures(unpack_video(tmp_path / "spin.mp4", tmp_path, course, 4), tmp_path)
+    field = open_pictures(unpack_video(tmp_path / "spin.mp4", tmp_path, partial(course.grid_lights, 4)), tmp_path)
     assert field.lights.grid == (2, 4) and field.shape == (32, 48)
     assert field.lights.names[0] == "frame_000001"
     seen = field.block(slice(0, 8), slice(0, 1))[:, 0, 0, 1]
@@ -134,7 +135,7 @@ def test_a_folder_of_frames_is_a_stage_as_it_lies(tmp_path: Path) -> None:
         files.write(tmp_path / f"f{index}.png", Photograph(frame(index)))
     paths = frame_paths(tmp_path)
     assert [path.name for path in paths[9:11]] == ["f9.png", "f10.png"]
-    assert len(open_pictures(stage_of_frames(paths, still(8, rings=2), 8), tmp_path).lights) == 16
+    assert len(open_pictures(stage_of_frames(paths, partial(still(8, rings=2).grid_lights, 8)), tmp_path).lights) == 16
     with pytest.raises(InvalidStage, match="no frames"):
         (tmp_path / "empty").mkdir()
         frame_paths(tmp_path / "empty")

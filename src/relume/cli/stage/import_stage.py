@@ -33,17 +33,37 @@ class FilmOptions:
             "kept, and frames a turn. Without FRAMES, rate, start and rings are found from --ball in the film.",
         ),
     ] = None
+    strobes: Annotated[
+        tuple[int, int] | None,
+        numbers(
+            "LAMPS,COLUMNS",
+            like="30,64",
+            above=0,
+            help="A film, or numbered photographs, of an arm of strobes that turns once while they flash in sequence "
+            "from the top, arm first: lamps on the arm and sequences a turn; a frame a flash (Light Stage 2).",
+        ),
+    ] = None
+    stepped: Annotated[
+        bool, Parameter(negative="", help="The arm of --strobes stands still during a sequence of flashes.")
+    ] = False
     film_start: Annotated[float, Parameter(help="The film's frame at which the lamp starts.")] = 0.0
     film_azimuth: Annotated[
         float, Parameter(allow_leading_hyphen=True, help="Where each ring starts, degrees from +Z towards +X.")
     ] = 0.0
     clockwise: Annotated[bool, Parameter(negative="", help="The film's lamp turns from +Z towards −X.")] = False
 
-    def course(self) -> rl.lightstage.FilmCourse | None:
+    def course(self) -> rl.lightstage.FilmCourse | rl.lightstage.StrobeArm | None:
         """The same as a setting of the library."""
+        azimuth = radians(self.film_azimuth)
+        if self.strobes is not None:
+            if self.film is not None:
+                raise ValueError("--film and --strobes: give one of them")
+            if self.film_start != int(self.film_start):
+                raise ValueError(f"--film-start is {self.film_start}; with --strobes give a whole frame")
+            drift = 0.0 if self.stepped else 1.0
+            return rl.lightstage.StrobeArm(*self.strobes, int(self.film_start), azimuth, self.clockwise, drift)
         if self.film is None:
             return None
-        azimuth = radians(self.film_azimuth)
         rings, columns, *frames = self.film
         turn = frames[0] if frames else None
         return rl.lightstage.FilmCourse(int(rings), int(columns), turn, self.film_start, azimuth, self.clockwise)

@@ -16,6 +16,8 @@ COMMANDS = {
     "clothe": "Recolour the subject's clothing, from takes in white and in black clothing.",
     "matte": "Recover an environment matte from coded backdrops, or put one over a backdrop.",
     "drive": "Find what each lamp of a real stage must give so that it lights like an environment map.",
+    "actor": "Matte an actor who was filmed in a stage, and put them before another backdrop, frame by frame.",
+    "perform": "Relight a performance that was filmed under strobes that repeat: all lamps at every moment.",
     "export": "Write a stage for museums' viewers: pictures with .lp, PTM (.ptm), HSH (.rti).",
 }
 

@@ -6,6 +6,7 @@ import tempfile
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, replace
+from functools import partial
 from pathlib import Path
 
 import numpy as np
@@ -15,6 +16,7 @@ from relume.image.files.video import video_frames
 from relume.lightstage.acquire.ball_highlights import MirrorBall
 from relume.lightstage.acquire.import_lights import Ball, mirror_ball, pixels_of
 from relume.lightstage.acquire.rotating_arm import (
+    GridLights,
     RotatingArm,
     SteadyRotation,
     fit_rings,
@@ -25,6 +27,7 @@ from relume.lightstage.acquire.rotating_arm import (
     unpack_video,
 )
 from relume.lightstage.acquire.stage_file import Stage
+from relume.lightstage.acquire.strobe_arm import StrobeArm
 
 
 @dataclass(frozen=True)
@@ -78,12 +81,12 @@ class FilmCourse:
 def filmed_stage(
     source: Path,
     out: Path,
-    course: FilmCourse,
+    course: FilmCourse | StrobeArm,
     ball: Ball | None,
     field_of_view: float | None,
     leave_out: Sequence[Path],
 ) -> Iterator[tuple[Stage, Path]]:
-    """The stage of a filmed rotating arm, and where its frames are: those of a video lie beside `out` meanwhile.
+    """The stage of a filmed arm, of one lamp or of strobes, and where its frames are: a video's beside `out` meanwhile.
 
     source : a video, or the folder of its frames
     Raises InvalidStage where the film does not go round the stage, UnreadableFile, OutputNotWritten.
@@ -91,32 +94,36 @@ def filmed_stage(
     if source.is_dir():
         passed = {path.resolve() for path in leave_out}
         paths = [path for path in frame_paths(source) if path.resolve() not in passed]
-        arm = _arm(course, ball, lambda: map(pixels_of, paths), field_of_view)
-        yield stage_of_frames(paths, arm, course.columns), source
+        yield stage_of_frames(paths, _grid(course, ball, lambda: map(pixels_of, paths), field_of_view)), source
         return
-    arm = _arm(course, ball, lambda: video_frames(source), field_of_view)
+    grid = _grid(course, ball, lambda: video_frames(source), field_of_view)
     try:
         out.parent.mkdir(parents=True, exist_ok=True)
         place = tempfile.TemporaryDirectory(prefix=f".{out.name}.frames_", dir=out.parent)
     except OSError as error:
         raise OutputNotWritten(f"{out.parent}: cannot be written: {error.strerror}; choose another place") from None
     with place as folder:
-        yield unpack_video(source, Path(folder), arm, course.columns), Path(folder)
+        yield unpack_video(source, Path(folder), grid), Path(folder)
 
 
 def measure_film(
-    video: Path, course: FilmCourse, ball: Ball | None, field_of_view: float | None
+    video: Path, course: FilmCourse | StrobeArm, ball: Ball | None, field_of_view: float | None
 ) -> tuple[int, int, tuple[int, int]]:
     """Frames, lights and (rows, columns) of a video, from looking at all its frames and keeping none."""
-    arm = _arm(course, ball, lambda: video_frames(video), field_of_view)
+    grid = _grid(course, ball, lambda: video_frames(video), field_of_view)
     count, shape = 0, (0, 0)
     for frame in video_frames(video):
         count, shape = count + 1, (frame.shape[0], frame.shape[1])
-    return count, len(arm.grid_lights(course.columns, count)[1]), shape
+    return count, len(grid(count)[1]), shape
 
 
-def _arm(
-    course: FilmCourse, ball: Ball | None, frames: Callable[[], Iterable[np.ndarray]], field_of_view: float | None
-) -> RotatingArm:
+def _grid(
+    course: FilmCourse | StrobeArm,
+    ball: Ball | None,
+    frames: Callable[[], Iterable[np.ndarray]],
+    field_of_view: float | None,
+) -> GridLights:
+    if isinstance(course, StrobeArm):
+        return course.grid_lights
     mirror = None if ball is None else mirror_ball(ball, frames, field_of_view)
-    return course.arm(frames(), mirror)
+    return partial(course.arm(frames(), mirror).grid_lights, course.columns)

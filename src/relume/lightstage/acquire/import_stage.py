@@ -33,6 +33,7 @@ from relume.lightstage.acquire.store import is_store
 from relume.lightstage.acquire.store_building import build_store, file_facts
 from relume.lightstage.acquire.store_place import as_place
 from relume.lightstage.acquire.store_place import described as described_at
+from relume.lightstage.acquire.strobe_arm import StrobeArm
 from relume.lightstage.blocks import Cluster
 from relume.lightstage.field.field import ReflectanceField, Work, estimate_work
 from relume.lightstage.relighting.relighting import MEMORY, Progress
@@ -49,7 +50,7 @@ class ImportSettings:
         in the subject's own pictures; one for all or one for each
     ball_radii : of the balls themselves, metres, where their circles do not say it; one for all or one for each
     lights : an .lp, or a list of directions in the order of the pictures' names
-    film : the course of a filmed rotating light arm
+    film : the course of a filmed rotating light arm, or an arm of strobes, of which each frame shows one
     camera : whose pictures, where the stage has several
     field_of_view : of the camera, across, radians, for `balls` and `camera_distance`; far away unless given
     camera_distance : from the subject, metres, of a camera on +Z that looks along −Z
@@ -65,7 +66,7 @@ class ImportSettings:
     ball_pictures: tuple[Path, ...] = ()
     ball_radii: tuple[float, ...] = ()
     lights: Path | None = None
-    film: FilmCourse | None = None
+    film: FilmCourse | StrobeArm | None = None
     camera: str | None = None
     field_of_view: float | None = None
     camera_distance: float | None = None
@@ -75,7 +76,7 @@ class ImportSettings:
     memory: int = 2 * MEMORY
 
     def __post_init__(self) -> None:
-        film_ball = self.film is not None and self.film.frames is None
+        film_ball = isinstance(self.film, FilmCourse) and self.film.frames is None
         if bool(self.balls and not film_ball) + (self.lights is not None) + (self.film is not None) > 1:
             raise ValueError("balls, lights and a film each say where the lights are; give one of them")
         if film_ball and len(self.balls) != 1:

@@ -10,7 +10,7 @@ The film is a video, whose frames are 8-bit sRGB as players show them, or a fold
 from __future__ import annotations
 
 import os
-from collections.abc import Iterable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -33,6 +33,9 @@ FEWEST = 8
 """Highlights from which a rotation is found; two unknowns, and some of the readings are wrong."""
 _MID_EXPOSURE = 0.25
 """Of a frame's time, when the lamp is where the frame shows it: film and video mostly open the shutter for a half."""
+
+GridLights = Callable[[int], tuple[np.ndarray, StageLights]]
+"""Which frames (N,) of a film of so many hold the lights of a grid, and these lights in the same order."""
 
 
 @dataclass(frozen=True)
@@ -208,22 +211,22 @@ def frame_paths(folder: str | os.PathLike[str]) -> tuple[Path, ...]:
     return tuple(sorted(found, key=name_order))
 
 
-def stage_of_frames(paths: Sequence[Path], course: RotatingArm, columns: int) -> Stage:
-    """The stage of a film's frames, all in one folder and in their order, `columns` lights a ring; none is read.
+def stage_of_frames(paths: Sequence[Path], grid_lights: GridLights) -> Stage:
+    """The stage of a film's frames, all in one folder and in their order; none is read.
 
     Raises InvalidStage where the film does not go round the stage.
     """
-    frames, lights = course.grid_lights(columns, len(paths))
+    frames, lights = grid_lights(len(paths))
     return _stage([paths[frame].name for frame in frames], lights)
 
 
-def unpack_video(video: str | os.PathLike[str], folder: Path, course: RotatingArm, columns: int) -> Stage:
-    """Write the frames of a stage's grid, `columns` lights a ring, as PNG to a folder, and give the stage of them.
+def unpack_video(video: str | os.PathLike[str], folder: Path, grid_lights: GridLights) -> Stage:
+    """Write the frames of a stage's grid as PNG to a folder, and give the stage of them.
 
     Raises InvalidStage where the film does not go round the stage, UnreadableFile, OutputNotWritten.
     """
     frame_count = sum(1 for _ in video_frames(video))
-    frames, lights = course.grid_lights(columns, frame_count)
+    frames, lights = grid_lights(frame_count)
     names = {int(frame): f"{name}.png" for frame, name in zip(frames, lights.names, strict=True)}
     for index, pixels in enumerate(video_frames(video)):
         if index in names:

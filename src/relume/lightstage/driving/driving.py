@@ -144,33 +144,64 @@ def drive(
     Warns where the stage cannot reach the map's level or colours.
     """
     lamps = LampPrimaries.rgb() if primaries is None else primaries
+    result = driven(lights, light, lamps, seen_of(lights, lamps, subject), subject, closeness)
+    _warn(result)
+    return result
+
+
+@dataclass(frozen=True, eq=False)
+class Seen:
+    """What is the same for every map that a stage shows.
+
+    values : (M, N) or (M, N, 3), what is seen of the subject per unit irradiance of each light
+    weights : (M,) how much each counts
+    gram : (NP, NP) the quadratic form of all intensities
+    """
+
+    values: np.ndarray
+    weights: np.ndarray
+    gram: np.ndarray
+
+
+def seen_of(lights: StageLights, primaries: LampPrimaries, subject: SurfaceSubject | MeasuredSubject) -> Seen:
+    """What a stage's lights show of a subject; it takes longer than one map's solve."""
+    values, weights = subject.lit_by(lights), subject.weights
+    return Seen(values, weights, _gram(values, weights, primaries.irradiance))
+
+
+def driven(
+    lights: StageLights,
+    light: EnvironmentMap,
+    lamps: LampPrimaries,
+    seen: Seen,
+    subject: SurfaceSubject | MeasuredSubject,
+    closeness: float,
+) -> Drive:
+    """As `drive`, of what is seen already, and without its warnings."""
     if not 0 < closeness < np.inf:
         raise ValueError(f"closeness is {closeness}; expected a number above 0, like 0.1")
-    weights, seen, wanted = subject.weights, subject.lit_by(lights), subject.under(light)
+    wanted = subject.under(light)
     start = lamps.nearest(irradiances(lights, light, NearestLight()))
-    gram, rhs = _normal_equations(seen, wanted, weights, lamps.irradiance)
     # A change counts less where there is much, so that a sun's lamps give way first.
     mean = float(start.mean())
     stiffness = mean / (start.ravel() + _FAINTEST * mean) if mean > 0 else np.ones(start.size)
-    held = closeness * float(np.trace(gram)) / len(gram) * stiffness
-    gram = gram + np.diag(held)
-    rhs = rhs + held * start.ravel()
+    held = closeness * float(np.trace(seen.gram)) / len(seen.gram) * stiffness
+    gram = seen.gram + np.diag(held)
+    rhs = _right_side(seen.values, wanted, seen.weights, lamps.irradiance) + held * start.ravel()
     free = bounded_least_squares(gram, rhs, np.inf, start.ravel())
     highest = float(free.max())
     headroom = lamps.maximum / highest if highest > 0 else np.inf
     found = free if headroom >= 1 else bounded_least_squares(gram, rhs, lamps.maximum, free)
     intensities = found.reshape(len(lights), len(lamps))
-    result = Drive(
+    return Drive(
         lights,
         lamps,
         intensities,
-        _residual(seen, wanted, weights, intensities @ lamps.irradiance),
+        _residual(seen.values, wanted, seen.weights, intensities @ lamps.irradiance),
         int((intensities >= lamps.maximum * (1 - 1e-9)).sum()) if headroom < 1 else 0,
         headroom,
-        lamps.beyond_gamut(wanted, weights),
+        lamps.beyond_gamut(wanted, seen.weights),
     )
-    _warn(result)
-    return result
 
 
 def bounded_least_squares(gram: np.ndarray, rhs: np.ndarray, maximum: float, start: np.ndarray) -> np.ndarray:
@@ -216,26 +247,26 @@ def _descended(gram: np.ndarray, rhs: np.ndarray, x: np.ndarray, step: np.ndarra
     return x
 
 
-def _normal_equations(
-    seen: np.ndarray, wanted: np.ndarray, weights: np.ndarray, colours: np.ndarray
-) -> tuple[np.ndarray, np.ndarray]:
-    """G and b of all intensities, light · primaries + primary; the look is a sum over lights, primaries and channels.
-
-    seen : (M, N) or (M, N, 3), per unit irradiance of each light
-    """
+def _gram(seen: np.ndarray, weights: np.ndarray, colours: np.ndarray) -> np.ndarray:
+    """G of all intensities, light · primaries + primary; the look is a sum over lights, primaries and channels."""
     lights, primaries = seen.shape[1], len(colours)
     gram = np.zeros((lights, primaries, lights, primaries))
-    rhs = np.zeros((lights, primaries))
     for channel in range(3):
         look = (seen if seen.ndim == 2 else seen[..., channel]).astype(np.float64)
-        weighted = look * weights[:, None]
         colour = colours[:, channel]
         if seen.ndim == 3 or channel == 0:
-            product = weighted.T @ look
+            product = (look * weights[:, None]).T @ look
         gram += np.einsum("ij,p,q->ipjq", product, colour, colour)
-        rhs += np.outer(weighted.T @ wanted[:, channel], colour)
-    size = lights * primaries
-    return gram.reshape(size, size), rhs.ravel()
+    return gram.reshape(lights * primaries, lights * primaries)
+
+
+def _right_side(seen: np.ndarray, wanted: np.ndarray, weights: np.ndarray, colours: np.ndarray) -> np.ndarray:
+    """b of all intensities, in the order of `_gram`."""
+    rhs = np.zeros((seen.shape[1], len(colours)))
+    for channel in range(3):
+        look = (seen if seen.ndim == 2 else seen[..., channel]).astype(np.float64)
+        rhs += np.outer((look * weights[:, None]).T @ wanted[:, channel], colours[:, channel])
+    return rhs.ravel()
 
 
 def _residual(seen: np.ndarray, wanted: np.ndarray, weights: np.ndarray, irradiances: np.ndarray) -> np.ndarray:
