@@ -25,6 +25,7 @@ from relume.renderers.mitsuba.transport.passes import (
     fog_of,
     real_senders,
     senders,
+    stand_in_bodies,
 )
 from relume.renderers.mitsuba.transport.paths import followed
 from relume.renderers.mitsuba.transport.sampling import Guide, Numbers
@@ -74,6 +75,7 @@ class Estimator(Tracing):
         world.mirrors, world.clipped = bool(mirrors), clipped
         world.dispersion = dispersion_of((local, scene.local), (objects, scene.objects))
         bodies = bodies_of(scene.objects, objects, world.media)
+        stand_in_bodies(world, scene.objects, bodies)
         floors = bodies
         if mirrors:
             # What objects change of a mirror's light on surfaces is no wider than they are; in fog it is soft.

@@ -11,7 +11,7 @@ import drjit as dr
 import mitsuba as mi
 import numpy as np
 
-from relume.renderers.mitsuba.enclosing import require_edges
+from relume.renderers.mitsuba.enclosing import filled_with, require_edges
 from relume.renderers.mitsuba.materials import bsdf, crossed_straight, emission, sends_narrowly
 from relume.renderers.mitsuba.scene import _shape, material_on
 from relume.renderers.mitsuba.transport import opaque
@@ -256,6 +256,12 @@ def bodies_of(shapes: Sequence[Shape], scene: Any, media: Media | None) -> list[
         Body(int(numbers[index]), int(filled[index]), sphere_round(shape)[1], bends[index])
         for index, shape in enumerate(shapes)
     ]
+
+
+def stand_in_bodies(world: World, shapes: Sequence[Shape], bodies: Sequence[Body]) -> None:
+    """Tell the world's lamps what fills the places where they stand."""
+    numbers = [body.medium for body in bodies]
+    world.light.stand_in([filled_with(lamp, shapes, numbers, world.outside) for lamp in world.light.lamps])
 
 
 def senders(shapes: Sequence[Shape], scene: Any) -> tuple[Spheres, Spheres]:

@@ -15,7 +15,7 @@ from relume.renderers.mitsuba.scene import warn_of_holes
 from relume.renderers.mitsuba.transport.dispersion import dispersion_of
 from relume.renderers.mitsuba.transport.light import BRIGHT, SceneLight
 from relume.renderers.mitsuba.transport.media import Media
-from relume.renderers.mitsuba.transport.passes import Planes, Tracing, bodies_of, built, fog_of, senders
+from relume.renderers.mitsuba.transport.passes import Planes, Tracing, bodies_of, built, fog_of, senders, stand_in_bodies
 from relume.renderers.mitsuba.transport.paths import followed
 from relume.renderers.mitsuba.transport.sampling import Numbers
 from relume.renderers.mitsuba.transport.world import World
@@ -52,7 +52,9 @@ class Plain(Tracing):
             fog_of(scene, light), pierced,
         )  # fmt: skip
         world.dispersion = dispersion_of((together, shapes))
-        super().__init__(world, camera, spheres, pierced, bodies_of(shapes, together, world.media))
+        bodies = bodies_of(shapes, together, world.media)
+        stand_in_bodies(world, shapes, bodies)
+        super().__init__(world, camera, spheres, pierced, bodies)
         numbers = np.array(dr.reinterpret_array(mi.UInt32, together.shapes_dr()))
         table = np.zeros(int(numbers.max(initial=0)) + 1, np.uint32)
         table[numbers[len(scene.local) :]] = 1

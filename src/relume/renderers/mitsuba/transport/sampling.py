@@ -158,8 +158,14 @@ def cones_of(spheres: Spheres, place: Any) -> list[Cone]:
         square = dr.minimum(radius**2 / dr.maximum(dr.squared_norm(away), 1e-20), 1)
         # 1 − cos of a whole sphere is 2.
         less = dr.select(square < 1, square / (1 + dr.safe_sqrt(1 - square)), 2)
-        cones.append((dr.normalize(away), less))
+        cones.append((upright(away), less))
     return cones
+
+
+def upright(way: Any) -> Any:
+    """The unit vector of a way; straight up for one without a length, as from a sphere's own centre."""
+    length = dr.norm(way)
+    return dr.select(length > 1e-9, way / dr.maximum(length, 1e-9), mi.Vector3f(0, 1, 0))
 
 
 def chosen(cones: list[Cone], which: Any, point: Any) -> tuple[Any, Any, Any]:
