@@ -110,6 +110,7 @@ def test_smoke_about_a_lamp_dims_what_a_mirror_makes_of_it(mi, lamp):
     corners = np.array([[-2, 0, -1], [2, 0, -1], [2, 2, -1], [-2, 2, -1]], np.float64)
     mirror = Polygon(corners, rl.Material(metallic=1.0, roughness=0.0, name="mirror"))
     camera = rl.Camera.looking_at(np.array([0, 1.0, 3.0]), np.array([0, 0, 0.8]), width=4, height=4, focal_length=16.0)
+
     def lit(distance: float) -> np.ndarray:
         body = Sphere((0.0, 1.0, 0.0), 0.5, replace(smoke, attenuation_distance=distance))
         scene = rl.Scene(DARK, (rl.Plane(GREY, (8.0, 8.0)), mirror), (body,), (lamp,))
@@ -143,6 +144,37 @@ def test_glass_beside_holes_under_a_point_of_light_is_warned_of():
     with warnings.catch_warnings():
         warnings.simplefilter("error")
         rl.Mitsuba(samples=2).render(rl.Scene(DARK, (floor,), (leaf,), (lamp,)), CAMERA)
+
+
+def cloudy(roughness: float) -> Sphere:
+    inside = {"scattering_distance": (0.1, 0.1, 0.1), "scattering_albedo": (0.95, 0.9, 0.8)}
+    return Sphere((0, 0, 0), 0.5, rl.Material(roughness=roughness, transmission=1.0, ior=1.33, name="wax", **inside))
+
+
+def test_milk_below_a_surface_of_little_roughness_is_warned_of_under_lamps_without_a_size():
+    point, sphere = PointLight((1.2, 1.5, 1.0), (1, 1, 1)), SphereLight((1.2, 1.5, 1.0), 0.3, (1, 1, 1))
+    with pytest.warns(DoubtWarning, match="material 'wax' scatters light below a surface of little roughness"):
+        rl.Mitsuba(samples=2).render(rl.Scene(DARK, objects=(cloudy(0.2),), lights=(point,)), CAMERA)
+    with pytest.warns(DoubtWarning, match="'wax' scatters light below"):
+        rl.Differential(samples=2).change(rl.Scene(DARK, objects=(cloudy(0.2),), lights=(point,)), CAMERA)
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        for roughness, lamp in ((0.2, sphere), (0.0, point), (0.5, point)):
+            rl.Mitsuba(samples=2).render(rl.Scene(DARK, objects=(cloudy(roughness),), lights=(lamp,)), CAMERA)
+
+
+def test_milk_below_a_rough_surface_has_the_light_of_a_point_as_of_a_small_lamp():
+    at, camera = (
+        (1.2, 1.5, 1.0),
+        rl.Camera.looking_at(np.array([0, 0.6, 3.0]), np.zeros(3), width=12, height=12, focal_length=30.0),
+    )
+    lamps = PointLight(at, (10, 10, 10)), SphereLight(at, 0.3, triple(np.full(3, 10 / np.pi / 0.09)))
+    point, sphere = (
+        rl.Mitsuba(samples=1024).render(rl.Scene(DARK, objects=(cloudy(0.8),), lights=(lamp,)), camera).radiance
+        for lamp in lamps
+    )
+    np.testing.assert_allclose(point.mean((0, 1)), sphere.mean((0, 1)), rtol=0.05)
+    assert np.all(point.mean((0, 1)) > 0.02)
 
 
 @pytest.mark.parametrize(

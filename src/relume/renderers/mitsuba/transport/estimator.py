@@ -11,7 +11,7 @@ import mitsuba as mi
 import numpy as np
 
 from relume.renderers.mitsuba.materials import crossed_straight, filling
-from relume.renderers.mitsuba.scene import warn_of_holes
+from relume.renderers.mitsuba.scene import warn_of_holes, warn_of_specks
 from relume.renderers.mitsuba.transport.changes import changed
 from relume.renderers.mitsuba.transport.dispersion import dispersion_of
 from relume.renderers.mitsuba.transport.light import SceneLight
@@ -63,6 +63,7 @@ class Estimator(Tracing):
         caught = bool(spheres[0]) and not light.even and not pierced
         if pierced:
             warn_of_holes(scene, len(spheres[1]))
+        warn_of_specks(scene)
         filled = scene.medium is not None or any(medium is not None for medium in media)
         world = World(
             local, objects, light,
