@@ -147,8 +147,11 @@ def test_glass_beside_holes_under_a_point_of_light_is_warned_of():
 
 
 def cloudy(roughness: float) -> Sphere:
-    inside = {"scattering_distance": (0.1, 0.1, 0.1), "scattering_albedo": (0.95, 0.9, 0.8)}
-    return Sphere((0, 0, 0), 0.5, rl.Material(roughness=roughness, transmission=1.0, ior=1.33, name="wax", **inside))
+    wax = rl.Material(
+        roughness=roughness, transmission=1.0, ior=1.33, name="wax",
+        scattering_distance=(0.1, 0.1, 0.1), scattering_albedo=(0.95, 0.9, 0.8),
+    )  # fmt: skip
+    return Sphere((0, 0, 0), 0.5, wax)
 
 
 def test_milk_below_a_surface_of_little_roughness_is_warned_of_under_lamps_without_a_size():

@@ -154,8 +154,8 @@ class Estimator(Tracing):
         They have the same random numbers, and are one path until an object parts them.
         """
         world, always = self.world, mi.Bool(True)
+        without: Any = copy(numbers)
         weight = dr.select(on_object, self._solid(ray, added), 1)
-        without = copy(numbers)
         without.stream = mi.PCG32(numbers.stream)
         begun, met = world.entered(ray, dr.select(on_object, added, real))
         found = followed(

@@ -82,7 +82,8 @@ class Spread:
 
     def pair(self, number: int) -> Any:
         """The points of a pair; rays with the same index have others in another pair."""
-        keys = [mi.sample_tea_32(self.seed, mi.UInt32(3 * number + each))[0] for each in range(3)]
+        tea: Any = mi.sample_tea_32
+        keys = [tea(self.seed, mi.UInt32(3 * number + each))[0] for each in range(3)]
         index = dr.brev(_scrambled(dr.brev(self.index), keys[0]))
         # Both coordinates with their bits turned round: what a scramble of the low bits needs.
         return mi.Point2f(_below_1(_scrambled(index, keys[1])), _below_1(_scrambled(_sobol_second(index), keys[2])))
