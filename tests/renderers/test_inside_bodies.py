@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import warnings
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -15,7 +16,7 @@ from relume.scene.lights import DistantLight, PointLight, RectangleLight, Sphere
 from relume.scene.materials.checks import triple
 from relume.scene.materials.media import Medium
 from relume.scene.materials.presets import material_preset
-from relume.scene.shapes.shapes import Sphere
+from relume.scene.shapes.shapes import Polygon, Sphere
 
 DARK = rl.EnvironmentMap(np.zeros((2, 4, 3), np.float32))
 MILK, GREY = material_preset("milk"), rl.Diffuse((0.5, 0.5, 0.5))
@@ -64,6 +65,63 @@ def test_a_lamp_beside_the_body_or_in_clear_glass_is_not():
     rl.Mitsuba(samples=2).render(rl.Scene(DARK, objects=(CUBE, glass), lights=(beside, inside_glass)), CAMERA)
 
 
+GLASS = rl.Material(roughness=0.0, transmission=1.0)
+MIDDLE = (0.0, 1.0, 0.0)
+SMALL = (
+    PointLight(MIDDLE, (1, 1, 1)),
+    SphereLight(MIDDLE, 0.002, triple(np.full(3, 1 / np.pi / 4e-6))),
+    RectangleLight(MIDDLE, (0, -1, 0), (0.02, 0.02), (2500, 2500, 2500), up=(0, 0, 1)),
+)
+
+
+@pytest.mark.parametrize("medium", [None, Medium((0.5, 0.3, 0.1))], ids=["clear", "fog"])
+@pytest.mark.parametrize("lamp", SMALL, ids=lambda lamp: type(lamp).__name__)
+def test_a_lamp_in_the_middle_of_a_glass_ball_lights_as_without_it(mi, lamp, medium):
+    """From the middle no ray is bent; of what lights one half alone the other gets 4 %. In the ball there is no fog."""
+    from relume.renderers.mitsuba.transport.estimator import Estimator
+    from relume.renderers.mitsuba.transport.plain import Plain
+
+    floor, ball = rl.Plane(GREY, (8.0, 8.0)), Sphere(MIDDLE, 0.5, GLASS)
+    camera = rl.Camera.looking_at(
+        np.array([1.5, 0.6, 0.01]), np.array([0.8, 0.0, 0.0]), width=4, height=4, focal_length=8.0
+    )
+    rays = camera.rays_through(np.stack(np.meshgrid(*[(np.arange(80) + 0.5) / 20] * 2), axis=-1))
+    seen = -camera.position[1] / rays[..., 1]
+    way = np.array(MIDDLE) - (camera.position + seen[..., None] * rays)
+    far = np.linalg.norm(way, axis=-1)
+    given = way[..., 1] / far**3 * (0.96 * way[..., 1] / far if isinstance(lamp, RectangleLight) else 1)
+    fogged = np.zeros(3) if medium is None else np.array(medium.absorption)
+    left = np.exp(-fogged * (far - 0.5 + seen)[..., None])
+    expected = (given[..., None] * left).mean((0, 1)) * 0.5 / np.pi
+    scene = rl.Scene(DARK, (floor,), (ball,), (lamp,), medium=medium)
+    for made in (Plain(scene, camera, 8), Estimator(scene, camera, 8)):
+        light = [made.lit(1 << 18, seed) for seed in (1, 2, 3)]
+        found = np.mean([each["objects"] + each["difference"] for each in light], axis=(0, 1, 2))
+        np.testing.assert_allclose(found, expected, rtol=0.03)
+
+
+@pytest.mark.parametrize("lamp", SMALL, ids=lambda lamp: type(lamp).__name__)
+def test_smoke_about_a_lamp_dims_what_a_mirror_makes_of_it(mi, lamp):
+    """A body of index 1: in 0.5 m of it a half, a quarter and a tenth are left of the light of a small lamp."""
+    from relume.renderers.mitsuba.transport.plain import Plain
+
+    left = np.array((0.5, 0.25, 0.1))
+    smoke = rl.Material(roughness=0.0, transmission=1.0, ior=1.0, attenuation_color=triple(left))
+    corners = np.array([[-2, 0, -1], [2, 0, -1], [2, 2, -1], [-2, 2, -1]], np.float64)
+    mirror = Polygon(corners, rl.Material(metallic=1.0, roughness=0.0, name="mirror"))
+    camera = rl.Camera.looking_at(np.array([0, 1.0, 3.0]), np.array([0, 0, 0.8]), width=4, height=4, focal_length=16.0)
+
+    def lit(distance: float) -> np.ndarray:
+        body = Sphere((0.0, 1.0, 0.0), 0.5, replace(smoke, attenuation_distance=distance))
+        scene = rl.Scene(DARK, (rl.Plane(GREY, (8.0, 8.0)), mirror), (body,), (lamp,))
+        light = Plain(scene, camera, 8).lit(1 << 16, 1)
+        return (light["objects"] + light["difference"]).mean((0, 1))
+
+    clear = lit(1e9)
+    assert np.all(clear > 0)
+    np.testing.assert_allclose(lit(0.5) / clear, left, rtol=0.01)
+
+
 def test_a_camera_in_a_body_is_refused_where_the_scene_has_media():
     inside = rl.Camera.looking_at(np.zeros(3), np.array([0, 0, -1.0]), width=4, height=4, focal_length=4.0)
     with pytest.raises(UnsupportedScene, match="the camera stands inside 'milk'"):
@@ -86,6 +144,40 @@ def test_glass_beside_holes_under_a_point_of_light_is_warned_of():
     with warnings.catch_warnings():
         warnings.simplefilter("error")
         rl.Mitsuba(samples=2).render(rl.Scene(DARK, (floor,), (leaf,), (lamp,)), CAMERA)
+
+
+def cloudy(roughness: float) -> Sphere:
+    wax = rl.Material(
+        roughness=roughness, transmission=1.0, ior=1.33, name="wax",
+        scattering_distance=(0.1, 0.1, 0.1), scattering_albedo=(0.95, 0.9, 0.8),
+    )  # fmt: skip
+    return Sphere((0, 0, 0), 0.5, wax)
+
+
+def test_milk_below_a_surface_of_little_roughness_is_warned_of_under_lamps_without_a_size():
+    point, sphere = PointLight((1.2, 1.5, 1.0), (1, 1, 1)), SphereLight((1.2, 1.5, 1.0), 0.3, (1, 1, 1))
+    with pytest.warns(DoubtWarning, match="material 'wax' scatters light below a surface of little roughness"):
+        rl.Mitsuba(samples=2).render(rl.Scene(DARK, objects=(cloudy(0.2),), lights=(point,)), CAMERA)
+    with pytest.warns(DoubtWarning, match="'wax' scatters light below"):
+        rl.Differential(samples=2).change(rl.Scene(DARK, objects=(cloudy(0.2),), lights=(point,)), CAMERA)
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        for roughness, lamp in ((0.2, sphere), (0.0, point), (0.5, point)):
+            rl.Mitsuba(samples=2).render(rl.Scene(DARK, objects=(cloudy(roughness),), lights=(lamp,)), CAMERA)
+
+
+def test_milk_below_a_rough_surface_has_the_light_of_a_point_as_of_a_small_lamp():
+    at, camera = (
+        (1.2, 1.5, 1.0),
+        rl.Camera.looking_at(np.array([0, 0.6, 3.0]), np.zeros(3), width=12, height=12, focal_length=30.0),
+    )
+    lamps = PointLight(at, (10, 10, 10)), SphereLight(at, 0.3, triple(np.full(3, 10 / np.pi / 0.09)))
+    point, sphere = (
+        rl.Mitsuba(samples=1024).render(rl.Scene(DARK, objects=(cloudy(0.8),), lights=(lamp,)), camera).radiance
+        for lamp in lamps
+    )
+    np.testing.assert_allclose(point.mean((0, 1)), sphere.mean((0, 1)), rtol=0.05)
+    assert np.all(point.mean((0, 1)) > 0.02)
 
 
 @pytest.mark.parametrize(

@@ -28,17 +28,20 @@ GLASS = Material(roughness=0.0, transmission=1.0)
 
 
 @pytest.mark.parametrize(
-    ("grounds", "material"),
+    ("grounds", "material", "samples", "whole", "most"),
     [
-        pytest.param((FLOOR,), Diffuse((0.3, 0.5, 0.7)), id="matte"),
-        pytest.param((FLOOR,), GLASS, id="glass", marks=pytest.mark.slow),
-        pytest.param((FLOOR, WALL), Diffuse((0.3, 0.5, 0.7)), id="real mirror", marks=pytest.mark.slow),
+        pytest.param((FLOOR,), Diffuse((0.3, 0.5, 0.7)), 256, 1024, 0.12, id="matte"),
+        # The caustic in the fog: 0.0020 at 256 and 1024 samples.
+        pytest.param((FLOOR,), GLASS, 1024, 4096, 0.15, id="glass", marks=pytest.mark.slow),
+        pytest.param(
+            (FLOOR, WALL), Diffuse((0.3, 0.5, 0.7)), 256, 1024, 0.12, id="real mirror", marks=pytest.mark.slow
+        ),
     ],
 )
-def test_the_change_is_the_difference_of_whole_pictures(grounds, material):
+def test_the_change_is_the_difference_of_whole_pictures(grounds, material, samples, whole, most):
     scene = Scene(BLACK, grounds, (Sphere((0.25, 0.8, -0.3), 0.25, material),), (POINT,), medium=FOG)
-    change = Differential(256).change(scene, CAMERA, seed=1)
-    with_, without = (Mitsuba(1024).render(each, CAMERA, seed=2) for each in (scene, scene.without_objects()))
+    change = Differential(samples).change(scene, CAMERA, seed=1)
+    with_, without = (Mitsuba(whole).render(each, CAMERA, seed=2) for each in (scene, scene.without_objects()))
     for where, found, expected, spread in (
         (change.matte == 0, change.difference, with_.radiance - without.radiance, with_.variance + without.variance),
         (change.matte == 1, change.objects, with_.radiance, with_.variance),
@@ -46,7 +49,7 @@ def test_the_change_is_the_difference_of_whole_pictures(grounds, material):
         noise = change.difference_variance + change.objects_variance + spread
         error = np.sqrt(noise[where].sum(0)) / where.sum()
         gap = np.abs(found[where].mean(0) - expected[where].mean(0))
-        assert np.all(error < 0.12 * np.abs(expected[where]).mean()), error
+        assert np.all(error < most * np.abs(expected[where]).mean()), error
         assert np.all(gap < 4.5 * error), (gap, error)
         least = np.maximum(noise, 0.3 * noise[where].mean(0))
         pixels = (np.abs(found - expected) / np.sqrt(least))[where].mean(-1)

@@ -22,14 +22,18 @@ CAMERA = Camera.looking_at(np.array([0.3, 1.5, 1.7]), np.array([0.0, 0.2, -0.3])
 
 
 @pytest.mark.parametrize(
-    "material",
-    [Diffuse((0.3, 0.5, 0.7)), Material(roughness=0.0, transmission=1.0), Material(emission=(2.0, 1.0, 0.5))],
-    ids=["matte", "glass", "shining"],
+    ("material", "samples", "whole"),
+    [
+        pytest.param(Diffuse((0.3, 0.5, 0.7)), 1024, 2048, id="matte"),
+        # Of light through it, which chance finds, nine tenths of the noise is that of the two pictures.
+        pytest.param(Material(roughness=0.0, transmission=1.0), 4096, 16384, id="glass"),
+        pytest.param(Material(emission=(2.0, 1.0, 0.5)), 1024, 2048, id="shining"),
+    ],
 )
-def test_the_change_is_the_difference_of_whole_pictures(material):
+def test_the_change_is_the_difference_of_whole_pictures(material, samples, whole):
     scene = Scene(BLACK, (FLOOR, PANEL), (Sphere((0.0, 0.25, -0.2), 0.22, material),))
-    change = Differential(256).change(scene, CAMERA, seed=1)
-    with_, without = (Mitsuba(512).render(each, CAMERA, seed=2) for each in (scene, scene.without_objects()))
+    change = Differential(samples).change(scene, CAMERA, seed=1)
+    with_, without = (Mitsuba(whole).render(each, CAMERA, seed=2) for each in (scene, scene.without_objects()))
     for where, found, expected, spread in (
         (change.matte == 0, change.difference, with_.radiance - without.radiance, with_.variance + without.variance),
         (change.matte == 1, change.objects, with_.radiance, with_.variance),
@@ -37,7 +41,7 @@ def test_the_change_is_the_difference_of_whole_pictures(material):
         noise = change.difference_variance + change.objects_variance + spread
         error = np.sqrt(noise[where].sum(0)) / where.sum()
         gap = np.abs(found[where].mean(0) - expected[where].mean(0))
-        assert np.all(error < 0.1 * np.abs(expected[where]).mean()), error
+        assert np.all(error < 0.04 * np.abs(expected[where]).mean()), error
         assert np.all(gap < 4.5 * error), (gap, error)
         pixels = np.abs(found - expected)[where].mean(-1) / np.sqrt(np.maximum(noise, 0.3 * noise[where].mean(0)))[
             where

@@ -201,12 +201,6 @@ def test_a_denoised_picture_is_nearer_to_the_truth_and_as_bright():
     assert not np.array_equal(blind.radiance, clean.radiance)
 
 
-def test_a_real_surface_that_shines_is_said_not_to_light_objects():
-    lit = Scene(BLACK, (Plane(Material(emission=(1.0, 1.0, 1.0), name="screen"), (1.0, 1.0)),), (ball(PLASTIC),))
-    with pytest.warns(UserWarning, match="real surface 'screen'"):
-        Differential(2).change(lit, CAMERA)
-
-
 def test_a_scalar_variant_names_what_it_loses_and_refuses_a_medium_between_bodies():
     from relume.scene.materials.media import Medium
 

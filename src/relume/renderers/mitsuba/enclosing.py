@@ -11,7 +11,7 @@ from relume.renderers.mitsuba.materials import crossed_straight, filling
 from relume.scene.lights import DistantLight, Light, PointLight, RectangleLight, SphereLight
 from relume.scene.materials.materials import Material
 from relume.scene.scene import Scene
-from relume.scene.shapes.shapes import Mesh, Patches, Plane, Shape, Sphere, bounding_sphere
+from relume.scene.shapes.shapes import AnyMaterial, Mesh, Patches, Plane, Shape, Sphere, bounding_sphere
 from relume.scene.shapes.tessellation import tessellated
 
 PLAIN_NAMES = {PointLight: "point of light", SphereLight: "sphere of light", RectangleLight: "rectangle of light"}
@@ -57,17 +57,35 @@ def lamp_in_a_body(lights: Sequence[Light], shapes: Iterable[Shape]) -> str | No
     return None
 
 
+def filled_with(light: Light | None, shapes: Iterable[Shape], numbers: Iterable[int], outside: int) -> int:
+    """The number of what fills the place of a lamp: that of the smallest clear body about it.
+
+    numbers : of what fills each shape; outside : of what lies between them, which light from afar comes through
+    """
+    if not isinstance(light, PointLight | SphereLight | RectangleLight):
+        return outside
+    about = [
+        (bounding_sphere(shape)[1], number)
+        for shape, number in zip(shapes, numbers, strict=True)
+        if isinstance(shape, Sphere | Mesh | Patches) and _lets_in(shape.material) and surrounds(shape, light.position)
+    ]
+    return min(about)[1] if about else outside
+
+
 def camera_in_a_body(position: np.ndarray, shapes: Iterable[Shape]) -> str | None:
     """In one line which body the camera stands in, where a scene has media; None where it stands in none."""
     for shape in shapes:
-        material = shape.material
-        if isinstance(material, Material) and np.any(material.through) and not material.thin:
-            if surrounds(shape, position):
-                return (
-                    f"the camera stands inside {material.name or 'a body'!r}, and what fills the scene's bodies is "
-                    "traced from outside of them; move it out, or use [medium] for fog about it"
-                )
+        if _lets_in(shape.material) and surrounds(shape, position):
+            return (
+                f"the camera stands inside {getattr(shape.material, 'name', '') or 'a body'!r}, and what fills the "
+                "scene's bodies is traced from outside of them; move it out, or use [medium] for fog about it"
+            )
     return None
+
+
+def _lets_in(material: AnyMaterial) -> bool:
+    """Whether light crosses the surface of a body into what fills it."""
+    return isinstance(material, Material) and bool(np.any(material.through)) and not material.thin
 
 
 def require_edges(scene: Scene) -> None:

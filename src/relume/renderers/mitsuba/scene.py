@@ -16,7 +16,7 @@ from relume.light.reflection.convolution import as_latlong
 from relume.renderers.mitsuba.arrays import rgb, triangles
 from relume.renderers.mitsuba.distant import distant_shape, require_inside
 from relume.renderers.mitsuba.enclosing import lamp_in_a_body
-from relume.renderers.mitsuba.materials import bsdf, emission, interior
+from relume.renderers.mitsuba.materials import NARROW, SMOOTH, bsdf, crossed_straight, emission, interior
 from relume.renderers.raytrace.alpha_coverage import is_pierced
 from relume.scene.cameras.camera import Camera
 from relume.scene.lights import AmbientLight, DistantLight, Light, PointLight, RectangleLight, SphereLight, SquareLaw
@@ -118,6 +118,26 @@ def warn_of_holes(scene: Scene, senders: int) -> None:
             f"material {pierced[0].name!r} has holes: beside them light of points and suns does "
             "not go through glass and off mirrors; that of lamps with a size (spheres, rectangles) does"
         )
+
+
+def warn_of_specks(scene: Scene) -> None:
+    """Warn of a body that scatters light within a surface of little roughness, under lamps without a size.
+
+    Into a smooth one light is followed from the lamps. Out of a rough one paths find them by chance, and few of them.
+    """
+    if not any(isinstance(light, PointLight | DistantLight) for light in scene.lights):
+        return
+    for shape in (*scene.local, *scene.objects):
+        material = shape.material
+        if not isinstance(material, Material) or material.medium is None or crossed_straight(material) is not None:
+            continue
+        if any(material.medium.scattering) and SMOOTH < np.mean(np.asarray(material.roughness)) < NARROW:
+            warn(
+                f"material {material.name!r} scatters light below a surface of little roughness: that of points and "
+                f"suns is found through it by chance, in white specks; use a roughness of at most {SMOOTH:g} or of "
+                f"{NARROW:g} and more, or lamps with a size (spheres, rectangles)"
+            )
+            return
 
 
 def matte_dictionary(mi: Any, scene: Scene, camera: Camera) -> dict[str, Any]:

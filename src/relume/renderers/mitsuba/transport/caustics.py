@@ -33,15 +33,15 @@ def caustics(
     The flux is 0 where nothing is seen, and where it is the same with the objects as without.
     """
     context = mi.BSDFContext(mi.TransportMode.Importance)
-    ray, flux, active, far = world.light.emitted(spheres, spread, active)
+    ray, flux, active, far, begun = world.light.emitted(spheres, spread, active)
     met = world.nearest(ray, active, objects)
     active &= met.is_valid()
     parted = world.parts(ray, met, active, objects)
-    inside, bounces = mi.UInt32(world.outside), mi.UInt32(0)
+    inside, bounces = mi.UInt32(begun), mi.UInt32(0)
     spectral = world.dispersion
     hue, own = mi.Float(-1), mi.Float(-1) if spectral is None else rng.next_float32()
-    if world.foggy:
-        flux = flux * world.from_lamp(ray, met, far, active)
+    begun = begun if objects else mi.UInt32(world.outside)
+    flux = flux * world.from_lamp(ray, met, far, begun, active)
     seen_so_far = mi.UInt32(0)
     sent_on, glossy = mi.Bool(False), mi.Bool(False)
     points = [mi.Point2f(-1) for _ in range(SEEN)]

@@ -32,9 +32,8 @@ def changed(
     hue, hue_parted, own = mi.Float(-1), mi.Float(-1), numbers.wavelength()
     context, rng = mi.BSDFContext(), numbers.stream
     even = [numbers.towards_light(look, looks) for look in range(looks)]
-    added_light, taken = mi.Color3f(0), mi.Color3f(0)
-    weight_parted, density_parted = mi.Color3f(0), mi.Float(0)
-    throughput, bounces, bounces_parted = mi.Color3f(1), mi.UInt32(0), mi.UInt32(0)
+    added_light, taken, weight_parted = mi.Color3f(0), mi.Color3f(0), mi.Color3f(0)
+    throughput, bounces, bounces_parted, density_parted = mi.Color3f(1), mi.UInt32(0), mi.UInt32(0), mi.Float(0)
     first_scatters, ray = mi.Bool(False), mi.Ray3f(ray)
     sent_on, sent_parted = mi.Bool(False), mi.Bool(False)
     parted = dr.zeros(mi.Ray3f, dr.width(active))

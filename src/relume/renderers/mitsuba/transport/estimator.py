@@ -11,7 +11,7 @@ import mitsuba as mi
 import numpy as np
 
 from relume.renderers.mitsuba.materials import crossed_straight, filling
-from relume.renderers.mitsuba.scene import warn_of_holes
+from relume.renderers.mitsuba.scene import warn_of_holes, warn_of_specks
 from relume.renderers.mitsuba.transport.changes import changed
 from relume.renderers.mitsuba.transport.dispersion import dispersion_of
 from relume.renderers.mitsuba.transport.light import SceneLight
@@ -25,6 +25,7 @@ from relume.renderers.mitsuba.transport.passes import (
     fog_of,
     real_senders,
     senders,
+    stand_in_bodies,
 )
 from relume.renderers.mitsuba.transport.paths import followed
 from relume.renderers.mitsuba.transport.sampling import Guide, Numbers
@@ -62,6 +63,7 @@ class Estimator(Tracing):
         caught = bool(spheres[0]) and not light.even and not pierced
         if pierced:
             warn_of_holes(scene, len(spheres[1]))
+        warn_of_specks(scene)
         filled = scene.medium is not None or any(medium is not None for medium in media)
         world = World(
             local, objects, light,
@@ -74,6 +76,7 @@ class Estimator(Tracing):
         world.mirrors, world.clipped = bool(mirrors), clipped
         world.dispersion = dispersion_of((local, scene.local), (objects, scene.objects))
         bodies = bodies_of(scene.objects, objects, world.media)
+        stand_in_bodies(world, scene.objects, bodies)
         floors = bodies
         if mirrors:
             # What objects change of a mirror's light on surfaces is no wider than they are; in fog it is soft.
@@ -151,8 +154,8 @@ class Estimator(Tracing):
         They have the same random numbers, and are one path until an object parts them.
         """
         world, always = self.world, mi.Bool(True)
+        without: Any = copy(numbers)
         weight = dr.select(on_object, self._solid(ray, added), 1)
-        without = copy(numbers)
         without.stream = mi.PCG32(numbers.stream)
         begun, met = world.entered(ray, dr.select(on_object, added, real))
         found = followed(

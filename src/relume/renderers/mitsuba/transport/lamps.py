@@ -19,6 +19,7 @@ from relume.renderers.mitsuba.transport.sampling import (
     chosen,
     cones_of,
     parallel,
+    upright,
     within,
 )
 from relume.scene.lights import DistantLight, PointLight, RectangleLight, SphereLight, SquareLaw
@@ -71,7 +72,7 @@ class SphereLamp:
         for centre, radius in spheres:
             away = centre - self.centre
             distance = dr.maximum(dr.norm(away), 1e-9)
-            caps.append((away / distance, 1 + dr.clip((radius - self.radius) / distance, 0, 1)))
+            caps.append((upright(away), 1 + dr.clip((radius - self.radius) / distance, 0, 1)))
         normal = beside(*chosen(caps, which, point))
         place = self.centre + self.radius * normal
         cones = cones_of(spheres, place)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import replace
 from typing import Any
 
@@ -70,9 +70,16 @@ class SceneLight:
         self.sizeless = self.emitting * [isinstance(source, PointLamp | Sun) for source in self.sources]
         if self.sizeless.any():
             self.sizeless = self.sizeless / self.sizeless.sum()
+        # Of each source the lamp, and what fills its place, which `stand_in` is told.
+        self.lamps = [*[None for _ in beyond], *spheres, *rectangles, *points, *suns]
+        self._begun: list[Any] = [0] * len(self.sources)
         self._sampled, self._sent, self._sent_sizeless = (
             [*map(opaque.number, shares)] for shares in (self.shares, self.emitting, self.sizeless)
         )
+
+    def stand_in(self, numbers: Sequence[int]) -> None:
+        """Take the numbers of what fills the place of each of the lamps."""
+        self._begun = [dr.opaque(mi.UInt32, number) for number in numbers]
 
     @property
     def even(self) -> bool:
@@ -188,13 +195,14 @@ class SceneLight:
 
     def emitted(
         self, spheres: Spheres, spread: Spread, active: Any, sizeless: bool = False
-    ) -> tuple[Any, Any, Any, Any]:  # fmt: skip
+    ) -> tuple[Any, Any, Any, Any, Any]:  # fmt: skip
         """Rays from the bright part of the light towards spheres, each with its share of the flux (Σ flux / N), whether
-        there is one, and whether it comes from infinity; of lamps that have no size alone where `sizeless`."""
+        there is one, whether it comes from infinity, and the number of what fills the place where it begins; of lamps
+        that have no size alone where `sizeless`."""
         chosen, point, aim = (spread.pair(number) for number in range(3))
         choice, which = chosen.x, chosen.y
         ray, flux, valid = dr.zeros(mi.Ray3f), mi.Color3f(0), mi.Bool(False)
-        far = mi.Bool(False)
+        far, begun = mi.Bool(False), mi.UInt32(0)
         shares = self.sizeless if sizeless else self.emitting
         low, last = 0.0, int(np.flatnonzero(shares)[-1])
         for index, source in enumerate(self.sources):
@@ -207,7 +215,8 @@ class SceneLight:
             ray, flux = dr.select(mine, begin, ray), dr.select(mine, sent / share, flux)
             valid = dr.select(mine, fine, valid)
             far |= mine & source.parallel
-        return ray, flux, active & valid, far
+            begun = dr.select(mine, self._begun[index], begun)
+        return ray, flux, active & valid, far, begun
 
     def wall(self, place: Any, direction: Any, active: Any) -> Any:
         """How far the distant scene is along a ray."""

@@ -11,12 +11,12 @@ import drjit as dr
 import mitsuba as mi
 import numpy as np
 
-from relume.renderers.mitsuba.enclosing import require_edges
+from relume.renderers.mitsuba.enclosing import filled_with, require_edges
 from relume.renderers.mitsuba.materials import bsdf, crossed_straight, emission, sends_narrowly
 from relume.renderers.mitsuba.scene import _shape, material_on
 from relume.renderers.mitsuba.transport import opaque
 from relume.renderers.mitsuba.transport.caustics import caustics
-from relume.renderers.mitsuba.transport.cylinders import Body, in_bodies, on_floors
+from relume.renderers.mitsuba.transport.cylinders import Body, Cylinders, in_bodies, on_floors
 from relume.renderers.mitsuba.transport.guides import first_scattered
 from relume.renderers.mitsuba.transport.lens import Lens
 from relume.renderers.mitsuba.transport.light import SceneLight
@@ -86,11 +86,11 @@ class Tracing(ABC):
             if self.world.mirrors and self.world.foggy:
                 self.world.photons_without = in_media(*made, objects=False)
         if self.lands and self.on_floors is not None:
-            self._landed(count, seed)
+            self._landed(self.on_floors, count, seed)
 
-    def _landed(self, count: int, seed: int) -> None:
+    def _landed(self, floors: Cylinders, count: int, seed: int) -> None:
         """Follow the light of lamps without size to surfaces, and what objects change of it where real ones send it."""
-        world, made = self.world, (self.world, self.benders, self.on_floors, count, seed)
+        world, made = self.world, (self.world, self.benders, floors, count, seed)
         if not world.mirrors:
             world.landed = on_surfaces(*made)[0]
             return
@@ -256,6 +256,12 @@ def bodies_of(shapes: Sequence[Shape], scene: Any, media: Media | None) -> list[
         Body(int(numbers[index]), int(filled[index]), sphere_round(shape)[1], bends[index])
         for index, shape in enumerate(shapes)
     ]
+
+
+def stand_in_bodies(world: World, shapes: Sequence[Shape], bodies: Sequence[Body]) -> None:
+    """Tell the world's lamps what fills the places where they stand."""
+    numbers = [body.medium for body in bodies]
+    world.light.stand_in([filled_with(lamp, shapes, numbers, world.outside) for lamp in world.light.lamps])
 
 
 def senders(shapes: Sequence[Shape], scene: Any) -> tuple[Spheres, Spheres]:

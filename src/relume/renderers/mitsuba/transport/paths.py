@@ -43,20 +43,16 @@ def followed(
     spectral = world.dispersion
     hue, own = mi.Float(hue), mi.Float(-1) if spectral is None else numbers.wavelength()
     before, spread, dispersed = mi.Color3f(0), mi.Color3f(1), mi.Bool(False)
-    # Whether the light that `caustics` follows from the lamps would be counted twice.
-    scattered_first, on_surface, sent_on = mi.Bool(parted), mi.Bool(True), mi.Bool(sent)
-    # The first surface scattered the light, and not nearly one way.
-    wide_first = mi.Bool(parted)
+    # Whether `caustics` brings the same light; `wide_first`: the first surface scattered it, not nearly one way.
+    scattered_first, wide_first, on_surface, sent_on = mi.Bool(parted), mi.Bool(parted), mi.Bool(True), mi.Bool(sent)
     # Whether lamps were looked for where a medium scattered the light, and then the direction's density for the map's.
     looked, turned = mi.Bool(False), mi.Float(0)
     # Whether kept light was counted, for all that follows in a body or for what is bent; the surface met last.
     known, gathered, last_sent = mi.Bool(False), mi.Bool(False), mi.Bool(False)
-    entry, facing = mi.Point3f(0), mi.Normal3f(0, 1, 0)
-    context, result = mi.BSDFContext(), mi.Color3f(0)
-    inside, ray = mi.UInt32(world.outside), mi.Ray3f(ray)
+    entry, facing, context, result = mi.Point3f(0), mi.Normal3f(0, 1, 0), mi.BSDFContext(), mi.Color3f(0)
+    inside, walked, ray, rng = mi.UInt32(world.outside), mi.UInt32(0), mi.Ray3f(ray), numbers.stream
     # Where the ray's direction was drawn, as far before as surfaces were crossed that do not bend it.
     begun, gone = mi.Point3f(ray.o), mi.Float(0)
-    walked, rng = mi.UInt32(0), numbers.stream
     even_choice, even_point = numbers.towards_light(0, 1)
     while active:
         scattered = mi.Bool(False)
@@ -102,10 +98,8 @@ def followed(
         looked &= ~bent
         if world.smooth:
             # Camera, a surface that scatters, any others, no medium that does, and a smooth one before the lamp.
-            scattered_first, on_surface = (
-                dr.select(bent & (bounces == 0), ~delta, scattered_first),
-                on_surface & ~scattered,
-            )
+            scattered_first = dr.select(bent & (bounces == 0), ~delta, scattered_first)
+            on_surface = on_surface & ~scattered
             if narrow is not False:
                 wide_first = dr.select(bent & (bounces == 0), ~delta & ~narrow, wide_first)
             one_way = (delta & scattered_first) | (narrow & wide_first)

@@ -206,11 +206,11 @@ def _walked(
     media: Any = world.media
     context = mi.BSDFContext(mi.TransportMode.Importance)
     slots = dr.arange(mi.UInt32, dr.width(active)) * SLOTS
-    ray, flux, active, far = world.light.emitted(spheres, spread, active)
+    ray, flux, active, far, begun = world.light.emitted(spheres, spread, active)
     met = world.nearest(ray, active, objects)
     active &= met.is_valid()
-    if world.foggy:
-        flux = flux * world.from_lamp(ray, met, far, active)
+    begun = begun if objects else mi.UInt32(world.outside)
+    flux = flux * world.from_lamp(ray, met, far, begun, active)
     inside, times = mi.UInt32(0), mi.UInt32(0)
     bounces, walked = mi.UInt32(0), mi.UInt32(0)
     starting, level = mi.Bool(True), mi.UInt32(cylinders.levels - 1)
@@ -251,8 +251,8 @@ def _walked(
         if spectral is not None:
             parted, whole = spectral.met(si, sample, own, going & (hue < 0))
             flux, hue = spectral.sent(flux * whole, own, parted), dr.select(parted, own, hue)
-        # The way to the first surface, which `from_lamp` weighed, counted as empty; light comes there from outside.
-        before = dr.select(starting, world.outside, inside)
+        # The way to the first surface, which `from_lamp` weighed, counted as empty.
+        before = dr.select(starting, begun, inside)
         inside = dr.select(going, world.beyond(si, ahead, -ray.d, before), inside)
         starting, level = mi.Bool(False), cylinders.narrowed(level, si.shape, going & ~straight)
         walked += dr.select(turned | inner, 1, 0)
@@ -276,13 +276,13 @@ def _landed(
     """Keep where each ray of light that smooth surfaces sent on meets what scatters it; how often each did."""
     context = mi.BSDFContext(mi.TransportMode.Importance)
     slots = dr.arange(mi.UInt32, dr.width(active)) * SLOTS
-    ray, flux, active, far = world.light.emitted(spheres, spread, active, True)
+    ray, flux, active, far, begun = world.light.emitted(spheres, spread, active, True)
     met = world.nearest(ray, active, objects)
     active &= met.is_valid()
     parted = world.parts(ray, met, active, objects)
-    if world.foggy:
-        flux = flux * world.from_lamp(ray, met, far, active)
-    inside, times, bounces = mi.UInt32(world.outside), mi.UInt32(0), mi.UInt32(0)
+    begun = begun if objects else mi.UInt32(world.outside)
+    flux = flux * world.from_lamp(ray, met, far, begun, active)
+    inside, times, bounces = mi.UInt32(begun), mi.UInt32(0), mi.UInt32(0)
     level = mi.UInt32(cylinders.levels - 1)
     spectral = world.dispersion
     hue, own = mi.Float(-1), mi.Float(-1) if spectral is None else rng.next_float32()
@@ -307,8 +307,8 @@ def _landed(
         level = cylinders.narrowed(level, si.shape, active & ~straight)
         flux = dr.select(active, flux * weight, flux)
         if spectral is not None:
-            parted, whole = spectral.met(si, sample, own, active & (hue < 0))
-            flux, hue = spectral.sent(flux * whole, own, parted), dr.select(parted, own, hue)
+            bent, whole = spectral.met(si, sample, own, active & (hue < 0))
+            flux, hue = spectral.sent(flux * whole, own, bent), dr.select(bent, own, hue)
         active &= (bounces < world.depth) & (dr.max(flux) > 0)
         inside = dr.select(active, world.beyond(si, ahead, -ray.d, inside), inside)
         ray = dr.select(active, si.spawn_ray(ahead), ray)

@@ -11,11 +11,19 @@ import numpy as np
 from relume.errors import UnsupportedScene
 from relume.renderers.mitsuba.enclosing import camera_in_a_body
 from relume.renderers.mitsuba.materials import crossed_straight, filling
-from relume.renderers.mitsuba.scene import warn_of_holes
+from relume.renderers.mitsuba.scene import warn_of_holes, warn_of_specks
 from relume.renderers.mitsuba.transport.dispersion import dispersion_of
 from relume.renderers.mitsuba.transport.light import BRIGHT, SceneLight
 from relume.renderers.mitsuba.transport.media import Media
-from relume.renderers.mitsuba.transport.passes import Planes, Tracing, bodies_of, built, fog_of, senders
+from relume.renderers.mitsuba.transport.passes import (
+    Planes,
+    Tracing,
+    bodies_of,
+    built,
+    fog_of,
+    senders,
+    stand_in_bodies,
+)
 from relume.renderers.mitsuba.transport.paths import followed
 from relume.renderers.mitsuba.transport.sampling import Numbers
 from relume.renderers.mitsuba.transport.world import World
@@ -41,6 +49,7 @@ class Plain(Tracing):
         caught = bool(spheres[0]) and not light.even and not pierced
         if pierced:
             warn_of_holes(scene, len(spheres[1]))
+        warn_of_specks(scene)
         filled = scene.medium is not None or any(medium is not None for medium in media)
         if filled and (reason := camera_in_a_body(camera.position, shapes)) is not None:
             raise UnsupportedScene(reason)
@@ -52,7 +61,9 @@ class Plain(Tracing):
             fog_of(scene, light), pierced,
         )  # fmt: skip
         world.dispersion = dispersion_of((together, shapes))
-        super().__init__(world, camera, spheres, pierced, bodies_of(shapes, together, world.media))
+        bodies = bodies_of(shapes, together, world.media)
+        stand_in_bodies(world, shapes, bodies)
+        super().__init__(world, camera, spheres, pierced, bodies)
         numbers = np.array(dr.reinterpret_array(mi.UInt32, together.shapes_dr()))
         table = np.zeros(int(numbers.max(initial=0)) + 1, np.uint32)
         table[numbers[len(scene.local) :]] = 1

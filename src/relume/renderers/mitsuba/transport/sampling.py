@@ -82,7 +82,8 @@ class Spread:
 
     def pair(self, number: int) -> Any:
         """The points of a pair; rays with the same index have others in another pair."""
-        keys = [mi.sample_tea_32(self.seed, mi.UInt32(3 * number + each))[0] for each in range(3)]
+        tea: Any = mi.sample_tea_32
+        keys = [tea(self.seed, mi.UInt32(3 * number + each))[0] for each in range(3)]
         index = dr.brev(_scrambled(dr.brev(self.index), keys[0]))
         # Both coordinates with their bits turned round: what a scramble of the low bits needs.
         return mi.Point2f(_below_1(_scrambled(index, keys[1])), _below_1(_scrambled(_sobol_second(index), keys[2])))
@@ -158,8 +159,14 @@ def cones_of(spheres: Spheres, place: Any) -> list[Cone]:
         square = dr.minimum(radius**2 / dr.maximum(dr.squared_norm(away), 1e-20), 1)
         # 1 − cos of a whole sphere is 2.
         less = dr.select(square < 1, square / (1 + dr.safe_sqrt(1 - square)), 2)
-        cones.append((dr.normalize(away), less))
+        cones.append((upright(away), less))
     return cones
+
+
+def upright(way: Any) -> Any:
+    """The unit vector of a way; straight up for one without a length, as from a sphere's own centre."""
+    length = dr.norm(way)
+    return dr.select(length > 1e-9, way / dr.maximum(length, 1e-9), mi.Vector3f(0, 1, 0))
 
 
 def chosen(cones: list[Cone], which: Any, point: Any) -> tuple[Any, Any, Any]:

@@ -203,15 +203,16 @@ class World:
         met.t = met.t - skipped
         return begun, met
 
-    def from_lamp(self, ray: Any, met: Any, far: Any, active: Any) -> Any:
-        """The share of light that passes the medium between bodies from a lamp, or from where it enters, to a surface.
+    def from_lamp(self, ray: Any, met: Any, far: Any, begun: Any, active: Any) -> Any:
+        """The share of light that passes what is about a lamp, from it or from where it enters, to a surface.
 
         far : whether it comes from infinity
+        begun : the number of what fills the place of the lamp
         """
-        assert self.media is not None
-        outside = mi.UInt32(self.outside)
+        if self.media is None:
+            return mi.Color3f(1)
         back = mi.Ray3f(ray(met.t), -ray.d)
-        return self.media.passed(outside, self.reach(back, dr.select(far, dr.inf, met.t), outside, active))
+        return self.media.passed(begun, self.reach(back, dr.select(far, dr.inf, met.t), begun, active))
 
     def passing(self, ray: Any, inside: Any, active: Any) -> Any:
         """A function of a distance along a ray: the share of its light that meets nothing of the medium there.
