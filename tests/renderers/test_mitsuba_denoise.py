@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from relume.composite.differential import composed
-from relume.renderers.mitsuba.denoise import _clean, denoised, exposure
+from relume.renderers.mitsuba.denoise import _as_bright, _clean, denoised, exposure
 from relume.renderers.mitsuba.path_tracer import _mitsuba
 from relume.renderers.results import Change
 
@@ -172,3 +172,41 @@ def test_colours_of_pure_wavelengths_are_not_clipped():
     with _mitsuba(None, None):
         clean = _clean(pure, flat, flat)
     np.testing.assert_allclose(clean.mean(axis=(0, 1)), (-0.5, 0.9, -0.1), atol=0.03)
+
+
+def field(side: int = 96) -> np.ndarray:
+    return np.ones((side, side, 3), np.float32)
+
+
+SHOWS = np.ones((96, 96, 1), np.float32)
+
+
+def test_a_highlight_keeps_its_own_light_without_a_halo():
+    traced, clean = field(), field()
+    traced[40:43, 50:53], clean[40:43, 50:53] = 1000.0, 600.0
+    found = _as_bright(clean, traced, SHOWS)
+    beside = np.ones((96, 96), bool)
+    beside[40:43, 50:53] = False
+    # Given to all about it, the light that was taken would be 1.6 times theirs.
+    np.testing.assert_allclose(found[beside], 1, atol=1e-3)
+    np.testing.assert_allclose(found[~beside], 1000, rtol=1e-4)
+
+
+def test_a_rare_bright_path_is_given_to_what_is_about_it():
+    traced, clean = field(), field()
+    traced[40, 50], clean[40, 50] = 500.0, 5.0
+    found = _as_bright(clean, traced, SHOWS)
+    assert found[40, 50, 0] <= 20.001
+    # And nothing of it is lost but at the edge of the place.
+    assert found.sum() == pytest.approx(traced.sum(), rel=0.01)
+    assert 1.01 < found[44, 54, 0] < 2
+
+
+def test_a_small_bright_disc_stays_clean():
+    rows, columns = np.mgrid[:96, :96]
+    disc = np.hypot(rows - 48, columns - 48) < 6
+    clean = np.where(disc[..., None], 20.0, 0.1).astype(np.float32) * field()
+    noise = np.random.default_rng(3).normal(1, 0.5, (96, 96, 1)).clip(0)
+    found = _as_bright(clean, clean * noise.astype(np.float32), SHOWS)
+    assert (found[disc] / 20).std() < 0.1
+    assert found.sum() == pytest.approx((clean * noise).sum(), rel=0.02)

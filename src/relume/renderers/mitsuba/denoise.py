@@ -25,8 +25,9 @@ _BLOCK, _DARK = 16, 1e-8
 NEIGHBOURS, EDGE = 16.0, 2.0
 """σ in pixels of the places whose light is kept as a whole, and in σ where they end: as far as a tile of a large
 picture is denoised beyond its edges. Some 3000 pixels are as one with as many times the rays; 4 to 32 do as well."""
-PEAK, NARROW = 4.0, 2.0
-"""A highlight is so many times as bright, cleaned, as what is about it; σ in pixels of the place that it keeps."""
+PEAK, NARROW, MOST = 4.0, 4.0, 4.0
+"""A highlight is so many times as bright, cleaned, as what is about it; σ in pixels of the place whose light it keeps;
+how many times as bright as it was cleaned it may become."""
 
 
 def denoised(
@@ -128,15 +129,19 @@ def _as_bright(clean: np.ndarray, traced: np.ndarray, shows: np.ndarray) -> np.n
     def about(light: np.ndarray, reach: float = NEIGHBOURS) -> np.ndarray:
         return gaussian_filter(light, reach, truncate=EDGE)
 
-    def ratio(part: np.ndarray, reach: float) -> np.ndarray:
-        left, arrived = about(shown * part, reach), about(bright * part, reach)
+    def ratio(left: np.ndarray, arrived: np.ndarray, reach: float) -> np.ndarray:
+        left, arrived = about(left, reach), about(arrived, reach)
         lit = left > 1e-6 * left.max()  # below that there is nothing to scale
         return np.where(lit, arrived / np.where(lit, left, 1), 1)
 
     shown, bright = ((light.sum(-1, dtype=np.float64)) for light in (shows * clean, traced))
     # A highlight keeps its own light: spread about it, what the filter took of it would stand as a halo.
     peaks = shown > PEAK * about(shown)
-    scale = np.where(peaks, ratio(peaks, NARROW), ratio(~peaks, NEIGHBOURS))
+    own = ratio(shown * peaks, bright * peaks, NARROW)
+    # What the filter made dark by far was a rare bright path, which stands for the light about it.
+    kept = np.minimum(own, MOST)
+    rest = np.where(peaks, shown * (own - kept), bright)
+    scale = np.where(peaks, kept, ratio(shown * ~peaks, rest, NEIGHBOURS))
     return clean * scale[..., None].astype(np.float32)
 
 
