@@ -184,7 +184,7 @@ SHOWS = np.ones((96, 96, 1), np.float32)
 def test_a_highlight_keeps_its_own_light_without_a_halo():
     traced, clean = field(), field()
     traced[40:43, 50:53], clean[40:43, 50:53] = 1000.0, 600.0
-    found = _as_bright(clean, traced, SHOWS)
+    found = _as_bright(clean, traced, SHOWS, True)
     beside = np.ones((96, 96), bool)
     beside[40:43, 50:53] = False
     # Given to all about it, the light that was taken would be 1.6 times theirs.
@@ -195,7 +195,7 @@ def test_a_highlight_keeps_its_own_light_without_a_halo():
 def test_a_rare_bright_path_is_given_to_what_is_about_it():
     traced, clean = field(), field()
     traced[40, 50], clean[40, 50] = 500.0, 5.0
-    found = _as_bright(clean, traced, SHOWS)
+    found = _as_bright(clean, traced, SHOWS, True)
     assert found[40, 50, 0] <= 20.001
     # And nothing of it is lost but at the edge of the place.
     assert found.sum() == pytest.approx(traced.sum(), rel=0.01)
@@ -207,6 +207,6 @@ def test_a_small_bright_disc_stays_clean():
     disc = np.hypot(rows - 48, columns - 48) < 6
     clean = np.where(disc[..., None], 20.0, 0.1).astype(np.float32) * field()
     noise = np.random.default_rng(3).normal(1, 0.5, (96, 96, 1)).clip(0)
-    found = _as_bright(clean, clean * noise.astype(np.float32), SHOWS)
+    found = _as_bright(clean, clean * noise.astype(np.float32), SHOWS, True)
     assert (found[disc] / 20).std() < 0.1
     assert found.sum() == pytest.approx((clean * noise).sum(), rel=0.02)

@@ -94,7 +94,7 @@ def denoised_render(render: Render, quick: bool = False) -> Render:
     clean = _clean(render.radiance, np.clip(albedo, 0, 1), normal, quick)
     if not render.radiance.min() < 0:
         clean = np.maximum(clean, 0)
-    kept = _as_bright(clean, render.radiance, np.ones((*render.radiance.shape[:2], 1), np.float32))
+    kept = _as_bright(clean, render.radiance, np.ones((*render.radiance.shape[:2], 1), np.float32), True)
     return replace(render, radiance=kept.astype(np.float32))
 
 
@@ -118,12 +118,13 @@ def _share(
     return np.where(alone, lost, (weights[0] * lost + weights[1] * (1 - left)) / total)
 
 
-def _as_bright(clean: np.ndarray, traced: np.ndarray, shows: np.ndarray) -> np.ndarray:
+def _as_bright(clean: np.ndarray, traced: np.ndarray, shows: np.ndarray, highlights: bool = False) -> np.ndarray:
     """A cleaned plane with as much light about each pixel as was traced there.
 
     The filter errs by a share of the light, by more the rarer its paths. Where it put that light is right, so it is
     scaled: a plane of light that was lost would lie beside its edges.
     traced : (H, W, 3), as it shows; shows : (H, W, 1), the share of `clean` that does
+    highlights : whether what is bright may be lamps in mirrors; of a change it is caustics, whose light lies about them
     """
 
     def about(light: np.ndarray, reach: float = NEIGHBOURS) -> np.ndarray:
@@ -136,7 +137,7 @@ def _as_bright(clean: np.ndarray, traced: np.ndarray, shows: np.ndarray) -> np.n
 
     shown, bright = ((light.sum(-1, dtype=np.float64)) for light in (shows * clean, traced))
     # A highlight keeps its own light: spread about it, what the filter took of it would stand as a halo.
-    peaks = shown > PEAK * about(shown)
+    peaks = highlights & (shown > PEAK * about(shown))
     own = ratio(shown * peaks, bright * peaks, NARROW)
     # What the filter made dark by far was a rare bright path, which stands for the light about it.
     kept = np.minimum(own, MOST)
