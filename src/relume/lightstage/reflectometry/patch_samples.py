@@ -20,7 +20,7 @@ from relume.lightstage.matting.gray_code import linear_picture
 
 LIST = "patch.json"
 FEWEST = 20
-"""Samples: a fit has eight parameters, and noise wants some more."""
+"""Samples: a fit has six parameters, and noise wants some more."""
 ROUNDING = 0.002
 """Of the brightest sample: a deviation below which no camera's average of some pixels is believed."""
 NORMAL = np.array([0.0, 0.0, 1.0])
