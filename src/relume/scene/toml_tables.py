@@ -66,7 +66,8 @@ def _first_fault(error: ValidationError, model: type[Table], table: dict[str, An
 
 def _line(fault: Any, model: type[Table], table: dict[str, Any], what: str) -> str:
     """What one fault of pydantic's is, with its key."""
-    kind, loc, context = fault["type"], fault["loc"], fault.get("ctx") or {}
+    kind, loc = fault["type"], fault["loc"]
+    context: Any = fault.get("ctx") or {}
     place = _place(loc, table, with_last=kind == "missing" and isinstance(loc[-1], str))
     if kind == "extra_forbidden":
         near = _nearest(model, loc)

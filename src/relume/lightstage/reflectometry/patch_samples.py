@@ -103,7 +103,8 @@ def read_patch(folder: str | os.PathLike[str]) -> PatchSamples:
         values = np.array([each[0] for each in measured]).reshape(-1, 3) / irradiance
         spread = np.array([each[1] for each in measured]).reshape(-1, 3) / irradiance
         least = ROUNDING * np.abs(values).max(initial=1e-30)
-        return PatchSamples(*angles.reshape(-1, 2).T, values, np.hypot(spread, least))
+        incidence, viewing = angles.reshape(-1, 2).T
+        return PatchSamples(incidence, viewing, values, np.hypot(spread, least))
     except ValueError as error:
         raise UnreadableFile(f"{path}: {error}") from None
 
