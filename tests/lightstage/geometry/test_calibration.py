@@ -43,10 +43,10 @@ def test_too_few_boards_and_other_boards_are_refused(photographs):
 def test_boards_of_another_size_or_under_other_patterns_are_refused(photographs):
     first = photographs[0]
     smaller = type(first)(PATTERNS, first.pictures[:, :200], first.clipped[:200], first.colour[:200])
-    with pytest.raises(ValueError, match="board 3: photographs of 280×200 pixels under .*, but board 1 of 280×210"):
+    with pytest.raises(ValueError, match=r"board 3: photographs of 280×200 pixels under .*, but board 1 of 280×210"):
         calibrate_rig([*photographs[:2], smaller], squares=SQUARES, square=SQUARE)
     other = type(first)(ProjectorPatterns(318, 240), first.pictures, first.clipped, first.colour)
-    with pytest.raises(ValueError, match="board 2: .* patterns of 318×240, .*, but board 1 of .* 320×240"):
+    with pytest.raises(ValueError, match=r"board 2: .* patterns of 318×240, .*, but board 1 of .* 320×240"):
         calibrate_rig([first, other, photographs[2]], squares=SQUARES, square=SQUARE)
 
 

@@ -43,8 +43,8 @@ def calibrate_rig(
     The rig's frame is the camera's: it stands at the origin and looks along −Z. Both lenses have one focal length, a
     principal point of their own and k1; the camera's principal point is the picture's middle, the projector's is
     not, since projectors throw upward.
-    Raises ValueError for too few boards or squares, or boards of other sizes or patterns, and GridNotFound where a board is not seen or lies in the
-    projector's shade.
+    Raises ValueError for too few boards or squares, or photographs of unlike sizes or patterns, and GridNotFound where
+    a board is not seen or lies in the projector's shade.
     Source: Moreno & Taubin 2012, "Simple, accurate, and robust projector-camera calibration".
     """
     import cv2

@@ -50,13 +50,7 @@ def composite_actor_film(
     for folder in names:
         if folder.is_dir() and (count := len(frame_paths(folder))) != len(paths):
             raise ValueError(f"{folder}: {count} pictures for the {len(paths)} frames in {frames}; give one a frame")
-    rows, columns = read_backdrop(paths[0]).shape[:2]
-    for place in names:
-        height, width = next(iter(_pictures(place))).shape[:2]
-        if (height, width) != (rows, columns):
-            raise ValueError(
-                f"{place}: {width}×{height} pixels, but the frames in {frames} have {columns}×{rows}; give one size"
-            )
+    _require_one_size(Path(frames), names)
     if infrared is None:
         pairs = zip(map(read_backdrop, paths), _pictures(names[0]), strict=False)
         mattes = (difference_matte(frame, alone, levels or DIFFERENCES) for frame, alone in pairs)
@@ -75,6 +69,17 @@ def composite_actor_film(
     # The first frame is made before its folder, so that what is refused leaves none.
     first = list(islice(made, 1))
     return write_frames(out, (RadianceMap(picture) for picture in chain(first, made)), stops)
+
+
+def _require_one_size(frames: Path, others: Iterable[Path]) -> None:
+    """Refuse folders and pictures whose first is of another size than the first frame."""
+    rows, columns = next(iter(_pictures(frames))).shape[:2]
+    for place in others:
+        height, width = next(iter(_pictures(place))).shape[:2]
+        if (height, width) != (rows, columns):
+            raise ValueError(
+                f"{place}: {width}×{height} pixels, but the frames in {frames} have {columns}×{rows}; give one size"
+            )
 
 
 def _pictures(place: Path) -> Iterable[np.ndarray]:
