@@ -144,7 +144,7 @@ def errors(given: Set, light: int) -> dict[str, float]:
 
 
 def main() -> None:
-    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser = argparse.ArgumentParser(description=(__doc__ or "").splitlines()[0])
     parser.add_argument("--rows", action="store_true", help="print each light's own line")
     parser.add_argument("--only", default="", help="sets whose names hold this word")
     asked = parser.parse_args()

@@ -65,6 +65,16 @@ def test_black_says_only_that_there_is_darker():
     assert not advise_brackets(photograph([1, 100]), response=LINEAR).open_below
 
 
+def test_the_dark_end_is_the_same_for_files_of_8_and_16_bits():
+    eight = photograph([0, 20, 100, 240])
+    sixteen = Photograph(eight.pixels.astype(np.uint16) * 257, "a.tif", FULL)
+    found = [advise_brackets(each) for each in (eight, sixteen)]
+    assert found[0].stops == pytest.approx(found[1].stops) and found[0].fewest == found[1].fewest
+    # One working range below the dark end of the one that the photograph shows.
+    assert found[0].scene == pytest.approx(2 * found[0].working) and found[1].scene == pytest.approx(found[0].scene)
+    assert advise_brackets(photograph([0, 240]), response=LINEAR).stops[-1] >= log2(12) - 1e-9
+
+
 def test_a_luminance_says_how_far_white_goes():
     shown = photograph([30, 255])
     bulb = advise_brackets(shown, response=LINEAR, brightest=1e5)

@@ -230,6 +230,16 @@ def test_relight_refuses_in_one_line(stage, options, said, tmp_path, capsys):
     assert not out.exists()
 
 
+def test_a_new_view_has_a_size_and_its_light_another(stage, tmp_path, capsys):
+    (tmp_path / "a.obj").write_text("v 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 3\n")
+    command = ["stage", "view", stage, "--mesh", tmp_path / "a.obj", "--position", "1,0,4", "--lamp", "0,2,2"]
+    command += ["-o", tmp_path / "a.exr", "--dry-run"]
+    assert reported(command, capsys)["size"] == list(SIZE)
+    assert reported([*command, "--picture-size", "40x30", "--size", "5"], capsys)["size"] == [40, 30]
+    assert "--size is 200" in refused([*command, "--size", "200"], capsys)
+    assert "--size" in refused([*command, "--size", "40x30"], capsys)
+
+
 def broken(folder: Path, what: str) -> Path:
     """A stage with one thing wrong."""
     write_stage(folder, 6)

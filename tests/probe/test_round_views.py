@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from relume.errors import DoubtWarning
-from relume.image.radiance import SATURATED, RadianceMap
+from relume.image.radiance import OUTSIDE, SATURATED, RadianceMap
 from relume.probe.round_views import (
     FisheyeLens,
     ParabolicMirror,
@@ -18,6 +18,7 @@ from relume.sphere.directions import UP, rotation_about
 from relume.sphere.mappings.mapping import LatLong, pixel_directions
 
 SIDE, RIM = 400, 190.0
+SUN = np.array([1.0, 0, 0])
 
 
 def sky(directions: np.ndarray) -> np.ndarray:
@@ -65,6 +66,18 @@ def fisheye(turn: np.ndarray, gain: float = 1.0, degrees: float = 200) -> RoundV
     return view(FisheyeLens(np.radians(degrees)), ways, inside, turn, gain)
 
 
+def sunny(turn: np.ndarray) -> RoundView:
+    """A fisheye of 220° that shows a small sun at the side, clipped at 1000."""
+    whole = fisheye(turn, degrees=220)
+    x, y, _ = disc()
+    angle, ring = np.hypot(x, y) * np.radians(110), np.hypot(x, y)
+    ways = np.stack([x / ring * np.sin(angle), y / ring * np.sin(angle), -np.cos(angle)], axis=-1)
+    sun = ways @ turn.T @ SUN > np.cos(0.08)
+    radiance = np.where(sun[..., None], np.float32(1000), whole.picture.radiance)
+    picture = RadianceMap(radiance, clipped=np.where(sun, SATURATED, 0).astype(np.uint8))
+    return RoundView(picture, whole.lens, whole.centre, whole.radius, turn)
+
+
 def error(probe, where: np.ndarray) -> float:
     true = sky(pixel_directions(LatLong(), 64))
     return float(np.abs(probe.light.radiance / true - 1)[where].max())
@@ -97,9 +110,49 @@ def test_what_one_view_clips_comes_from_another():
     radiance = first.picture.radiance.copy()
     radiance[:, :60] = 0
     marked = RoundView(RadianceMap(radiance, clipped=clipped), first.lens, first.centre, first.radius, first.rotation)
-    assert error(join_round_views([second, marked], 64), np.ones((64, 128), bool)) > 0
     beside = pixel_directions(LatLong(), 64) @ np.array([-1.0, 0, 0]) > 0.97
-    assert error(join_round_views([marked, second], 64), beside) < 0.02
+    unmarked = RoundView(RadianceMap(radiance), first.lens, first.centre, first.radius, first.rotation)
+    assert error(join_round_views([second, unmarked], 64), beside) > 0.3
+    for views in ([second, marked], [marked, second]):
+        probe = join_round_views(views, 64)
+        assert error(probe, beside) < 0.02 and probe.light.clipped is None
+
+
+def test_what_every_view_clips_is_kept_marked_and_warned_of():
+    views = [sunny(np.eye(3)), sunny(rotation_about(UP, np.pi))]
+    with pytest.warns(DoubtWarning, match=r"0\.1\d% of the map's pixels are clipped in every view that shows them"):
+        probe = join_round_views(views, 64)
+    sun = pixel_directions(LatLong(), 64) @ SUN > np.cos(0.05)
+    assert probe.light.radiance[sun].min() == pytest.approx(1000, rel=0.01) and probe.light.clipped is not None
+    assert np.all(probe.light.clipped[sun] == SATURATED)
+    away = pixel_directions(LatLong(), 64) @ SUN < np.cos(0.15)
+    assert not probe.light.clipped[away].any() and error(probe, away) < 0.02
+    assert probe.gains == pytest.approx([1, 1], rel=0.01)
+
+
+def test_what_lies_outside_the_pictures_is_marked_as_that():
+    turn, codes = np.eye(3), np.zeros((SIDE, SIDE), np.uint8)
+    codes[: SIDE // 2] = OUTSIDE
+    whole = fisheye(turn, degrees=360)
+    half = RoundView(RadianceMap(whole.picture.radiance, clipped=codes), whole.lens, whole.centre, whole.radius, turn)
+    with pytest.warns(DoubtWarning, match="are shown by no view"):
+        probe = join_round_views([half], 64)
+    up = pixel_directions(LatLong(), 64)[..., 1]
+    assert probe.light.clipped is not None and np.all(probe.light.clipped[up > 0.2] == OUTSIDE)
+    assert not probe.light.radiance[up > 0.2].any() and not probe.light.clipped[up < -0.2].any()
+
+
+def test_black_in_both_views_says_nothing_of_their_brightness():
+    def dark(view: RoundView, least: float) -> RoundView:
+        """All of a view black but what lies higher than this: the overlap is a ring, most of it dark."""
+        rows = (SIDE / 2 - np.arange(SIDE) - 0.5) / RIM
+        picture = view.picture.radiance * (rows > least)[:, None, None]
+        return RoundView(RadianceMap(picture.astype(np.float32)), view.lens, view.centre, view.radius, view.rotation)
+
+    first, second = fisheye(np.eye(3)), fisheye(rotation_about(UP, np.pi), gain=2)
+    assert join_round_views([dark(first, 0.5), dark(second, 0.5)], 64).gains == pytest.approx([1, 0.5], rel=0.01)
+    with pytest.warns(DoubtWarning, match="view 2 has nothing in common with those before it that is not black"):
+        assert np.array_equal(join_round_views([dark(first, 2), dark(second, 2)], 64).gains, [1, 1])
 
 
 def test_views_that_are_none_are_refused():

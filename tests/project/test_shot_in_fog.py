@@ -89,7 +89,9 @@ def test_a_composite_in_fog_is_the_picture_of_all_in_fog(folder: Path):
     # The floor's own reflectance was found through the fog.
     found = result.place.recovered
     assert found is not None
-    np.testing.assert_allclose(found.surfaces[0].measured, [0.6, 0.5, 0.4], rtol=0.05)
+    floor = found.surfaces[0].measured
+    assert floor is not None
+    np.testing.assert_allclose(floor, [0.6, 0.5, 0.4], rtol=0.05)
 
 
 def test_without_objects_the_plate_comes_back_to_the_bit(folder: Path):

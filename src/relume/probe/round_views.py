@@ -14,7 +14,7 @@ import numpy as np
 
 from relume.errors import warn
 from relume.image.bilinear import bilinear
-from relume.image.radiance import RadianceMap
+from relume.image.radiance import BLACK, OUTSIDE, SATURATED, RadianceMap
 from relume.sphere.environment_map import EnvironmentMap
 from relume.sphere.mappings.mapping import LatLong, pixel_directions
 
@@ -24,8 +24,12 @@ FEATHER = 0.1
 """Radii inside the rim over which one view goes over into another: rims are the worst of every lens."""
 LEAST = 1e-3
 """Share of its full weight that a view keeps at its very rim, so that no gap opens where views just meet."""
+CLIPPED = 1e-6
+"""Share of its weight that a clipped value keeps: it counts where no view measured the direction, and only there."""
 OVERLAP = 100
-"""Places that two views must both show for their brightness to be compared."""
+"""Places that two views must both show, and not black, for their brightness to be compared."""
+FLOOR = 1e-3
+"""Of a view's median brightness, the least that is compared: black says nothing of how bright the other view is."""
 
 
 class RoundLens(Protocol):
@@ -110,8 +114,11 @@ class RoundView:
         if not 0 < self.radius < np.inf:
             raise ValueError(f"a rim of radius {self.radius}; expected pixels, above 0")
 
-    def see(self, directions: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """The radiance (…, 3) in world directions (…, 3), and how much it counts (…), 0 where it is not shown."""
+    def see(self, directions: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """The radiance (…, 3) in world directions (…, 3), how much it counts (…), and what is clipped (…) uint8.
+
+        It counts 0 where the view does not show it, and next to nothing where it is clipped; codes of `RadianceMap`.
+        """
         x, y, z = np.moveaxis(np.asarray(directions, np.float64) @ self.rotation, -1, 0)
         ring = np.hypot(x, y)
         radius = self.lens.radius(np.arctan2(ring, -z if self.lens.ahead else z))
@@ -119,17 +126,27 @@ class RoundView:
         across, down = self.centre[0] + x * scale, self.centre[1] - y * scale
         width, height = self.picture.size
         shown = (radius <= 1) & (across >= 0) & (across <= width) & (down >= 0) & (down <= height)
-        weight = np.where(shown, np.clip((1 - radius) / FEATHER, LEAST, 1), 0.0)
+        across, down = np.where(shown, across, 0.5), np.where(shown, down, 0.5)
+        codes = self._clipped(across, down)
+        shown &= codes != OUTSIDE
+        weight = np.where(shown, np.clip((1 - radius) / FEATHER, LEAST, 1), 0.0) * np.where(codes == 0, 1, CLIPPED)
+        return bilinear(self.picture.radiance, across, down), weight, np.where(shown, codes, OUTSIDE).astype(np.uint8)
+
+    def _clipped(self, across: np.ndarray, down: np.ndarray) -> np.ndarray:
+        """The code of places in the picture: the worst of the pixels that each lies between."""
+        codes = np.zeros(across.shape, np.uint8)
         if self.picture.clipped is not None:
-            weight = weight * (bilinear((self.picture.clipped != 0).astype(np.float32), across, down) == 0)
-        return bilinear(self.picture.radiance, np.where(shown, across, 0.5), np.where(shown, down, 0.5)), weight
+            for code in (BLACK, SATURATED, OUTSIDE):
+                codes[bilinear((self.picture.clipped == code).astype(np.float32), across, down) > 0] = code
+        return codes
 
 
 @dataclass(frozen=True, eq=False)
 class RoundProbe:
     """The light that round views show.
 
-    light : a lat-long map, black where none shows anything
+    light : a lat-long map, black where none shows anything; its `clipped` marks that as OUTSIDE, and what is clipped
+        in every view that shows it
     seen : (H, W) share of each pixel that a view shows
     gains : (N,) by which each view was multiplied; 1 for the first
     """
@@ -144,36 +161,62 @@ def join_round_views(views: Sequence[RoundView], size: int = 512, *, balance: bo
 
     size : rows of the map
     balance : whether views are brought to the brightness of the first by what they both show
-    What is clipped in one view comes from the others. Raises ValueError without views; warns where no view shows
-    something, and of views that have nothing in common with those before.
+    What is clipped in one view comes from the others; what is clipped in all that show it is kept as it is, marked in
+    the map's `clipped`. Raises ValueError without views; warns of what is clipped so, of what no view shows, and of
+    views that have nothing in common with those before that is not black.
     """
     if not views:
         raise ValueError("no views were given; give at least one round picture")
     directions = pixel_directions(LatLong(), FINE * size)
     seen = [view.see(directions) for view in views]
-    gains = np.ones(len(views))
-    for index in range(1, len(views)) if balance else ():
-        both = [(seen[before], before) for before in range(index)]
-        ratios = [
-            np.log(np.maximum(radiance, 1e-12).sum(-1) * gains[before] / np.maximum(seen[index][0], 1e-12).sum(-1))[
-                (weight > LEAST) & (seen[index][1] > LEAST)
-            ]
-            for (radiance, weight), before in both
-        ]
-        common = np.concatenate(ratios)
-        if len(common) < OVERLAP:
-            warn(f"view {index + 1} has nothing in common with those before it; its brightness is left as it is")
-        else:
-            gains[index] = float(np.exp(np.median(common)))
-    total = np.sum([weight for _, weight in seen], axis=0)
-    light = sum(radiance * (gain * weight)[..., None] for (radiance, weight), gain in zip(seen, gains, strict=True))
+    gains = _balanced([(radiance.sum(-1), weight) for radiance, weight, _ in seen]) if balance else np.ones(len(views))
+    # Each direction from the views that show it.
+    total = np.sum([weight for _, weight, _ in seen], axis=0)
+    light = sum(radiance * (gain * weight)[..., None] for (radiance, weight, _), gain in zip(seen, gains, strict=True))
     shown = total > 0
-    light = np.where(shown[..., None], light / np.maximum(total, 1e-12)[..., None], 0.0)
+    light = np.where(shown[..., None], light / np.where(shown, total, 1)[..., None], 0.0)
     light, share = (_reduced(plane) for plane in (light, shown.astype(np.float64)))
     if (missing := float(np.mean(share < 0.5))) > 0:
         warn(f"{missing:.1%} of the map's pixels are shown by no view; they are black", effect=missing)
     light = light / np.maximum(share, 1e-12)[..., None] * (share > 0)[..., None]
-    return RoundProbe(EnvironmentMap(light.astype(np.float32)), share, gains)
+    # What none measured. A pixel of the map is as bad as the worst of its places.
+    bounded = shown & np.all([codes != 0 for *_, codes in seen], axis=0)
+    saturated, black = (
+        _reduced((bounded & np.any([codes == code for *_, codes in seen], axis=0)).astype(np.float64)) > 0
+        for code in (SATURATED, BLACK)
+    )
+    if saturated.any():
+        warn(f"{saturated.mean():.2%} of the map's pixels are clipped in every view that shows them; their light is a "
+             "lower bound: add shorter exposures")  # fmt: skip
+    clipped = np.select([share == 0, saturated, black], [OUTSIDE, SATURATED, BLACK], 0).astype(np.uint8)
+    light = EnvironmentMap(light.astype(np.float32), clipped=clipped if clipped.any() else None)
+    return RoundProbe(light, share, gains)
+
+
+def _balanced(seen: Sequence[tuple[np.ndarray, np.ndarray]]) -> np.ndarray:
+    """The gains (N,) that bring views, each its brightness and weight (…), to the brightness of the first."""
+    gains = np.ones(len(seen))
+    compared = [(weight > LEAST) & (light > _floor(light[weight > LEAST])) for light, weight in seen]
+    for index in range(1, len(seen)):
+        common = np.concatenate([
+            np.log(gains[before] * seen[before][0][both] / seen[index][0][both])
+            for before in range(index)
+            if (both := compared[before] & compared[index]).any()
+        ] or [np.zeros(0)])  # fmt: skip
+        if len(common) < OVERLAP:
+            warn(
+                f"view {index + 1} has nothing in common with those before it that is not black; its brightness is "
+                "left as it is"
+            )
+        else:
+            gains[index] = float(np.exp(np.median(common)))
+    return gains
+
+
+def _floor(light: np.ndarray) -> float:
+    """The brightness below which a view counts as black, from what it shows."""
+    lit = light[light > 0]
+    return FLOOR * float(np.median(lit)) if len(lit) else 0.0
 
 
 def _reduced(plane: np.ndarray) -> np.ndarray:

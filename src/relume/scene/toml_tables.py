@@ -81,12 +81,13 @@ def _line(fault: Any, model: type[Table], table: dict[str, Any], what: str) -> s
         return f"{place}: missing; the {what} must have it"
     if kind == "value_error":  # ours, which say themselves what they got
         return ": ".join(filter(None, [place, fault["msg"].removeprefix("Value error, ")]))
+    said: str = fault["msg"]
     message = {
         "dict_type": "Input should be a table",
         "model_type": "Input should be a table",
         "model_attributes_type": "Input should be a table",
         "tuple_type": "Input should be a list of numbers",
-    }.get(kind, fault["msg"])
+    }.get(kind, said)
     return f"{place}: {message[:1].lower()}{message[1:]} (got {fault['input']!r})"
 
 

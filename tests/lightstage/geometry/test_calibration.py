@@ -40,6 +40,23 @@ def test_too_few_boards_and_other_boards_are_refused(photographs):
         calibrate_rig(photographs, squares=(12, 5), square=SQUARE)
 
 
+def test_boards_of_another_size_or_under_other_patterns_are_refused(photographs):
+    first = photographs[0]
+    smaller = type(first)(PATTERNS, first.pictures[:, :200], first.clipped[:200], first.colour[:200])
+    with pytest.raises(ValueError, match=r"board 3: photographs of 280×200 pixels under .*, but board 1 of 280×210"):
+        calibrate_rig([*photographs[:2], smaller], squares=SQUARES, square=SQUARE)
+    other = type(first)(ProjectorPatterns(318, 240), first.pictures, first.clipped, first.colour)
+    with pytest.raises(ValueError, match=r"board 2: .* patterns of 318×240, .*, but board 1 of .* 320×240"):
+        calibrate_rig([first, other, photographs[2]], squares=SQUARES, square=SQUARE)
+
+
+def test_the_lenses_have_one_term_of_distortion(photographs):
+    found = calibrate_rig(photographs, squares=SQUARES, square=SQUARE)
+    for each in (found.camera, found.projector):
+        assert each.distortion is not None and each.distortion.k1 != 0
+        assert each.distortion == type(each.distortion)(each.distortion.k1)
+
+
 def test_a_board_in_the_projectors_shade_is_told(photographs):
     first = photographs[0]
     # The cosines reach the left third alone, as where something stands before the projector while they are shown.

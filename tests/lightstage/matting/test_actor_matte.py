@@ -112,6 +112,17 @@ def test_the_command_puts_a_film_before_a_place(tmp_path, capsys, by):
         # Differences are sure to a pixel at the edge.
         wrong = np.abs(made - shown(cover, PLACE)).max(axis=-1) > 0.01
         assert wrong.mean() < (0.01 if by == "differences" else 1e-9)
+    # A backdrop of another size is refused before the folder is made.
+    files.write(tmp_path / "small.exr", RadianceMap(PLACE[1:]))
+    capsys.readouterr()
+    small = [word.replace("place.exr", "small.exr").replace("/out", "/never") for word in command]
+    assert main(small) == 2 and not (tmp_path / "never").exists()
+    assert "small.exr: 64×47 pixels, but the frames in" in capsys.readouterr().err
+    # So is what the first frame shows to be wrong.
+    dark = "ir.exr" if by == "infrared" else "empty.exr"
+    files.write(tmp_path / dark, RadianceMap(np.zeros_like(PLACE)))
+    assert main([word.replace("/out", "/never") for word in command]) == 2 and not (tmp_path / "never").exists()
+    assert "empty stage is" in capsys.readouterr().err
     files.write(tmp_path / "infrared" / "f2.exr", RadianceMap(grey.astype(np.float32)))
     if by == "infrared":
         capsys.readouterr()

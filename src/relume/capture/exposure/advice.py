@@ -71,6 +71,7 @@ def advise_brackets(
     step : stops between neighbours; the working range less one unless given, so that neighbours show a stop in common
     brightest : cd/m² of the brightest that is to be measured, where the photograph is white: a frosted bulb has 1e5, a
         bare filament 1e7, the sun 1.6e9. Unless given, one working range above white is covered
+    Where the photograph is black, one working range below black is covered.
     Needs f-number and ISO for `brightest`. Raises ValueError for a step that is not above 0 or wider than the working
     range, a response of other values, or a picture that has no pixels; NotABracket where `brightest` has no scale.
     """
@@ -98,6 +99,9 @@ def advise_brackets(
     # Beyond its ends it only says that there is more.
     open_above = white > FEW_WHITE
     open_below = bool(np.mean((pixels == 0).all(axis=1)) > FEW_BLACK)
+    if open_below:
+        # What exposure a value of 0 stands for is a matter of the file's bits.
+        bottom = low - (high - low)
     if brightest is not None:
         top = max(_exposure_of(brightest, photograph, response), bottom)
         open_above = False

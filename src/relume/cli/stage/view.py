@@ -32,7 +32,9 @@ def view(
     field_of_view: Annotated[
         float | None, Parameter(help="Of the new camera, across, degrees; the stage's own unless given.")
     ] = None,
-    size: Annotated[Size | None, Parameter(help="Of the picture, WIDTHxHEIGHT; the stage's own unless given.")] = None,
+    picture_size: Annotated[
+        Size | None, Parameter(help="Of the picture, WIDTHxHEIGHT; the stage's own unless given.")
+    ] = None,
     camera_file: Annotated[
         Path | None, Parameter(help="The new camera in a file instead: .glb, .usda, .fspy or .json of Blender.")
     ] = None,
@@ -76,10 +78,10 @@ def view(
         if own is None:
             raise ValueError(f"{stage}: has no camera, which a new view needs; add it to stage.json")
         if camera_file is not None:
-            new = rl.read_camera(camera_file, *(size or (own.width, own.height)))
+            new = rl.read_camera(camera_file, *(picture_size or (own.width, own.height)))
         else:
             assert position is not None
-            new = _camera(own, position, target, field_of_view, size)
+            new = _camera(own, position, target, field_of_view, picture_size)
         if dry_run:
             print_facts(output, {"would write": str(out), "size": [new.width, new.height], "cameras": len(fields)})
             return

@@ -16,6 +16,7 @@ import numpy as np
 from relume.errors import GridNotFound
 from relume.lightstage.geometry.decoding import DecodingSettings, decoded_places
 from relume.lightstage.geometry.pattern_photographs import PatternPhotographs, read_pattern_photographs
+from relume.lightstage.geometry.patterns import ProjectorPatterns
 from relume.lightstage.geometry.rig import ScannerRig
 from relume.scene.cameras.camera import Camera
 from relume.scene.cameras.distortion import Distortion
@@ -40,10 +41,10 @@ def calibrate_rig(
     squares : (along the long side, along the short side)
     square : side of a square, metres
     The rig's frame is the camera's: it stands at the origin and looks along −Z. Both lenses have one focal length, a
-    principal point of their own and k1, k2; the camera's principal point is the picture's middle, the projector's is
+    principal point of their own and k1; the camera's principal point is the picture's middle, the projector's is
     not, since projectors throw upward.
-    Raises ValueError for too few boards or squares, and GridNotFound where a board is not seen or lies in the
-    projector's shade.
+    Raises ValueError for too few boards or squares, or photographs of unlike sizes or patterns, and GridNotFound where
+    a board is not seen or lies in the projector's shade.
     Source: Moreno & Taubin 2012, "Simple, accurate, and robust projector-camera calibration".
     """
     import cv2
@@ -54,9 +55,13 @@ def calibrate_rig(
         raise ValueError(f"a board of {squares[0]}×{squares[1]} squares of {square} m; give 3 each way, above 0 m")
     # What the camera and the projector see of every board.
     names = [f"board {i + 1}" if isinstance(b, PatternPhotographs) else str(Path(b)) for i, b in enumerate(boards)]
-    world, seen, shown = [], [], []
+    world, seen, shown, kinds = [], [], [], []
     for name, board in zip(names, boards, strict=True):
         photographs = board if isinstance(board, PatternPhotographs) else read_pattern_photographs(board)
+        kinds.append((photographs.light.shape, photographs.patterns))
+        if kinds[-1] != kinds[0]:
+            raise ValueError(f"{name}: photographs of {_kind(*kinds[-1])}, but {names[0]} of {_kind(*kinds[0])}; all "
+                             "boards are one camera's and one projector's")  # fmt: skip
         corners, pixels = _board(photographs, squares, name)
         known = np.isfinite(pixels[:, 0])
         world.append(_plane(squares, square)[known])
@@ -134,6 +139,12 @@ def _carried(corner: np.ndarray, places: np.ndarray, radius: float) -> np.ndarra
     return matrix[:2, 2] / matrix[2, 2]
 
 
+def _kind(size: tuple[int, ...], patterns: ProjectorPatterns) -> str:
+    """The size of a board's photographs, and its patterns, in words."""
+    shown = f"{patterns.width}×{patterns.height}, period {patterns.period}, {patterns.steps} steps"
+    return f"{size[1]}×{size[0]} pixels under patterns of {shown}"
+
+
 def _plane(squares: tuple[int, int], square: float) -> np.ndarray:
     """The board's inner corners (N, 3) on the board, metres."""
     across, down = np.meshgrid(np.arange(squares[0] - 1), np.arange(squares[1] - 1))
@@ -143,6 +154,6 @@ def _plane(squares: tuple[int, int], square: float) -> np.ndarray:
 def _camera(
     size: tuple[int, int], matrix: np.ndarray, lens: np.ndarray, position: np.ndarray, rotation: np.ndarray
 ) -> Camera:
-    k1, k2 = (float(value) for value in lens.ravel()[:2])
+    k1 = float(lens.ravel()[0])
     centre = (float(matrix[0, 2]) + 0.5, float(matrix[1, 2]) + 0.5)
-    return Camera(*size, float(matrix[0, 0]), position, rotation, centre, Distortion(k1, k2))
+    return Camera(*size, float(matrix[0, 0]), position, rotation, centre, Distortion(k1))

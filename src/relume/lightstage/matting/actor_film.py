@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import os
 from collections.abc import Iterable
-from itertools import repeat
+from itertools import chain, islice, repeat
 from pathlib import Path
 
 import numpy as np
@@ -42,14 +42,15 @@ def composite_actor_film(
         differences unless given
     levels : of the matte; those of `infrared_matte` and `difference_matte` unless given
     stops : as of `write_frames`
-    Raises ValueError, before anything is written, for folders of another number of frames; UnreadableFile,
-    OutputNotWritten.
+    Raises ValueError, before anything is written, for folders of another number of frames and first pictures of
+    another size; UnreadableFile, OutputNotWritten.
     """
     paths = list(frame_paths(frames))
     names = [Path(each) for each in (empty, backdrop, *(infrared or ()))]
     for folder in names:
         if folder.is_dir() and (count := len(frame_paths(folder))) != len(paths):
             raise ValueError(f"{folder}: {count} pictures for the {len(paths)} frames in {frames}; give one a frame")
+    _require_one_size(Path(frames), names)
     if infrared is None:
         pairs = zip(map(read_backdrop, paths), _pictures(names[0]), strict=False)
         mattes = (difference_matte(frame, alone, levels or DIFFERENCES) for frame, alone in pairs)
@@ -65,7 +66,20 @@ def composite_actor_film(
         (picture for picture, _ in zip(_pictures(names[0]), paths, strict=False)),
         (picture for picture, _ in zip(_pictures(names[1]), paths, strict=False)),
     )
-    return write_frames(out, (RadianceMap(picture) for picture in made), stops)
+    # The first frame is made before its folder, so that what is refused leaves none.
+    first = list(islice(made, 1))
+    return write_frames(out, (RadianceMap(picture) for picture in chain(first, made)), stops)
+
+
+def _require_one_size(frames: Path, others: Iterable[Path]) -> None:
+    """Refuse folders and pictures whose first is of another size than the first frame."""
+    rows, columns = next(iter(_pictures(frames))).shape[:2]
+    for place in others:
+        height, width = next(iter(_pictures(place))).shape[:2]
+        if (height, width) != (rows, columns):
+            raise ValueError(
+                f"{place}: {width}×{height} pixels, but the frames in {frames} have {columns}×{rows}; give one size"
+            )
 
 
 def _pictures(place: Path) -> Iterable[np.ndarray]:

@@ -20,7 +20,7 @@ from relume.lightstage.matting.gray_code import linear_picture
 
 LIST = "patch.json"
 FEWEST = 20
-"""Samples: a fit has eight parameters, and noise wants some more."""
+"""Samples: a fit has six parameters, and noise wants some more."""
 ROUNDING = 0.002
 """Of the brightest sample: a deviation below which no camera's average of some pixels is believed."""
 NORMAL = np.array([0.0, 0.0, 1.0])
@@ -103,7 +103,8 @@ def read_patch(folder: str | os.PathLike[str]) -> PatchSamples:
         values = np.array([each[0] for each in measured]).reshape(-1, 3) / irradiance
         spread = np.array([each[1] for each in measured]).reshape(-1, 3) / irradiance
         least = ROUNDING * np.abs(values).max(initial=1e-30)
-        return PatchSamples(*angles.reshape(-1, 2).T, values, np.hypot(spread, least))
+        incidence, viewing = angles.reshape(-1, 2).T
+        return PatchSamples(incidence, viewing, values, np.hypot(spread, least))
     except ValueError as error:
         raise UnreadableFile(f"{path}: {error}") from None
 

@@ -156,7 +156,7 @@ class Estimator(Tracing):
         world, always = self.world, mi.Bool(True)
         without: Any = copy(numbers)
         weight = dr.select(on_object, self._solid(ray, added), 1)
-        without.stream = mi.PCG32(numbers.stream)
+        without.stream = mi.PCG32(numbers.stream)  # pyright: ignore[reportCallIssue]
         begun, met = world.entered(ray, dr.select(on_object, added, real))
         found = followed(
             world, begun, met, mi.Color3f(weight), mi.Float(0), mi.UInt32(0), numbers, always, True, ~always
