@@ -126,6 +126,7 @@ def drawn(picture: np.ndarray, lines: list[np.ndarray], colour: tuple[int, int, 
 
 def main(out: Path) -> None:
     """Photographs, marks, and the picture of them."""
+    out.mkdir(parents=True, exist_ok=True)
     marked, (_, meshes) = marks(), truth()
     for name, view in CAMERAS.items():
         rl.write(CHAPEL.parent / "photographs" / f"{name}.jpg", rl.Photograph(rendered(meshes, view)))

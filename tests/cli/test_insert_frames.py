@@ -102,3 +102,53 @@ def test_what_was_prepared_is_said(shot, tmp_path, capsys):
     said = printed(["insert", shot, "-o", tmp_path / "out", "--prepare"], capsys)
     assert "prepared" in said.out and str(tmp_path / "out" / "stages") in said.out
     assert sorted(p.name for p in (tmp_path / "out").iterdir()) == ["stages"]
+
+
+MOVING = """
+[sequence]
+frames = "1-4"
+plates = "pan_*.exr"
+"""
+
+
+@pytest.fixture
+def moving(tmp_path):
+    """A shot whose camera a file moves, with a plate for each of four frames and none beside."""
+    path = write_small_shot(tmp_path / "moving")
+    for number in (1, 2, 3, 4):
+        (path.parent / f"pan_{number}.exr").write_bytes((path.parent / "plate.exr").read_bytes())
+    (path.parent / "plate.exr").unlink()
+    rows = (f"{frame} {0.1 + 0.01 * frame} 0.5 1.0 -26 5 0 35\n" for frame in (1, 2, 3, 4))
+    (path.parent / "track.chan").write_text("".join(rows))
+    pose = path.read_text().splitlines()[5]
+    text = path.read_text().replace(pose, 'file = { path = "track.chan" }').replace("focal_length = 200\n", "")
+    path.write_text(text.replace('["plate.exr"]', '"pan_1.exr"') + MOVING)
+    return path
+
+
+def test_a_dry_run_looks_at_the_first_frame_and_says_what_all_take(moving, tmp_path, capsys):
+    facts = reported(["insert", moving, "-o", tmp_path / "out", "--dry-run"], capsys)
+    assert facts["frames"] == "4: 1-4; what follows is of frame 1"
+    assert facts["camera"]["at"] == pytest.approx([0.11, 0.5, 1.0])
+    assert facts["pixels"] == "192 × 128"
+    million = 4 * 8 * 192 * 128 / 1e6
+    assert facts["rays"] == f"{million:.3g} million for 4 frames"
+    assert "min for 4 frames on this machine" in facts["estimate"]
+    assert "quick look" not in facts and not (tmp_path / "out").exists()
+    # What stands for the plate is never looked at by the job, and not by a dry run.
+    moving.write_text(moving.read_text().replace('photographs = "pan_1.exr"', 'photographs = "gone.exr"'))
+    assert reported(["insert", moving, "-o", tmp_path / "out", "--dry-run"], capsys)["pixels"] == "192 × 128"
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "words"),
+    [
+        ("pan_*.exr", "pan_[123].exr", "sequence.plates: no picture has the number of frame 4"),
+        ('"1-4"', '"1-4"\noffset = -1', "sequence.plates: no picture has the number of frame 1, sequence.offset -1"),
+        ('"track.chan"', '"track.chan", offset = 2', "track.chan has the frames 1 to 4, and the sequence asks for 3"),
+    ],
+)
+def test_a_dry_run_refuses_frames_that_the_job_would(moving, tmp_path, capsys, old, new, words):
+    moving.write_text(moving.read_text().replace(old, new))
+    assert words in refused(["insert", moving, "-o", tmp_path / "out", "--dry-run"], capsys)
+    assert words in refused(["insert", moving, "-o", tmp_path / "out"], capsys)

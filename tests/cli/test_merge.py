@@ -743,12 +743,23 @@ def test_lateral_colour_and_a_lamp_in_the_dark_are_asked_for():
     assert lamp.glare == LampInTheDark(Path("dark.exr"), Rectangle(3, 4, 5, 6))
 
 
+def test_the_lateral_colour_taken_out_is_said(merged, shoot, profile, tmp_path, capsys):
+    picture, facts = merged("--lateral", "0.001,0,-0.002,0")
+    assert facts["lateral_colour"] == picture.attributes["lateral_colour"]
+    assert facts["lateral_colour"] == "red +0.001000 +0.000000 blue -0.002000 +0.000000"
+    assert merged()[1]["lateral_colour"] is None
+    words = ["merge", *shoot, "-o", str(tmp_path / "b.exr"), "--profile", profile, "--lateral", "0.001,0,-0.002,0"]
+    assert main(words) in (0, 4) and "red +0.001000 +0.000000 blue -0.002000" in capsys.readouterr().out
+
+
 @pytest.mark.parametrize(
     ("options", "words"),
     [
         (["--glare-lamp", "1,2,3,4"], "--glare-lamp and --glare-map go together"),
         (["--glare-lamp", "1,2,3,4", "--glare-map", "a.exr", "--glare", "1,2,3,4"], "both give the glare; give one"),
         (["--lateral", "0.5,0,0,0"], "red is 0.5,0"),
+        (["--lateral", "0.001,0"], '"0.001,0" is not of the form RED_A,RED_B,BLUE_A,BLUE_B; write it like auto or'),
+        (["--lateral", "foo"], '"foo" is not of the form RED_A,RED_B,BLUE_A,BLUE_B; write it like auto or'),
         (["--scans", "a.json", "--each"], "--report are not for --scans"),
         (["--scans", "a.json", "--times", "1,2"], "--times is its one exposure; give one number"),
         (["--scans", "a.json", "b.json"], "1 scans and 2 profiles"),

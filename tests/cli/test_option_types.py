@@ -60,6 +60,9 @@ def test_an_option_may_be_repeated():
         (Size, "4.5x5"), (Seconds, "1/0"), (Seconds, "1/30,-2"), (Seconds, ""), (Angles, "1,2,3,4"), (Colour, "1,2"),
         (Annotated[tuple[Path, float], numbers("MASK=STOPS", like="sun.png=12")], "sun.png"),
         (Annotated[tuple[Path, float], numbers("MASK=STOPS", like="sun.png=12")], "=3"),
+        (Annotated[tuple[float, float] | str | None, numbers("X,Y", like="1,2 or auto", words=("auto",))], "foo"),
+        (Annotated[tuple[float, float] | str | None, numbers("X,Y", like="1,2 or auto", words=("auto",))], "0.001"),
+        (Annotated[list[tuple[float, float] | str], numbers("X,Y", like="1,2 or auto", words=("auto",))], "1,2,3"),
     ],
 )  # fmt: skip
 def test_a_fault_names_the_option_and_shows_an_example(kind: Any, word: str):

@@ -284,7 +284,9 @@ def _job(
 
 def _dry_run(shot: rl.Shot, out: Path, output: OutputOptions) -> Sequence[rl.errors.Doubt]:
     """What the photographs show, in seconds: frames and times, the board, the balls."""
-    require_files([*shot.files(shot.plate.photographs), *(shot.folder / name for name in shot.named_files())])
+    # Of a sequence with plates the frames name the photographs, which are checked frame by frame.
+    plates = [] if shot.sequence is not None and shot.sequence.plates is not None else shot.plate.photographs
+    require_files([*shot.files(plates), *(shot.folder / name for name in shot.named_files())])
     with progress(output) as report:
         checked = rl.report.check_shot(shot, progress=report)
     print_facts(output, {"would write": str(out), **checked.facts})

@@ -79,7 +79,8 @@ class Lens:
         tuple[float, float, float, float] | str | None,
         numbers(
             "RED_A,RED_B,BLUE_A,BLUE_B", like="auto or 0.0004,-0.0002,-0.0003,0.0001", group=LENS, words=("auto",),
-            help="Bring red and blue onto green: lateral colour found in the edges, or a + b ρ², ρ in half diagonals.",
+            help="Bring red and blue onto green: lateral colour found in the edges (auto), or how much larger than "
+            "green each is drawn, a + b ρ² of the radius, ρ in half diagonals; below 0 is smaller.",
         ),
     ] = None  # fmt: skip
     white: Annotated[

@@ -37,14 +37,14 @@ def numbers(
     filled : stands for the numbers that are missing at the end of a tuple, as the 0 of YAW[,PITCH[,ROLL]]
     repeated : one number stands for all numbers of the tuple, as a grey for R,G,B
     above : every number must be above this
-    words : words that are taken as they are, like "auto"
+    words : words that are taken as they are, like "auto"; no other text is, though the type is then a union with str
     """
 
     def one(kind: Any, word: str) -> Any:
         if word in words:
             return word
         try:
-            return _value(kind, word, filled, repeated, above)
+            return _value(_without_text(kind) if words else kind, word, filled, repeated, above)
         except ValueError:
             raise ValueError(f'"{word}" is not of the form {form}; write it like {like}') from None
 
@@ -94,6 +94,13 @@ def _bare(kind: Any) -> Any:
         members = [_bare(member) for member in get_args(kind) if member is not type(None)]
         return members[0] if len(members) == 1 else Union[tuple(members)]  # noqa: UP007
     return kind
+
+
+def _without_text(kind: Any) -> Any:
+    """The members of a union that are not str."""
+    if get_origin(kind) not in (Union, types.UnionType):
+        return kind
+    return Union[tuple(member for member in get_args(kind) if member is not str)]  # noqa: UP007
 
 
 def _value(kind: Any, word: str, filled: float | None, repeated: bool, above: float | None) -> Any:

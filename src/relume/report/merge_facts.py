@@ -108,7 +108,8 @@ _FRAME: dict[str, Any] = dict.fromkeys(
 _BRACKET: dict[str, Any] = dict.fromkeys(
     (
         "written", "camera", "unit", "frames", "saturated", "black", "outside", "pixels", "solid_angle_sr",
-        "irradiance_at_least", "luminance_at_least", "light_share_at_least", "scale", "moved", "ghost_share",
+        "irradiance_at_least", "luminance_at_least", "light_share_at_least", "scale", "lateral_colour", "moved",
+        "ghost_share",
     )
 )  # fmt: skip
 
@@ -137,6 +138,7 @@ def _bracket(bracket: MergedBracket, target: Path) -> dict[str, Any]:
         "frames": _frames(bracket),
         "saturated": found.saturated, "black": found.black, "outside": found.outside, "pixels": found.pixels,
         "scale": scale and {"factor": list(scale.factor), "deviation": scale.deviation, "source": scale.source},
+        "lateral_colour": bracket.picture.attributes.get("lateral_colour"),
         "moved": _moved(bracket),
         "ghost_share": None if deghosted is None else float(deghosted.ghosts.mean()),
     }  # fmt: skip
@@ -160,6 +162,8 @@ def _words(bracket: MergedBracket) -> dict[str, object]:
     found: dict[str, object] = {"exposures": times, "unit": in_words(bracket.picture.unit)}
     if bracket.scale is not None:
         found["scale"] = str(bracket.scale)
+    if lateral := bracket.picture.attributes.get("lateral_colour"):
+        found["lateral colour"] = f"{lateral}, taken out"
     if moved := _moved(bracket):
         found["moved"] = counted(moved, "photograph")
     if bracket.deghosted is not None and bracket.deghosted.ghosts.any():

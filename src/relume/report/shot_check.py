@@ -26,9 +26,11 @@ from relume.probe.ball.unwrapping import unwrap_ball
 from relume.probe.clipped_light import linear
 from relume.project.forecast import Forecast, forecast
 from relume.project.insertion.ball_camera import camera_of_ball
+from relume.project.insertion.frame_shots import at_frame, frames_of
 from relume.project.insertion.photographs import read_photographs
 from relume.project.shot_file.camera_table import camera_fit
 from relume.project.shot_file.objects import doubts_about, placed_meshes
+from relume.project.shot_file.sequence_table import frames_as_text
 from relume.project.shot_file.shot import Shot
 from relume.report.capture_report import seconds_in_words
 from relume.scene.cameras.camera import Camera
@@ -53,12 +55,20 @@ class ShotCheck:
 def check_shot(shot: Shot, *, progress: Callable[[str, float], None] = lambda step, share: None) -> ShotCheck:
     """Read all that a shot names and say what is in it: what `insert` would use.
 
+    Of a shot with a sequence all frames are checked to have their plates, cameras and maps of light, and the first is
+    looked at; the estimate is of all, as if each were the first.
     progress : called with the name of each step and the share of it that is done
     Raises RelumeError for what `insert` would refuse of it.
     """
     found: list[Doubt] = []
     facts: dict[str, object] = {}
     with GatheredDoubts() as gathered:
+        # Of a sequence the frames, and its first as a plain shot.
+        count = 1
+        if shot.sequence is not None:
+            numbers = frames_of(shot)
+            shot, count = at_frame(shot, numbers[0]), len(numbers)
+            facts["frames"] = f"{count}: {frames_as_text(numbers)}; what follows is of frame {numbers[0]}"
         # The photographs and their times.
         progress("photographs", 0.0)
         meshes = placed_meshes(shot)
@@ -114,20 +124,20 @@ def check_shot(shot: Shot, *, progress: Callable[[str, float], None] = lambda st
     facts["objects"] = {mesh.name: _extent(mesh.vertices, fit and fit.camera) for mesh in meshes}
     facts["pixels"], facts["samples"] = f"{size[0]} × {size[1]}", shot.render.samples
     if expected is not None:
-        facts |= _in_words(expected)
+        facts |= _in_words(expected, count)
     return ShotCheck(facts, ranked([*gathered.doubts, *found]))
 
 
-def _in_words(expected: Forecast) -> dict[str, object]:
-    """What an insertion will take, as it is said."""
-    minutes = max(1, round(expected.seconds / 60))
-    return {
-        "rays a pixel": round(expected.rays, 1),
-        "rays": f"{expected.total / 1e6:.3g} million",
-        "estimate": f"{minutes} min on this machine as busy as it is, {expected.memory / 1e9:.2g} GB of memory, "
-        f"{expected.disk / 1e9:.2g} GB of disk",
-        "quick look": "--preview",
-    }
+def _in_words(expected: Forecast, count: int) -> dict[str, object]:
+    """What an insertion into so many frames will take, as it is said; a sequence has no quick look."""
+    minutes = max(1, round(count * expected.seconds / 60))
+    of_all = f" for {count} frames" if count > 1 else ""
+    estimate = (
+        f"{minutes} min{of_all} on this machine as busy as it is, {expected.memory / 1e9:.2g} GB of memory, "
+        f"{count * expected.disk / 1e9:.2g} GB of disk"
+    )
+    facts = {"rays a pixel": round(expected.rays, 1), "rays": f"{count * expected.total / 1e6:.3g} million{of_all}"}
+    return facts | {"estimate": estimate} | ({"quick look": "--preview"} if count == 1 else {})
 
 
 def _times(source: BracketSource) -> dict[str, str]:
