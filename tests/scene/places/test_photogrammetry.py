@@ -173,6 +173,11 @@ def test_a_damaged_model_is_refused(tmp_path):
         with pytest.raises(UnreadableFile, match="claims"):
             rl.scene.read_photogrammetry(model, scale=1.0)
         path.write_bytes(whole)
+    # The number of the first point, which is beyond what numbers of points can be.
+    whole = (model / "points3D.bin").read_bytes()
+    (model / "points3D.bin").write_bytes(whole[:8] + b"\xff" * 8 + whole[16:])
+    with pytest.raises(UnreadableFile, match="not a readable COLMAP model"):
+        rl.scene.read_photogrammetry(model, scale=1.0)
     with pytest.raises(UnreadableFile, match="no COLMAP model"):
         rl.scene.read_photogrammetry(tmp_path, scale=1.0)
 
@@ -238,12 +243,28 @@ def test_models_of_openmvg_and_meshroom_project_as_opencv_does(tmp_path, found):
     assert photograph.camera.project(2 * world * [1, -1, -1]) == pytest.approx(shown[:, 0], abs=1e-9)
 
 
+def test_a_pose_that_mirrors_is_refused(tmp_path):
+    path = tmp_path / "sfm.json"
+    mirrored = alicevision(["1", "2", "6"], ["5", "-2"], {"pxFocalLength": "1000"})
+    turned = (ROTATION.T * [1, 1, -1]).reshape(-1)
+    mirrored["poses"][0]["pose"]["transform"]["rotation"] = [str(value) for value in turned]
+    other = openmvg()
+    other["extrinsics"][0]["value"]["rotation"] = (ROTATION * [[1], [-1], [1]]).tolist()
+    for found in (mirrored, other):
+        path.write_text(json.dumps(found))
+        with pytest.raises(UnreadableFile, match="a pose's rotation mirrors the place"):
+            rl.scene.read_photogrammetry(path, scale=1.0)
+
+
 def test_json_that_is_no_model_is_refused(tmp_path):
     path = tmp_path / "sfm.json"
+    endless = openmvg()
+    endless["structure"][0]["key"] = 10**30
     for text, message in (
         ("{", "no model of Meshroom or OpenMVG"),
         ("[]", "no model of Meshroom or OpenMVG"),
         ('{"views": [], "intrinsics": []}', "holds no photograph with a pose"),
+        (json.dumps(endless), "no model of Meshroom or OpenMVG"),
         (
             json.dumps(alicevision(["1", "2", "6"], ["0", "0"], {"pxFocalLength": "9", "type": "fisheye4"})),
             "of type fish",

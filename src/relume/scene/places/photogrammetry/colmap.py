@@ -43,7 +43,7 @@ def read_colmap(folder: Path) -> FoundModel:
             )
         else:
             lenses, poses, (numbers, points) = _text_lenses(names[0]), _text_poses(names[1]), _text_points(names[2])
-    except (ValueError, IndexError, struct.error, UnicodeDecodeError) as error:
+    except (OSError, OverflowError, ValueError, IndexError, struct.error) as error:
         reason = " ".join(str(error).split())
         raise UnreadableFile(f"{folder}: not a readable COLMAP model ({reason}); export it again") from None
     if not poses:

@@ -26,7 +26,7 @@ def read_sfm_json(path: Path) -> FoundModel:
         model = FoundModel(tuple(views), places, numbers)
     except UnreadableFile:
         raise
-    except (OSError, RecursionError, ValueError, KeyError, TypeError, IndexError, AttributeError) as error:
+    except (OSError, RecursionError, ArithmeticError, ValueError, LookupError, TypeError, AttributeError) as error:
         raise UnreadableFile(
             f"{path}: no model of Meshroom or OpenMVG ({type(error).__name__}: {' '.join(str(error).split())}); export "
             "views, intrinsics, poses and structure again as JSON"
@@ -129,5 +129,7 @@ def _rotation(path: Path, given: Any) -> np.ndarray:
     rotation = np.array(given, np.float64)
     if rotation.shape != (3, 3) or not np.allclose(rotation @ rotation.T, np.eye(3), atol=1e-3):
         raise UnreadableFile(f"{path}: a pose's rotation is none; export it again")
+    if np.linalg.det(rotation) < 0:
+        raise UnreadableFile(f"{path}: a pose's rotation mirrors the place; export it again")
     left, _, right = np.linalg.svd(rotation)
     return left @ right
