@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from relume.errors import OutputNotWritten, UnreadableFile
-from relume.image.files.video import Movie, read_video, read_video_frame
+from relume.image.files.video import VIDEOS, Movie, read_video, read_video_frame, video_frames
 
 av = pytest.importorskip("av")
 
@@ -146,6 +146,67 @@ def test_a_video_is_read_picture_by_picture(tmp_path):
         assert abs(int(read.pixels[40, 30, 0]) - (20 + 5 * (number - 1))) <= 2 and f"frame {number}" in read.name
     with pytest.raises(UnreadableFile, match=r"a\.mp4: it has the frames 1 to 30, and frame 31 was asked for"):
         read_video_frame(path, 31)
+
+
+CODECS = {
+    ".webm": ("libvpx-vp9", {}),
+    ".mpg": ("mpeg1video", {}),
+    ".mpeg": ("mpeg2video", {}),
+    ".mxf": ("mpeg2video", {}),
+}
+"""Of the containers that do not take H.264."""
+OPEN = {"x264-params": "open-gop=1:keyint=8:min-keyint=4:scenecut=0"}
+
+
+def encoded(path, codec="libx264", options=None, count=40):
+    """A video of pictures that all differ, with pictures between others and a key picture about every 12."""
+    with av.open(str(path), "w") as container:
+        stream = container.add_stream(codec, rate=25, options=options or {})
+        stream.width, stream.height, stream.pix_fmt = 96, 64, "yuv420p"
+        stream.codec_context.gop_size, stream.codec_context.max_b_frames = 12, 2
+        for number in range(count):
+            frame = np.full((64, 96, 3), (6 * number, 40, 40), np.uint8)
+            frame[10:50, number * 7 % 80 :][:, :12, 1] = 200
+            container.mux(stream.encode(av.VideoFrame.from_ndarray(frame, format="rgb24")))
+        container.mux(stream.encode())
+    return path
+
+
+def assert_read_as_all_are(path, count):
+    frames = list(video_frames(path))
+    assert len({frame.tobytes() for frame in frames}) == read_video(path).frames == count
+    for number in (*range(1, count + 1), *range(count, 0, -1)):
+        assert np.array_equal(read_video_frame(path, number).pixels, frames[number - 1]), number
+
+
+@pytest.mark.parametrize(
+    ("suffix", "codec", "options"),
+    [(suffix, *CODECS.get(suffix, ("libx264", {}))) for suffix in VIDEOS]
+    + [(".avi", "mpeg4", {}), (".mts", "mpeg2video", {}), (".mp4", "libx264", OPEN), (".mkv", "libx264", OPEN)],
+)
+def test_each_picture_of_any_container_is_that_of_all_in_turn(tmp_path, suffix, codec, options):
+    if codec not in av.codecs_available:
+        pytest.skip(f"this PyAV does not write {codec}")
+    assert_read_as_all_are(encoded(tmp_path / f"a{suffix}", codec, options), 40)
+
+
+def test_pictures_before_a_cut_are_not_counted(tmp_path):
+    """A video cut without encoding keeps pictures before its first, for decoding, at times below 0."""
+    with av.open(str(encoded(tmp_path / "whole.mp4"))) as whole, av.open(str(tmp_path / "cut.mp4"), "w") as cut:
+        stream = cut.add_stream_from_template(whole.streams.video[0])
+        for packet in whole.demux(whole.streams.video[0]):
+            if packet.size:
+                packet.pts, packet.dts, packet.stream = packet.pts - 6 * 512, packet.dts - 6 * 512, stream
+                cut.mux(packet)
+    assert_read_as_all_are(tmp_path / "cut.mp4", 34)
+    first = read_video_frame(tmp_path / "cut.mp4", 1).pixels
+    assert np.array_equal(first, read_video_frame(tmp_path / "whole.mp4", 7).pixels)
+
+
+def test_a_picture_is_decoded_for_the_size_alone(tmp_path, monkeypatch):
+    path = encoded(tmp_path / "a.mp4")
+    monkeypatch.setattr("relume.image.files.video.read_video_frame", lambda *_: pytest.fail("a picture was decoded"))
+    assert (read_video(path).frames, read_video(path).rate) == (40, 25)
 
 
 @pytest.mark.parametrize(

@@ -5,8 +5,11 @@ PyAV is imported at first use.
 
 from __future__ import annotations
 
+import bisect
 import contextlib
+import itertools
 import os
+import zlib
 from collections.abc import Iterator
 from dataclasses import dataclass
 from fractions import Fraction
@@ -33,6 +36,10 @@ _HIGH_DEFINITION = 720
 """Rows from which on a video that does not say its matrix has that of Rec. 709, below that of Rec. 601."""
 _HDR = {16: "PQ", 18: "HLG"}
 """H.273's numbers of the transfers that are for HDR screens."""
+_TIMED = ("mov", "matroska")
+"""Containers, by their first name of FFmpeg, that hold the time at which each picture is shown."""
+_ASTRAY = 16
+"""Pictures by which times after a jump are off at most: H.264 holds back as many."""
 
 
 class Movie:
@@ -145,14 +152,20 @@ class _Abandoned(Exception):
 class Video:
     """What a video file holds.
 
+    path : of it
     frames : how many pictures
     rate : a second, on average
-    size : (width, height) in pixels, upright
     """
 
+    path: Path
     frames: int
     rate: Fraction
-    size: tuple[int, int]
+
+    @property
+    def size(self) -> tuple[int, int]:
+        """(width, height) in pixels, upright: of the first picture, which is decoded for it."""
+        height, width = read_video_frame(self.path, 1).pixels.shape[:2]
+        return width, height
 
 
 def is_video(path: str | os.PathLike[str]) -> bool:
@@ -161,50 +174,138 @@ def is_video(path: str | os.PathLike[str]) -> bool:
 
 
 def read_video(path: str | os.PathLike[str]) -> Video:
-    """How many pictures a video has, at which rate and of which size; raises as `read_video_frame`."""
-    path = Path(path)
-    times, rate = _pictures_of(path)
-    height, width = read_video_frame(path, 1).pixels.shape[:2]
-    return Video(len(times), rate, (width, height))
+    """How many pictures a video has and at which rate; raises as `read_video_frame`."""
+    index = _index_of(Path(path))
+    return Video(Path(path), len(index.times), index.rate)
 
 
 def read_video_frame(path: str | os.PathLike[str], number: int) -> Photograph:
     """One picture of a video as an encoded photograph, upright: 8 bits, or 16 where the video has more.
 
-    number : 1 for the first, as frames of films are numbered
+    number : 1 for the first, as frames of films are numbered; it is the picture that `video_frames` gives at this place
     Colours are converted by the matrix and range that the video names; one that names none has Rec. 709's matrix from
-    720 rows on and Rec. 601's below. Values keep the video's own curve. Raises UnreadableFile for a damaged video, for
-    a number that it has not and for one made for HDR screens; ValueError where PyAV is missing. Warns of fields.
+    720 rows on and Rec. 601's below. Values keep the video's own curve. Containers other than .mp4, .mov, .mkv and
+    .webm are decoded once as a whole before the first picture. Raises UnreadableFile for a damaged video, for a number
+    that it has not and for one made for HDR screens; ValueError where PyAV is missing. Warns of fields.
     """
     path = Path(path)
-    times, _ = _pictures_of(path)
-    if not 1 <= number <= len(times):
-        raise UnreadableFile(f"{path}: it has the frames 1 to {len(times)}, and frame {number} was asked for")
-    with _decoding(path) as (container, stream):
-        container.seek(times[number - 1], stream=stream, backward=True)
-        for frame in container.decode(stream):
-            if frame.pts == times[number - 1]:
+    index = _index_of(path)
+    if not 1 <= number <= len(index.times):
+        raise UnreadableFile(f"{path}: it has the frames 1 to {len(index.times)}, and frame {number} was asked for")
+    for start in index.starts(number):
+        with _decoding(path) as (container, stream):
+            container.seek(start, stream=stream, backward=True)
+            if (frame := _sought(container.decode(stream), index, number)) is not None:
                 return _photograph(path, frame, number)
+    # No place before the picture leads to it: all are counted, as `video_frames` does.
+    with _decoding(path) as (container, stream):
+        for frame in itertools.islice(container.decode(stream), number - 1, number):
+            return _photograph(path, frame, number)
     raise UnreadableFile(f"{path}: frame {number} cannot be decoded; convert the video to H.264 in .mp4")
 
 
-def _pictures_of(path: Path) -> tuple[tuple[int, ...], Fraction]:
-    """When each picture of a video is shown, in its own unit of time, in order; and its rate."""
+@dataclass(frozen=True)
+class _Index:
+    """Where the pictures of a video are.
+
+    times : when each is shown, in the video's own unit, in order; None where its container does not say
+    keys : times of the pictures that need no other, from which decoding can start
+    prints : a checksum of each picture where times do not tell pictures apart, else empty
+    rate : a second
+    """
+
+    times: tuple[int | None, ...]
+    keys: tuple[int, ...]
+    prints: tuple[int, ...]
+    rate: Fraction
+
+    def starts(self, number: int) -> Iterator[int]:
+        """Key pictures from which to decode in search of a picture.
+
+        The one just before it is not enough: pictures between two key pictures may need both.
+        """
+        time = self.times[number - 1]
+        before = 0 if time is None else bisect.bisect_right(self.keys, time)
+        for back in (2, 5):
+            if before > back:
+                yield self.keys[before - back]
+
+    def is_past(self, time: int | None, number: int) -> bool:
+        """Whether a picture shown at this time comes so late that the sought one comes no more."""
+        last = self.times[min(number - 1 + _ASTRAY, len(self.times) - 1)]
+        return time is not None and last is not None and time > last
+
+
+def _sought(frames: Iterator[Any], index: _Index, number: int) -> Any:
+    """The sought one among the pictures that are decoded after a jump; None where it is not there."""
+    for place, frame in enumerate(frames):
+        if index.prints:
+            # Times after a jump may be off, and pictures broken: only what looks like the picture is it.
+            if _print(frame) == index.prints[number - 1]:
+                return frame
+        # The first picture after a jump may be one whose neighbours were not decoded.
+        elif frame.pts == index.times[number - 1] and (place > 0 or frame.key_frame):
+            return frame
+        if index.is_past(frame.pts, number):
+            return None
+    return None
+
+
+def _index_of(path: Path) -> _Index:
     try:
         facts = path.stat()
     except OSError as error:
         raise UnreadableFile(f"{path}: cannot be opened: {one_line(error.strerror or error)}; check the path") from None
-    return _listed(path, facts.st_size, facts.st_mtime_ns)
+    return _indexed(path, facts.st_size, facts.st_mtime_ns)
 
 
 @lru_cache(maxsize=16)
-def _listed(path: Path, size: int, modified: int) -> tuple[tuple[int, ...], Fraction]:
+def _indexed(path: Path, size: int, modified: int) -> _Index:
     with _decoding(path) as (container, stream):
-        times = sorted(packet.pts for packet in container.demux(stream) if packet.pts is not None)
         rate = stream.average_rate
-    if not times or not rate:
+        index = _by_packets(container, stream, rate)
+    if index is None:
+        with _decoding(path) as (container, stream):
+            index = _by_pictures(container, stream, rate)
+    if not index.times or not rate:
         raise UnreadableFile(f"{path}: its pictures have no times; convert the video to H.264 in .mp4")
-    return tuple(times), rate
+    return index
+
+
+def _by_packets(container: Any, stream: Any, rate: Fraction) -> _Index | None:
+    """The index of a container that says when each picture is shown, without decoding; None of another."""
+    # VP8 has packets of pictures that are never shown.
+    if container.format.name.split(",")[0] not in _TIMED or stream.codec_context.name in ("vp8", "libvpx"):
+        return None
+    # An edit list discards pictures before the first that is shown; they are there for decoding alone.
+    packets = [packet for packet in container.demux(stream) if packet.size and not packet.is_discard]
+    times = [packet.pts for packet in packets]
+    if None in times or len(set(times)) < len(times):
+        return None
+    keys = sorted(packet.pts for packet in packets if packet.is_keyframe)
+    return _Index(tuple(sorted(times)), tuple(keys), (), rate)
+
+
+def _by_pictures(container: Any, stream: Any, rate: Fraction) -> _Index:
+    """The index of any video: every picture is decoded, as `video_frames` does."""
+    times, keys, prints = list[int | None](), list[int](), list[int]()
+    for frame in container.decode(stream):
+        times.append(frame.pts)
+        prints.append(_print(frame))
+        if frame.key_frame and frame.pts is not None:
+            keys.append(frame.pts)
+    return _Index(tuple(times), tuple(sorted(keys)), tuple(prints), rate)
+
+
+def _print(frame: Any) -> int:
+    """A checksum of a decoded picture's values, without what pads its rows."""
+    result = 0
+    parts = frame.format.components
+    for plane in frame.planes:
+        held = plane.width * -(-parts[0].bits // 8) * (1 if len(frame.planes) >= len(parts) else len(parts))
+        rows = np.frombuffer(plane, np.uint8)[: plane.height * plane.line_size].reshape(plane.height, plane.line_size)
+        result = zlib.crc32(np.ascontiguousarray(rows[:, :held]), result)
+    return result
 
 
 def video_frames(path: str | os.PathLike[str]) -> Iterator[np.ndarray]:

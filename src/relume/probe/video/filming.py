@@ -19,7 +19,7 @@ from relume.capture.response.camera_profile import CameraProfile
 from relume.errors import Doubt, GatheredDoubts, OutputNotWritten, ranked
 from relume.image import files
 from relume.image.files.encodings import OpenEXR
-from relume.image.files.video import VIDEOS, video_frames
+from relume.image.files.video import is_video, video_frames
 from relume.image.radiance import SATURATED, RadianceMap
 from relume.probe.video.calibrating import BallFilm, FilmCalibration, SphericalFilm, calibrate_film
 from relume.probe.video.merging import Collected, MomentMap, gains_darkest, merged
@@ -103,8 +103,8 @@ class FilmProbe:
 
 
 def is_film(path: str | os.PathLike[str]) -> bool:
-    """Whether a name is that of a video: .mp4, .mov, .m4v, .avi, .mkv or .webm."""
-    return Path(path).suffix.lower() in VIDEOS
+    """Whether a name is that of a video, by its suffix, as .mp4, .mov, .mkv or .mts."""
+    return is_video(path)
 
 
 def probe_film(
