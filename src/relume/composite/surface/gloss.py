@@ -155,7 +155,7 @@ def _with_usual(draws: list[tuple[FittedGloss, np.ndarray]]) -> FittedGloss:
 def _from_two(
     shared: Shared, camera: Camera, scene: Scene, seed: int, starts: tuple[np.ndarray, ...]
 ) -> tuple[FittedGloss, np.ndarray]:  # fmt: skip
-    to_camera = arriving(scene, shared.points, shared.normals, np.array(camera.position), seed=seed)
+    to_camera = arriving(scene, shared.points, shared.normals, camera.eyes_towards(shared.points), seed=seed)
     to_probe = arriving(scene, shared.points, shared.normals, shared.seen_from, seed=seed)
     # Of groups, because weights that follow a place's own errors favour the places that err low.
     plate_error = PATTERN * _of_groups(shared.plate, shared.cells)
@@ -186,7 +186,7 @@ def _of_groups(values: np.ndarray, cells: np.ndarray) -> np.ndarray:
 
 
 def _from_one(shared: Shared, camera: Camera, scene: Scene, seed: int, notes: tuple[str, ...]) -> FittedGloss:
-    to_camera = arriving(scene, shared.points, shared.normals, np.array(camera.position), seed=seed)
+    to_camera = arriving(scene, shared.points, shared.normals, camera.eyes_towards(shared.points), seed=seed)
     scale, at_camera = PATTERN * shared.plate, _splits(to_camera)
 
     def residuals(theta: np.ndarray, gain: float = 1.0) -> np.ndarray:

@@ -179,10 +179,11 @@ def _frustum(camera: Camera) -> list[tuple[np.ndarray, float]]:
         ((0.0, 1.0, up.min()), 0.0),
         ((0.0, -1.0, -up.max()), 0.0),
     ]
-    planes = []
+    # With a rolling shutter as far out as the row does that starts furthest out.
+    planes, eyes = [], np.unique(camera.eyes(rim), axis=0)
     for normal, offset in local:
         world = camera.rotation @ np.array(normal)
-        planes.append((world, float(world @ camera.position + offset)))
+        planes.append((world, float(min(world @ eye for eye in eyes) + offset)))
     return planes
 
 
@@ -225,15 +226,16 @@ class _Sight:
     """What of the surfaces the camera sees."""
 
     def __init__(self, camera: Camera, shapes: Sequence[Shape]) -> None:
-        self.eye, self.caster = np.array(camera.position, np.float64), RayCaster.of(shapes)
+        self.camera, self.caster = camera, RayCaster.of(shapes)
 
     def visible(self, points: np.ndarray) -> np.ndarray:
         """(N,) bool; points on a surface are not hidden by that surface itself."""
-        way = points - self.eye
+        eyes = self.camera.eyes_towards(points)
+        way = points - eyes
         distance = np.linalg.norm(way, axis=-1)
         # float32 corners are off by 1e-7 of their distance from the origin.
         slack = 1e-5 * (distance + np.abs(points).max(initial=0))
-        return ~self.caster.occluded(self.eye, way / distance[:, None], np.maximum(distance - slack, 0))
+        return ~self.caster.occluded(eyes, way / distance[:, None], np.maximum(distance - slack, 0))
 
 
 def _split(soup: np.ndarray, camera: Camera, sight: _Sight | None, name: str) -> np.ndarray:

@@ -304,13 +304,13 @@ class _Looks:
 
 def _parts(scene: Scene, camera: Camera) -> np.ndarray:
     """(H, W) int: which local surface the middle of each pixel shows; −1 for none."""
-    caster, eye = RayCaster.of(scene.local), np.array(camera.position, np.float64)
+    caster = RayCaster.of(scene.local)
     parts, across = np.empty((camera.height, camera.width), np.int32), np.arange(camera.width) + 0.5
     step = max(1, BAND // camera.width)
     for top in range(0, camera.height, step):
         down = np.arange(top, min(top + step, camera.height)) + 0.5
         points = np.stack(np.broadcast_arrays(across[None, :], down[:, None]), axis=-1)
-        hits = caster.nearest(eye, camera.rays_through(points).reshape(-1, 3))
+        hits = caster.nearest(camera.eyes(points).reshape(-1, 3), camera.rays_through(points).reshape(-1, 3))
         parts[top : top + step] = hits.shape.reshape(points.shape[:2])
     return parts
 

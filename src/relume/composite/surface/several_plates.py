@@ -193,12 +193,11 @@ class _Places:
 
     @staticmethod
     def of(view: LitView) -> _Places:
-        camera, eye = view.camera, np.array(view.camera.position, np.float64)
-        rays = camera.rays()
-        hits = RayCaster.of(view.scene.local).nearest(eye, rays.reshape(-1, 3))
+        rays, eyes = view.camera.rays(), view.camera.eyes(view.camera.middles())
+        hits = RayCaster.of(view.scene.local).nearest(eyes.reshape(-1, 3), rays.reshape(-1, 3))
         parts = hits.shape.reshape(rays.shape[:2])
         distance = np.where(parts >= 0, hits.distance.reshape(parts.shape), 0.0)
-        return _Places(parts, eye + distance[..., None] * rays)
+        return _Places(parts, eyes + distance[..., None] * rays)
 
     def shown_by(self, view: LitView, index: int, chosen: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Of places chosen (N,) of a surface, where a view has them, shares of its picture (N, 2); which it shows."""
@@ -265,7 +264,7 @@ def _gloss_of(
         return None
     chosen, points = chosen[several], points[several]
     seen = [(at[several], shown[several]) for at, shown in seen]
-    normals = normals_at(views[0].scene, index, np.array(views[0].camera.position), points)
+    normals = normals_at(views[0].scene, index, views[0].camera.eyes_towards(points), points)
     radiance, variance, drawn = [], [], []
     for number, (view, (at, shown)) in enumerate(zip(views, seen, strict=True)):
         radiance.append(np.where(shown[:, None], values_at(view.plate.radiance, at), np.nan))
@@ -298,8 +297,8 @@ def _lights_of(
     sets of directions."""
     surface = view.scene.local[index]
     scene = view.scene.with_local([surface, *(each for each in view.scene.local if each is not surface)])
-    eye = np.array(view.camera.position, np.float64)
-    arrived = [arriving(scene, points, normals, eye, seed=seed + k) for k in range(DRAWS)]
+    eyes = view.camera.eyes_towards(points)
+    arrived = [arriving(scene, points, normals, eyes, seed=seed + k) for k in range(DRAWS)]
     drawn = [gloss_lights(each.gloss_and_base) for each in arrived]
     even = np.mean([each.reflected(Diffuse((1.0, 1.0, 1.0))) for each in arrived], axis=0)
 

@@ -122,16 +122,16 @@ def plate_points(plate: RadianceMap, camera: Camera, scene: Scene, index: int, u
     row, column = np.nonzero(usable)
     chosen = (row % step == 0) & (column % step == 0)
     row, column = row[chosen], column[chosen]
-    rays = camera.rays_through(np.stack([column + 0.5, row + 0.5], axis=-1))
-    eye = np.array(camera.position, np.float64)
-    hits = RayCaster.of(scene.local).nearest(eye, rays)
+    at = np.stack([column + 0.5, row + 0.5], axis=-1)
+    rays, eyes = camera.rays_through(at), camera.eyes(at)
+    hits = RayCaster.of(scene.local).nearest(eyes, rays)
     on_it = hits.shape == index
-    points = eye + hits.distance[on_it, None] * rays[on_it]
+    eyes = eyes[on_it]
+    points = eyes + hits.distance[on_it, None] * rays[on_it]
     seen = plate.radiance[row[on_it], column[on_it]].astype(np.float64)
     side = max(1, max(usable.shape) // 8)
     cells = np.unique((row[on_it] // side) * 64 + column[on_it] // side, return_inverse=True)[1]
-    normals, eyes = normals_at(scene, index, eye, points), np.broadcast_to(eye, points.shape)
-    return Shared(points, normals, eyes, seen, seen, cells)
+    return Shared(points, normals_at(scene, index, eyes, points), eyes, seen, seen, cells)
 
 
 def _well_inside(shown: np.ndarray, rows: int) -> np.ndarray:
@@ -144,7 +144,7 @@ def _well_inside(shown: np.ndarray, rows: int) -> np.ndarray:
 
 
 def normals_at(scene: Scene, index: int, eye: np.ndarray, points: np.ndarray) -> np.ndarray:
-    """Unit normals on the side of the eye."""
+    """Unit normals on the side of the eye, (3,), or of each point's, (N, 3)."""
     mesh = triangles_of_shape(scene.local[index])
     way = points - eye
     distance = np.linalg.norm(way, axis=-1, keepdims=True)
@@ -163,10 +163,10 @@ def shown_at(
         inside = np.all((at >= 0) & (at < [camera.width, camera.height]), axis=-1)
     pixel = np.where(inside[..., None], np.nan_to_num(at), 0).astype(int)
     result = inside & usable[pixel[..., 1], pixel[..., 0]]
-    eye = np.array(camera.position, np.float64)
-    way = points[result] - eye
+    eyes = camera.eyes(at[result])
+    way = points[result] - eyes
     distance = np.linalg.norm(way, axis=-1)
-    hits = caster.nearest(eye, way / distance[:, None])
+    hits = caster.nearest(eyes, way / distance[:, None])
     result[result] = (hits.shape == index) & (np.abs(hits.distance - distance) < 1e-3 * distance)
     return result
 

@@ -160,15 +160,15 @@ def seen_by_both(calibrated: Calibrated, camera: Camera, place: Scene) -> SeenBy
     """
     plate, probe = calibrated.plate, np.array(place.probe)
     colours, points = _coarse(plate, max(1, camera.width // ACROSS))
-    rays = camera.rays_through(points).reshape(-1, 3)
+    rays, eyes = (each.reshape(-1, 3) for each in (camera.rays_through(points), camera.eyes(points)))
     colours = colours.reshape(-1, 3)
     # Where each ray ends: on a real surface, on the distant scene, or at infinity, where its direction is all there is.
     surfaces = RayCaster.of(place.local)
-    near = surfaces.nearest(camera.position, rays).distance
-    far = wall_distances(place.distant, np.broadcast_to(camera.position, rays.shape), rays)
+    near = surfaces.nearest(eyes, rays).distance
+    far = wall_distances(place.distant, eyes, rays)
     distant = ~(near < far)
     reach = np.minimum(near, far)
-    ends = camera.position + np.where(np.isfinite(reach), reach, 0.0)[:, None] * rays
+    ends = eyes + np.where(np.isfinite(reach), reach, 0.0)[:, None] * rays
     away = np.linalg.norm(ends - probe, axis=-1)
     apart = ~np.isfinite(reach) | (away > NEAR * np.linalg.norm(camera.position - probe))
     towards = np.where(np.isfinite(reach)[:, None], normalised(np.where(apart[:, None], ends - probe, rays)), rays)
@@ -235,7 +235,8 @@ def _scale(shot: Shot, calibrated: Calibrated, camera: Camera, place: Scene, see
     step = max(1, camera.width // ACROSS)
     colours, points = _coarse(calibrated.plate, step)
     whites, _ = _coarse(replace(calibrated.plate, clipped=None), step)
-    hits = RayCaster.of(place.local).nearest(camera.position, camera.rays_through(points).reshape(-1, 3)).shape
+    rays, eyes = (each.reshape(-1, 3) for each in (camera.rays_through(points), camera.eyes(points)))
+    hits = RayCaster.of(place.local).nearest(eyes, rays).shape
     brightness, bright = (luminance(each.reshape(-1, 3)) for each in (colours, whites))
     given = by_reflectance(shot, place, brightness, hits, arriving)
     if given is not None:

@@ -50,9 +50,11 @@ def at_frame(shot: Shot, frame: float) -> Shot:
 
 def moves(shot: Shot) -> bool:
     """Whether keys or files move anything in the shot's sequence; maps of light may change beside."""
-    keyed = (shot.camera, shot.light, *shot.objects)
-    return any(each.keyframes for each in keyed) or any(
-        motion_of(shot.folder / each.mesh) is not None for each in shot.objects
+    keyed = (shot.camera, shot.light, *shot.light.added, *shot.objects)
+    return (
+        any(each.keyframes for each in keyed)
+        or any(motion_of(shot.folder / each.mesh) is not None for each in shot.objects)
+        or _span_of_camera(shot) is not None
     )
 
 
@@ -148,16 +150,23 @@ def _require_plates(shot: Shot, table: SequenceTable, plates: Mapping[int, Path]
         )
 
 
+def _span_of_camera(shot: Shot) -> tuple[float, float] | None:
+    """When the file that moves the camera from plate to plate begins and ends; None where none does."""
+    asked = shot.camera.file
+    if asked is None or shot.sequence is None or shot.sequence.plates is None:
+        return None
+    if asked.numbered and asked.name is not None:
+        return None
+    return motion_span(shot.path(asked.path), asked.name)
+
+
 def _require_camera(shot: Shot, table: SequenceTable) -> None:
     """Raises InvalidShot where the camera's file does not say where the camera was in all frames."""
-    asked = shot.camera.file
-    if asked is None or table.plates is None:
+    asked, span = shot.camera.file, _span_of_camera(shot)
+    if asked is None or span is None:
         return
     path = shot.path(asked.path)
-    span = None if asked.numbered and asked.name is not None else motion_span(path, asked.name)
     first, last = (asked.at(frame, table.frames[0], table.rate) for frame in (table.frames[0], table.frames[-1]))
-    if span is None:
-        return
     if asked.numbered:
         if not span[0] <= (first.frame or 0) <= (last.frame or 0) <= span[1]:
             raise InvalidShot(

@@ -66,10 +66,7 @@ def insert_frames(
     if cluster is not None:
         task = FrameTask(shot, Path(out), 0, renderer, threads, restart, finished)
         return _knowing(_spread(task, frames, progress, cluster), gathered.doubts)
-    table = shot.sequence
-    shutter = Shutter(*((0.0, 0.0) if table is None or table.shutter is None else table.shutter))
-    # Where only maps of light change, a frame is a still under their mean.
-    still = table is None or table.shutter is None or (shot.light.maps is not None and not moves(shot))
+    shutter = shutter_of(shot)
     count, begun = len(chosen_frames(shot, frames)), [0.0]
 
     def share_of_all(step: str, share: float) -> None:
@@ -81,7 +78,7 @@ def insert_frames(
 
     def make(frame: Shot, folder: Path, others: tuple[Path, ...]) -> Sequence[Doubt]:
         number = int(folder.name.rpartition("_")[2])
-        motion = None if still else Motion(lambda time: at_moment(shot, number + time), shutter)
+        motion = None if shutter is None else Motion(lambda time: at_moment(shot, number + time), shutter)
         result = insert(
             frame, folder, renderer=renderer, threads=threads, progress=share_of_all, others=others, motion=motion,
             restart=restart, force=force,
@@ -90,6 +87,16 @@ def insert_frames(
         return result.doubts
 
     return _knowing(make_frames(shot, out, make, frames=frames, progress=share_of_all), gathered.doubts)
+
+
+def shutter_of(shot: Shot) -> Shutter | None:
+    """When the shutter of the sequence's frames opens and closes; None where each frame is a still."""
+    if shot.sequence is None or shot.sequence.shutter is None:
+        return None
+    # Where only maps of light change, a frame is a still under their mean.
+    if shot.light.maps is not None and not moves(shot):
+        return None
+    return Shutter(*shot.sequence.shutter)
 
 
 def with_steady_light(shot: Shot, out: str | Path, progress: Progress = lambda step, share: None) -> Shot:

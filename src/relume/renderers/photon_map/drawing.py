@@ -21,10 +21,11 @@ def drawn_photons(photons: Photons, scene: Scene, camera: Camera) -> np.ndarray:
     at = camera.project(photons.position)
     with np.errstate(invalid="ignore"):
         shown = np.flatnonzero(np.all((at >= 0) & (at < [camera.width, camera.height]), axis=1))
-    way = photons.position[shown] - camera.position
+    eyes = camera.eyes(at[shown])
+    way = photons.position[shown] - eyes
     distance = np.linalg.norm(way, axis=1)
     hidden = RayCaster.of((*scene.local, *scene.objects)).occluded(
-        np.asarray(camera.position, np.float64), normalised(way), distance * (1 - 1e-4)
+        eyes, normalised(way), distance * (1 - 1e-4)
     )
     shown = shown[~hidden]
     column, row = at[shown].astype(int).T
@@ -36,7 +37,7 @@ def drawn_photons(photons: Photons, scene: Scene, camera: Camera) -> np.ndarray:
 def drawn_discs(step: PhotonStep, camera: Camera, every: int = 24) -> np.ndarray:
     """The step's picture (H, W, 3) with the disc of each `every`-th pixel both ways drawn as a white circle."""
     picture, white = step.render.radiance.copy(), float(np.percentile(step.render.radiance, 99))
-    places = camera.position + camera.rays() * step.render.depth[..., None]
+    places = camera.eyes(camera.middles()) + camera.rays() * step.render.depth[..., None]
     for row in range(every // 2, camera.height, every):
         for column in range(every // 2, camera.width, every):
             radius = step.radius[row, column]

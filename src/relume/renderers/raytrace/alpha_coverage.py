@@ -76,7 +76,7 @@ def _rays(camera: Camera, random: np.random.Generator) -> tuple[np.ndarray, np.n
     x, y = np.meshgrid(np.arange(camera.width), np.arange(camera.height))
     within = np.stack([x.ravel(), y.ravel()], axis=-1) + random.random((x.size, 2))
     directions = camera.rays_through(within)
-    origins = np.broadcast_to(np.asarray(camera.position, np.float64), directions.shape)
+    origins = camera.eyes(within)
     if camera.aperture > 0:
         radius, angle = camera.aperture * np.sqrt(random.random(x.size)), 2 * np.pi * random.random(x.size)
         right, up, backward = camera.rotation.T

@@ -92,8 +92,12 @@ class Camera:
 
     def rays(self) -> np.ndarray:
         """Unit directions (H, W, 3), world, through the pixel centres."""
+        return self.rays_through(self.middles())
+
+    def middles(self) -> np.ndarray:
+        """Pixel coordinates (H, W, 2) of the pixel centres."""
         x, y = np.arange(self.width) + 0.5, np.arange(self.height) + 0.5
-        return self.rays_through(np.stack(np.broadcast_arrays(x[None, :], y[:, None]), axis=-1))
+        return np.stack(np.broadcast_arrays(x[None, :], y[:, None]), axis=-1)
 
     def rays_through(self, points: np.ndarray) -> np.ndarray:
         """Unit directions (…, 3), world, through pixel coordinates (…, 2), x right and y down from the corner.
@@ -118,6 +122,15 @@ class Camera:
         if self.rolling is None:
             return np.broadcast_to(position, (*points.shape[:-1], 3))
         return position + self.rolling.moved(self.rolling.shares(points[..., 1]))
+
+    def eyes_towards(self, points: np.ndarray) -> np.ndarray:
+        """From where world points (…, 3) are seen, (…, 3) metres: at the time of the row that shows each.
+
+        The middle row's place for what is behind the camera.
+        """
+        if self.rolling is None:
+            return np.broadcast_to(np.asarray(self.position, np.float64), np.shape(points))
+        return self.eyes(np.nan_to_num(self.project(points), nan=self.rolling.middle))
 
     def project(self, points: np.ndarray) -> np.ndarray:
         """Pixel coordinates (…, 2), x right and y down, of world points (…, 3).

@@ -70,7 +70,7 @@ class SceneLight:
         self.sizeless = self.emitting * [isinstance(source, PointLamp | Sun) for source in self.sources]
         if self.sizeless.any():
             self.sizeless = self.sizeless / self.sizeless.sum()
-        # Of each source the lamp, and what fills its place, which `stand_in` is told.
+        # Of each source the lamp, and what fills its place: `stand_in` is given its numbers.
         self.lamps = [*[None for _ in beyond], *spheres, *rectangles, *points, *suns]
         self._begun: list[Any] = [0] * len(self.sources)
         self._sampled, self._sent, self._sent_sizeless = (

@@ -259,7 +259,7 @@ def bodies_of(shapes: Sequence[Shape], scene: Any, media: Media | None) -> list[
 
 
 def stand_in_bodies(world: World, shapes: Sequence[Shape], bodies: Sequence[Body]) -> None:
-    """Tell the world's lamps what fills the places where they stand."""
+    """Give the world's lamps the numbers of what fills their places."""
     numbers = [body.medium for body in bodies]
     world.light.stand_in([filled_with(lamp, shapes, numbers, world.outside) for lamp in world.light.lamps])
 
