@@ -1,5 +1,6 @@
 """A scene file whose distant scene shines by its own radiance: seen, as light, with lamps, with what takes light."""
 
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -7,6 +8,8 @@ import pytest
 
 import relume as rl
 import virtual_place as place
+from relume.renderers.projective.atlas import atlas_of
+from relume.renderers.projective.shining_meshes import place_of
 
 SCENE = """
 [camera]
@@ -70,6 +73,40 @@ def test_a_mesh_that_receives_light_reflects_it(folder):
         found = read(folder, more=', receives = ["block"]')
     block = next(mesh for mesh in found.scene.local if mesh.name == "block")
     assert isinstance(block.material, rl.Diffuse) and np.median(block.material.reflectance) > 0.05
+
+
+def painted(mesh, radiance, texel=0.1):
+    """The mesh with a radiance of points (N, 3), (N,), as its emissive texture."""
+    atlas = atlas_of(mesh, texel, 512)
+    image = np.zeros((atlas.size[1], atlas.size[0], 3), np.float32)
+    image[atlas.rows, atlas.columns] = radiance(atlas.points)[:, None]
+    return replace(atlas.mesh, material=rl.Material((0.0, 0.0, 0.0), specular=0.0, emission=image))
+
+
+def sent(mesh):
+    """What a mesh sends out, ∫ L dA."""
+    part = place_of([mesh]).parts[0]
+    return part.radiance[part.used].sum(axis=0, dtype=float) * part.texel**2
+
+
+def test_sun_on_a_floor_that_takes_light_is_no_lamp(tmp_path):
+    walls = painted(
+        place.box((-3, 0, -2.5), (3, 3, 2.5), "walls", inward=True),
+        lambda at: np.where((abs(at[:, 0] - 1) < 0.4) & (abs(at[:, 2]) < 0.3) & (at[:, 1] > 2.99), place.LAMP, 0.5),
+    )
+    floor = painted(place.flat_floor(), lambda at: np.where(np.hypot(at[:, 0], at[:, 2]) < 0.5, 30.0, 0.3))
+    rl.report.write_place(tmp_path / "hall.glb", place_of([walls, floor]))
+    both = read(tmp_path, more=", lamps = 8").scene
+    assert sorted(round(lamp.position[1]) for lamp in both.lights) == [0, 3]
+    with pytest.warns(UserWarning, match="of 'floor' would reflect more than the light it gets"):
+        found = read(tmp_path, more=', lamps = 8, receives = ["floor"]').scene
+    assert [round(lamp.position[1]) for lamp in found.lights] == [3]
+    (shining,) = [mesh for mesh in found.local if mesh.name == "walls"]
+    (receiving,) = [mesh for mesh in found.local if mesh.name == "floor"]
+    assert isinstance(receiving.material, rl.Diffuse)
+    # The walls and the lamps together send out what the walls did; the floor's light is theirs.
+    lamps = sum(np.prod(lamp.size) * np.array(lamp.radiance) for lamp in found.lights)
+    np.testing.assert_allclose(sent(shining) + lamps, sent(walls), rtol=1e-3)
 
 
 def test_bad_words_are_refused_in_one_line(folder):

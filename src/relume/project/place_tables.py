@@ -199,6 +199,7 @@ def shining_place(table: DistantTable, folder: Path) -> tuple[tuple[Mesh, ...], 
     meshes = receiving(place, table.receives)
     if not table.lamps:
         return meshes, ()
-    found = place_lights(place, table.lamps)
+    # What a receiving mesh sends out comes from what lights it: a sunlit patch of it as a lamp would count twice.
+    found = place_lights(place, table.lamps, leave_out=table.receives)
     dimmed = {part.mesh.name: part.mesh for part in found.residual.parts}
     return tuple(mesh if mesh.name in table.receives else dimmed[mesh.name] for mesh in meshes), found.lights

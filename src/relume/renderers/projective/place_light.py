@@ -54,11 +54,14 @@ class PlaceLights:
     level: float
 
 
-def place_lights(place: BakedPlace, count: int = 16, contrast: float = 4.0) -> PlaceLights:
+def place_lights(
+    place: BakedPlace, count: int = 16, contrast: float = 4.0, leave_out: Sequence[str] = ()
+) -> PlaceLights:
     """The windows and lamps of a place as rectangles of light in their places, and the glow that is left.
 
     count : rectangles at most; dimmer spots stay in the residual
     contrast : what is brighter than so many times the mean of the residual is a lamp, as in `light.key_lights`
+    leave_out : names of meshes that keep their bright spots, as sunlit ones that reflect what they get
 
     A bright spot becomes the rectangle of its second moments, which sends out what the spot sends above the level.
     Raises ValueError for no lights and a negative contrast. Source: Debevec, *Fiat Lux* (SIGGRAPH 99).
@@ -68,7 +71,8 @@ def place_lights(place: BakedPlace, count: int = 16, contrast: float = 4.0) -> P
     values = np.concatenate([luminance(part.radiance[part.used]) for part in place.parts])
     areas = np.concatenate([np.full(int(part.used.sum()), part.texel**2) for part in place.parts])
     level = glow_level(values, areas, contrast)
-    spots = sorted((spot for part in place.parts for spot in _spots(part, level)), key=lambda spot: -spot.power)
+    sources = [part for part in place.parts if part.mesh.name not in leave_out]
+    spots = sorted((spot for part in sources for spot in _spots(part, level)), key=lambda spot: -spot.power)
     kept = [spot for spot in spots[:count] if spot.power > LEAST_POWER * spots[0].power]
     parts = tuple(_without(part, [spot for spot in kept if spot.part is part], level) for part in place.parts)
     return PlaceLights(tuple(spot.light() for spot in kept), replace(place, parts=parts), level)
@@ -162,12 +166,15 @@ class Arriving:
         return found
 
 
-def place_irradiance(place: BakedPlace, points: np.ndarray, normals: np.ndarray, rays: int = 1024) -> np.ndarray:
+def place_irradiance(
+    place: BakedPlace, points: np.ndarray, normals: np.ndarray, rays: int = 1024, leave_out: Sequence[str] = ()
+) -> np.ndarray:
     """The irradiance (N, 3) that a place gives at points (N, 3) in it, of unit normals (N, 3): ∫ L cos θ dω.
 
     rays : of each point for the glow, by a low-discrepancy sequence; lamps are looked at on their own
+    leave_out : names of meshes whose bright spots are glow as well, as in `place_lights`
     """
-    lamps = place_lights(place)
+    lamps = place_lights(place, leave_out=leave_out)
     glow, total = Arriving(lamps.residual), np.zeros((len(points), 3))
     sample = qmc.Sobol(2, rng=0).random(rays)
     radius, angle = np.sqrt(sample[:, 0]), 2 * np.pi * sample[:, 1]
@@ -214,15 +221,18 @@ def receiving(place: BakedPlace, names: Sequence[str], rays: int = 1024) -> tupl
     there = [part.mesh.name for part in place.parts]
     if unknown := sorted(set(names) - set(there)):
         raise ValueError(f"the place has no mesh {unknown[0]!r}; it has {', '.join(there)}")
-    return tuple(_reflecting(place, part, rays) if part.mesh.name in names else part.mesh for part in place.parts)
+    return tuple(
+        _reflecting(place, part, names, rays) if part.mesh.name in names else part.mesh for part in place.parts
+    )
 
 
-def _reflecting(place: BakedPlace, part: BakedMesh, rays: int) -> Mesh:
+def _reflecting(place: BakedPlace, part: BakedMesh, names: Sequence[str], rays: int) -> Mesh:
     rows, columns = np.nonzero(part.used)
     chosen = np.arange(0, len(rows), max(1, len(rows) // PLACES))
     points = part.points[rows[chosen], columns[chosen]].astype(np.float64)
     normals = part.normals[part.faces[rows[chosen], columns[chosen]]]
-    irradiance = place_irradiance(place, points + CLEAR * normals, normals, rays)
+    # A sunlit patch of a surface that takes light is no lamp: right before an uneven one it would outshine all.
+    irradiance = place_irradiance(place, points + CLEAR * normals, normals, rays, names)
     known = part.faces >= 0
     reflectance = np.zeros(part.radiance.shape, np.float32)
     # Below what stands on it no light arrives, nor is anything seen: what lies beside must not be thought as dark.
