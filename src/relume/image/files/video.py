@@ -210,7 +210,7 @@ class _Index:
 
     times : when each is shown, in the video's own unit, in order; None where its container does not say
     keys : times of the pictures that need no other, from which decoding can start
-    prints : a checksum of each picture where times do not tell pictures apart, else empty
+    prints : a checksum of each picture where several may have one time, else empty
     rate : a second
     """
 

@@ -24,9 +24,7 @@ def drawn_photons(photons: Photons, scene: Scene, camera: Camera) -> np.ndarray:
     eyes = camera.eyes(at[shown])
     way = photons.position[shown] - eyes
     distance = np.linalg.norm(way, axis=1)
-    hidden = RayCaster.of((*scene.local, *scene.objects)).occluded(
-        eyes, normalised(way), distance * (1 - 1e-4)
-    )
+    hidden = RayCaster.of((*scene.local, *scene.objects)).occluded(eyes, normalised(way), distance * (1 - 1e-4))
     shown = shown[~hidden]
     column, row = at[shown].astype(int).T
     power = photons.power[shown]
