@@ -136,8 +136,12 @@ def _in_words(expected: Forecast, count: int) -> dict[str, object]:
         f"{minutes} min{of_all} on this machine as busy as it is, {expected.memory / 1e9:.2g} GB of memory, "
         f"{count * expected.disk / 1e9:.2g} GB of disk"
     )
-    facts = {"rays a pixel": round(expected.rays, 1), "rays": f"{count * expected.total / 1e6:.3g} million{of_all}"}
-    return facts | {"estimate": estimate} | ({"quick look": "--preview"} if count == 1 else {})
+    facts: dict[str, object] = {
+        "rays a pixel": round(expected.rays, 1),
+        "rays": f"{count * expected.total / 1e6:.3g} million{of_all}",
+        "estimate": estimate,
+    }
+    return facts if count > 1 else facts | {"quick look": "--preview"}
 
 
 def _times(source: BracketSource) -> dict[str, str]:

@@ -304,7 +304,7 @@ def _print(frame: Any) -> int:
     for plane in frame.planes:
         held = plane.width * -(-parts[0].bits // 8) * (1 if len(frame.planes) >= len(parts) else len(parts))
         rows = np.frombuffer(plane, np.uint8)[: plane.height * plane.line_size].reshape(plane.height, plane.line_size)
-        result = zlib.crc32(np.ascontiguousarray(rows[:, :held]), result)
+        result = zlib.crc32(rows[:, :held].tobytes(), result)
     return result
 
 
