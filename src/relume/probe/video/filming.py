@@ -27,6 +27,8 @@ from relume.probe.video.motion import brought, flow_between
 from relume.probe.video.steadying import Steadying
 from relume.sphere.mappings.mapping import LatLong
 
+UNKNOWN_CURVE = 0.2
+"""How far a curve that is not known may change the picture, as for single photographs of a ball."""
 CLIPPED_DOUBT = 1e-4
 """Share of the light, in lower bounds, from which on saturated lamps make a doubt."""
 One = TypeVar("One")
@@ -159,8 +161,13 @@ def probe_film(
                 names.append(name)
                 shares.append(share)
                 progress("maps", len(names) / found.count)
-    # What lamps brighter than all exposures leave unknown.
     doubts = [*gathered.doubts]
+    if profile is None:
+        doubts.append(Doubt(
+            f"{paths[0].name}: its curve is not known and was taken for sRGB: exposures that are found may be off by "
+            "far more than their errors say; give --profile of the camera, or --stops", UNKNOWN_CURVE,
+        ))  # fmt: skip
+    # What lamps brighter than all exposures leave unknown.
     most, frames = max(shares), sum(share > 0 for share in shares)
     if most > CLIPPED_DOUBT:
         doubts.append(Doubt(
