@@ -121,6 +121,21 @@ def test_saturated_pixels_speak_where_nobody_else_does_and_unknown_ones_never(ta
     assert rl.render(scene, taken[0].camera, rl.renderers.ProjectiveTexture((outside,))).matte[:, :70].max() == 0
 
 
+def test_a_small_saturated_lamp_of_a_large_photograph_has_no_say():
+    view = place.camera((1.5, 1.4, 1.8), width=2000, height=1500, focal_length=1000.0)
+    clipped = np.zeros((1500, 2000), np.uint8)
+    clipped[700:702, 901:903] = 1
+    radiance = rl.RadianceMap(np.ones((1500, 2000, 3), np.float32), clipped=clipped)
+    caster = RayCaster.of(place.meshes())
+    (projector,) = projectors([rl.renderers.ProjectedPhotograph(view, radiance)], caster)
+    pixels = np.array([[902.0, 701.0], [900.8, 700.5], [920.0, 701.0]])
+    rays = view.rays_through(pixels)
+    points = view.position + caster.nearest(view.position, rays).distance[:, None] * rays
+    at, say = projector.sees(points)
+    np.testing.assert_allclose(at, pixels, atol=1e-3)
+    assert say[0] <= 1e-9 and say[1] <= 1e-9 and say[2] > 0.01
+
+
 def test_beyond_the_meshes_the_light_is_seen(taken):
     sky = rl.EnvironmentMap(np.full((4, 8, 3), 7.0, np.float32))
     scene = rl.Scene(sky, local=place.meshes()[1:])

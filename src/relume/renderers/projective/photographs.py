@@ -59,7 +59,7 @@ class ProjectedPhotograph:
 class Projector:
     """A photograph made ready to be projected onto shapes.
 
-    trust : (h, w) float32, 0 to 1, over the whole picture: its say by border, hiding edges and unknown pixels
+    trust : (h, w) float32, 0 to 1, over the whole picture: its say by hiding edges
     """
 
     photograph: ProjectedPhotograph
@@ -77,11 +77,6 @@ class Projector:
         hits = caster.nearest(camera.position, rays.reshape(-1, 3))
         away = hiding_edges(hits.distance.reshape(height, width)) * camera.width / width
         trust = np.maximum(smooth(away / EDGE_FEATHER), LEAST)
-        clipped = photograph.radiance.clipped
-        if clipped is not None:
-            rows, columns = (y[:, 0] * camera.height).astype(int), (x[0] * camera.width).astype(int)
-            said = clipped[rows[:, None], columns]
-            trust = np.where(said == OUTSIDE, 0, np.where(said == SATURATED, SATURATED_SAY, trust))
         return Projector(photograph, caster, trust.astype(np.float32))
 
     def sees(self, points: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
@@ -109,7 +104,24 @@ class Projector:
         known = bilinear(self.trust, x * width / camera.width, y * height / camera.height)
         border = np.minimum(np.minimum(x, camera.width - x), np.minimum(y, camera.height - y))
         say[there] = known * np.maximum(smooth(border / (FEATHER * min(camera.width, camera.height))), LEAST)
+        say[there] *= self._known(x, y)
         return at, say
+
+    def _known(self, x: np.ndarray, y: np.ndarray) -> np.ndarray:
+        """The share (N,) of its say that a place of the picture keeps, by the worst of the pixels that blend there.
+
+        Of the whole picture: a lamp may be two pixels wide.
+        """
+        clipped = self.photograph.radiance.clipped
+        if clipped is None:
+            return np.ones(len(x))
+        rows, columns = (
+            [np.clip(np.floor(at - 0.5).astype(int) + beside, 0, size - 1) for beside in (0, 1)]
+            for at, size in zip((y, x), clipped.shape, strict=True)
+        )
+        blended = np.stack([clipped[row, column] for row in rows for column in columns])
+        share = np.where((blended == SATURATED).any(axis=0), SATURATED_SAY, 1.0)
+        return np.where((blended == OUTSIDE).any(axis=0), 0.0, share)
 
     def shown(self, at: np.ndarray) -> np.ndarray:
         """The radiance (N, 3) at pixel coordinates (N, 2), bilinear."""
