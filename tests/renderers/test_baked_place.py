@@ -1,6 +1,5 @@
 """A room's radiance in textures: seen from elsewhere, as light at a point, with its lamp as a light."""
 
-from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -10,7 +9,6 @@ import relume as rl
 import virtual_place as place
 from relume.renderers.projective.atlas import atlas_of
 from relume.renderers.projective.place_light import Arriving
-from relume.renderers.projective.shining_meshes import place_of
 from relume.renderers.raytrace.raycast import RayCaster
 from relume.sphere.directions import normalised
 
@@ -125,33 +123,6 @@ def test_a_bright_spot_that_is_left_out_is_glow(baked):
     lamp = rl.renderers.place_irradiance(baked, point, up, 4096)
     glow = rl.renderers.place_irradiance(baked, point, up, 4096, leave_out=["room"])
     np.testing.assert_allclose(glow, lamp, rtol=0.05)
-
-
-def test_a_sunlit_patch_on_an_uneven_floor_does_not_light_the_floor_beside_it():
-    # Rough by 5 mm every 10 cm: its own bright patch as a rectangle a millimetre before it would blind it.
-    flat = place.flat_floor()
-    at = np.stack(np.meshgrid(np.linspace(-1, 1, 21), np.linspace(-1, 1, 21)), axis=-1).reshape(-1, 2)
-    heights = 0.01 + 0.005 * ((np.arange(441) % 21 + np.arange(441) // 21) % 2)
-    first = (np.arange(20)[:, None] * 21 + np.arange(20)).reshape(-1)
-    faces = np.concatenate(
-        [np.stack([first, first + 21, first + 1], 1), np.stack([first + 1, first + 21, first + 22], 1)]
-    )
-    floor = replace(
-        flat, vertices=np.stack([at[:, 0], heights, at[:, 1]], 1).astype(np.float32), faces=faces.astype(np.int32)
-    )
-    walls = place.box((-3, 0, -2.5), (3, 3, 2.5), "walls", inward=True)
-    shone = []
-    for mesh, bright in ((walls, 1.0), (floor, 20.0)):
-        atlas = atlas_of(mesh, 0.05, 512)
-        image = np.zeros((atlas.size[1], atlas.size[0], 3), np.float32)
-        sunlit = np.all(np.abs(atlas.points[:, ::2]) < 0.3, axis=-1)
-        image[atlas.rows, atlas.columns] = np.where(sunlit & (mesh is floor), bright, 1.0)[:, None]
-        shone.append(replace(atlas.mesh, material=rl.Material((0.0, 0.0, 0.0), specular=0.0, emission=image)))
-    with pytest.warns(UserWarning, match="of 'floor' would reflect more"):
-        meshes: Any = rl.renderers.receiving(place_of(shone), ["floor"], rays=256)
-    # Walls of 1 all round, and hardly any of its own light: where no sun is it reflects all.
-    reflectance = np.asarray(meshes[1].material.reflectance)
-    assert np.median(reflectance[reflectance > 0]) > 0.9 and reflectance.max() == 1
 
 
 def test_what_cannot_be_baked_is_refused(baked):

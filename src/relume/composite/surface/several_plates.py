@@ -224,12 +224,14 @@ def _joined(
             mirrored = un_lit.without - un_lit.albedo * un_lit.irradiance / np.pi
             radiance = values_at(view.plate.radiance - mirrored, at) - sheen.gloss.reshape(-1, 3)[chosen]
             arrives = values_at(un_lit.irradiance, at) / np.pi * sheen.passed.reshape(-1, 1)[chosen]
+            # The most light on what this view shows: elsewhere its pixels are of other surfaces.
+            greatest = arrives[shown].max(axis=0, initial=0.0)
             # The noise, and a light that is off by a few per cent; of shadows both say little.
             whole = values_at(view.plate.radiance, at)
-            variance = (MODEL * whole) ** 2 + (MODEL * LIT * arrives.max()) ** 2
+            variance = (MODEL * whole) ** 2 + (MODEL * LIT * greatest) ** 2
             if view.plate.variance is not None:
                 variance += values_at(view.plate.variance, at)
-            shown &= np.all(arrives > LIT * arrives.max(), axis=-1)
+            shown &= np.all(arrives > LIT * greatest, axis=-1)
             weight = shown[:, None] / np.maximum(variance, 1e-30)
             above[chosen] += weight * radiance * arrives
             below[chosen] += weight * arrives**2
