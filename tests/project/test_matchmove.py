@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from pathlib import Path
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -13,8 +14,9 @@ from matchmoves import CENTRE, HEIGHT, RADIUS, RATE, WIDTH, Matchmove, middle_of
 from relume.errors import DoubtWarning, InvalidShot, UnreadableFile
 from relume.image import files
 from relume.image.files.video import Movie, read_video_frame
+from relume.project.insertion import insert_frames as making
 from relume.project.insertion.frame_shots import at_frame, frames_of
-from relume.project.insertion.insert_frames import insert_frames
+from relume.project.insertion.insert_frames import insert_frames, shutter_of, with_steady_light
 from relume.project.insertion.photographs import read_photographs
 from relume.project.shot_file.camera_table import camera_fit
 from relume.project.shot_file.shot import Shot, read_shot
@@ -265,8 +267,8 @@ map = "plate_001.png"
 frames = "{}"
 plates = "plate_*.png"
 """
-    shot = shot_of(tmp_path, text.format("1-3"))
-    assert frames_of(shot) == [1, 2, 3]
+    shot = shot_of(tmp_path, text.format("1-2"))
+    assert frames_of(shot) == [1, 2]
     camera = camera_fit(at_frame(shot, 2).camera, SIZE, tmp_path, None).camera
     np.testing.assert_allclose(camera.position, [2, 0, 0], atol=1e-9)
     np.testing.assert_allclose(-camera.rotation[:, 2], [0, 0, -1], atol=1e-9)
@@ -276,6 +278,76 @@ plates = "plate_*.png"
     assert camera.rolling is not None and camera.rolling.moves[0] == pytest.approx([0.48, 0, 0], abs=1e-6)
     with pytest.raises(UnreadableFile, match="no photograph has the number of frame 4; its camera was not found"):
         camera_fit(at_frame(shot_of(tmp_path, text.format("1-5")), 4).camera, SIZE, tmp_path, None)
+    # Before anything is made, also where only the last rows of a frame or its shutter need what was not found.
+    for frames, more in (("1-5", ""), ("1-3", ""), ("1-2", "shutter = [0, 0.9]\nrate = 12"), ("1,2,5", "")):
+        asked = text.format(frames).replace("readout = 0.02", "readout = 0.1" if more else "readout = 0.02") + more
+        with pytest.raises(InvalidShot, match=r"camera\.file: .*no photograph has the number of frame \d"):
+            frames_of(shot_of(tmp_path, asked))
     with pytest.raises(InvalidShot, match=r"place\.toml has the frames 1 to 5, and the sequence asks for 0 to 3"):
         (tmp_path / "plate_000.png").write_bytes(b"")
         frames_of(shot_of(tmp_path, text.format("0-3")))
+
+
+def test_a_shutter_that_reaches_beyond_the_track_is_refused_before_anything_is_made(tmp_path):
+    shot = track(tmp_path, Matchmove(), "readout = 0.1")
+    assert shot.sequence is not None
+    # The lines go to 113: 112 + 0.5 + 0.05 s · 24 is within a frame of it, and 112 + 0.9 + 1.2 is not.
+    for shutter, refused in (((0.0, 0.5), False), ((0.0, 0.9), True)):
+        sequence = shot.sequence.model_copy(update={"shutter": shutter})
+        asked = shot.model_copy(update={"sequence": sequence})
+        if refused:
+            with pytest.raises(InvalidShot, match=r"track\.chan: holds the frames 100 to 113, and frame 114\.1 was"):
+                frames_of(asked)
+        else:
+            assert frames_of(asked) == list(PLATES)
+
+
+@pytest.mark.parametrize("keep", ["camera", "lamp", "nothing"])
+def test_under_maps_that_change_a_camera_of_a_file_and_lamps_with_keys_open_the_shutter(tmp_path, keep):
+    text = """
+plate.photographs = "plate_101.png"
+[camera]
+file = "track.chan"
+[light]
+maps = "light.exr"
+{}
+[sequence]
+frames = "101-112"
+shutter = [-0.25, 0.25]
+{}
+"""
+    lamp = """[[light.added]]
+direction = [0, 1, 0]
+irradiance = [1, 1, 1]
+size = 5
+[[light.added.keyframes]]
+frame = 101
+direction = [0, 1, 0]
+"""
+    track(tmp_path, Matchmove(), "")
+    plates = 'plates = "plate_*.png"' if keep == "camera" else ""
+    shot = shot_of(tmp_path, text.format(lamp if keep == "lamp" else "", plates))
+    opened = shutter_of(shot)
+    assert (opened is None) == (keep == "nothing")
+    assert opened is None or (opened.open, opened.close) == (-0.25, 0.25)
+
+
+@pytest.mark.parametrize(("scale", "expected"), [(None, (1.2, 1.0, 0.7)), (2.0, (2.4, 2.0, 1.4))])
+def test_scale_and_white_are_measured_once_for_all_plates(tmp_path, monkeypatch, scale, expected):
+    """The measuring itself, which other tests cover, is taken as given: what counts is that it happens once."""
+    shot = track(tmp_path, Matchmove(), "")
+    shot = shot.model_copy(update={"light": shot.light.model_copy(update={"scale": scale})})
+    asked = []
+
+    def gains(first, calibrated, camera):
+        asked.append(first.plate.photographs)
+        return np.array([1.2, 1.0, 0.7]) * (first.light.scale or 1.0)
+
+    monkeypatch.setattr(making, "calibrate", lambda *given: None)
+    monkeypatch.setattr(making, "read_photographs", lambda first: None)
+    monkeypatch.setattr(making, "find_camera", lambda *given: SimpleNamespace(camera=None))
+    monkeypatch.setattr(making, "gains_on_one_scale", gains)
+    steady = with_steady_light(shot, tmp_path / "out")
+    assert steady.light.scale == pytest.approx(expected) and asked == [["plate_101.png"]]
+    # A worker that is given it measures no more.
+    assert with_steady_light(steady, tmp_path / "out") is steady and len(asked) == 1

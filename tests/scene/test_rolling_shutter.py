@@ -8,17 +8,20 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
+from relume.composite.surface.several_plates import LitView, _Places
+from relume.composite.surface.two_views import plate_points, shown_at
 from relume.errors import InvalidShot, UnsupportedScene
 from relume.export.shot_lamps import undistorted as exported
 from relume.image.radiance import RadianceMap
 from relume.project.insertion.prepared import PreparedShot
 from relume.renderers.mitsuba.path_tracer import Mitsuba
+from relume.renderers.raytrace.raycast import RayCaster
 from relume.renderers.whitted.whitted import view_of
 from relume.scene.cameras.camera import Camera, undistorted
 from relume.scene.cameras.distortion import Distortion
 from relume.scene.cameras.rolling_shutter import RollingShutter, rolling_through
 from relume.scene.scene import Scene
-from relume.scene.shapes.shapes import Diffuse, Sphere
+from relume.scene.shapes.shapes import Diffuse, Plane, Sphere
 from relume.sphere.environment_map import EnvironmentMap
 
 EYE, SIZE, FOCAL = np.array([0.1, 0.2, 1.0]), (96, 64), 80.0
@@ -122,3 +125,37 @@ def test_an_export_refuses_it():
     scene = Scene(EnvironmentMap(np.ones((8, 16, 3), np.float32)))
     with pytest.raises(InvalidShot, match=r"camera\.readout: other programs' cameras see all rows at once"):
         exported(PreparedShot(scene, rolling_camera(), plate))
+
+
+def floor_seen() -> tuple[Camera, Scene]:
+    """The camera over a floor that it sees in all its pixels, half a metre below."""
+    light = EnvironmentMap(np.ones((8, 16, 3), np.float32))
+    (a, p), (b, q), (c, r) = (pose(share) for share in (-0.5, 0.0, 0.5))
+    down = Rotation.from_euler("x", -45, degrees=True).as_matrix()
+    rolling = rolling_through((a, b, c), (p @ down, q @ down, r @ down), SIZE[1])
+    floor = Plane(Diffuse((0.5, 0.5, 0.5)), (40.0, 40.0), -0.5)
+    return Camera(*SIZE, FOCAL, b, q @ down, rolling=rolling), Scene(light, (floor,))
+
+
+def test_places_of_a_floor_are_found_where_the_row_that_shows_them_saw_them():
+    camera, scene = floor_seen()
+    middles, white = camera.middles(), np.ones((*SIZE[::-1], 3), np.float32)
+    places = _Places.of(LitView(RadianceMap(white), camera, scene))
+    assert np.all(places.parts == 0)
+    np.testing.assert_allclose(places.points[..., 1], -0.5, atol=1e-5)
+    assert np.abs(camera.project(places.points) - middles).max() < 0.05
+    shared = plate_points(RadianceMap(white), camera, scene, 0, np.ones(SIZE[::-1], bool))
+    at = camera.project(shared.points)
+    assert np.abs(at - np.floor(at) - 0.5).max() < 0.05
+    np.testing.assert_allclose(shared.seen_from, camera.eyes(at), atol=1e-4)
+    np.testing.assert_allclose(camera.eyes_towards(shared.points), shared.seen_from, atol=1e-4)
+    usable, caster = np.ones(SIZE[::-1], bool), RayCaster.of(scene.local)
+    assert shown_at(camera, caster, shared.points, at, usable, 0).all()
+    # From the middle row's place the rays of the first row would end pixels away.
+    wrong = camera.position + places.points - camera.eyes(middles)
+    assert np.abs(camera.project(wrong) - middles).max() > 1
+
+
+def test_what_is_behind_the_camera_is_seen_from_the_middle_rows_place():
+    camera, _ = floor_seen()
+    np.testing.assert_array_equal(camera.eyes_towards(camera.position + camera.rotation[:, 2]), camera.position)

@@ -176,14 +176,14 @@ def _along(
     count = int(np.clip(reach / SPACING, GROUP, 4 * ACROSS))
     border = start + ((np.arange(count) + 0.5) / count)[:, None] * (end - start)
     # The size of a pixel there, seen across the edge, and distances inwards that grow from it.
-    eye = np.array(camera.position, np.float64)
-    step = np.minimum(np.linalg.norm(border - eye, axis=-1) / camera.focal_length, size / 50)
+    step = np.minimum(np.linalg.norm(border - camera.eyes_towards(border), axis=-1) / camera.focal_length, size / 50)
     step *= _pixels_of(camera, border, border + step[:, None] * inward)
     ladder = np.geomspace(STRIP[0], np.maximum(size / 2 / np.median(step), 4 * STRIP[1]), DEPTHS)
     points = border[:, None] + (step[:, None] * ladder)[..., None] * inward
     difference, plate, noise = _looked_up(small, caster, index, points)
     beyond = border - 2 * step[:, None] * inward
-    ends_here = ~np.isfinite(caster.nearest(eye, _ways(beyond, eye)).distance) & _in_frame(camera, beyond)
+    eyes = camera.eyes_towards(beyond)
+    ends_here = ~np.isfinite(caster.nearest(eyes, _ways(beyond, eyes)).distance) & _in_frame(camera, beyond)
     sides = _sides(camera, border, inward * step[:, None])
     known, near = np.isfinite(difference) & ends_here[:, None], ladder <= STRIP[1]
     found = []
@@ -267,10 +267,10 @@ def _looked_up(
     small: _Small, caster: RayCaster, index: int, points: np.ndarray
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """The change, the plate and its noise at points (N, K, 3) of a surface; NaN where the camera does not see them."""
-    camera, eye = small.camera, np.array(small.camera.position, np.float64)
-    flat = points.reshape(-1, 3)
-    hits = caster.nearest(eye, _ways(flat, eye))
-    away = np.linalg.norm(flat - eye, axis=-1)
+    camera, flat = small.camera, points.reshape(-1, 3)
+    eyes = camera.eyes_towards(flat)
+    hits = caster.nearest(eyes, _ways(flat, eyes))
+    away = np.linalg.norm(flat - eyes, axis=-1)
     seen = (hits.shape == index) & (np.abs(hits.distance - away) < 2e-3 * away) & _in_frame(camera, flat)
     with np.errstate(invalid="ignore", divide="ignore"):
         at = np.nan_to_num(camera.project(flat))
@@ -281,8 +281,8 @@ def _looked_up(
     return difference, plate, noise
 
 
-def _ways(points: np.ndarray, eye: np.ndarray) -> np.ndarray:
-    ways = points - eye
+def _ways(points: np.ndarray, eyes: np.ndarray) -> np.ndarray:
+    ways = points - eyes
     return ways / np.maximum(np.linalg.norm(ways, axis=-1, keepdims=True), 1e-30)
 
 

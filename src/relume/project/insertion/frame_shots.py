@@ -13,9 +13,10 @@ from relume.errors import InvalidShot, UnreadableFile, warn
 from relume.image.files.video import is_video, read_video
 from relume.project.keyed_values import BETWEEN, motion_of, placement_at, table_at, values_at
 from relume.project.shot_file.added_lights import AddedLight
+from relume.project.shot_file.camera_file import CameraFile
 from relume.project.shot_file.sequence_table import SequenceTable
 from relume.project.shot_file.shot import Shot
-from relume.scene.cameras.files import motion_span
+from relume.scene.cameras.files import motion_span, require_frames
 from relume.scene.motion.keyframes import Interpolation
 
 SAME_RATE = 1e-3
@@ -173,6 +174,7 @@ def _require_camera(shot: Shot, table: SequenceTable) -> None:
                 f"camera.file: {path.name} has the frames {span[0]:g} to {span[1]:g}, and the sequence asks for "
                 f"{first.frame:g} to {last.frame:g} of it; give camera.file.offset, or other frames"
             )
+        _require_moments(shot, table, asked, path)
         return
     own, half = asked.rate or table.rate, 0.5
     if ((first.time or 0) - span[0]) * own < -half or ((last.time or 0) - span[1]) * own > half:
@@ -180,6 +182,23 @@ def _require_camera(shot: Shot, table: SequenceTable) -> None:
             f"camera.file: {path.name} moves for {(span[1] - span[0]) * own + 1:.4g} frames, and the sequence has "
             f"{table.frames[-1] - table.frames[0] + 1}; give as many, or camera.file.offset and rate"
         )
+
+
+def _require_moments(shot: Shot, table: SequenceTable, asked: CameraFile, path: Path) -> None:
+    """Raises InvalidShot where a frame's shutter or its rows ask for a moment at which the file has no camera."""
+    opened, closed = table.shutter or (0.0, 0.0)
+    read, moments = abs(shot.camera.readout or 0.0) / 2, list[float]()
+    for frame in table.frames:
+        ends = ((frame + share, sign * read) for share, sign in ((opened, -1), (closed, 1)))
+        low, high = (asked.at(moment, table.frames[0], table.rate).shifted(late).frame or 0.0 for moment, late in ends)
+        # No camera that was not found lies between two moments that are half a frame apart.
+        moments += np.linspace(low, high, 2 * int(np.ceil(high - low)) + 1).tolist()
+    try:
+        require_frames(path, moments)
+    except UnreadableFile as error:
+        raise InvalidShot(
+            f"camera.file: {error} (a frame asks from its shutter and first row to its last); leave such frames out"
+        ) from None
 
 
 def _plates(shot: Shot, patterns: Sequence[str]) -> dict[int, Path]:

@@ -103,17 +103,15 @@ def with_steady_light(shot: Shot, out: str | Path, progress: Progress = lambda s
     """The shot with the light's scale and white that its first frame's plate shows, for all plates of a film.
 
     What a plate shows says it to a few percent, and by which pixels changes as the camera moves: measured anew in each
-    frame, the objects would flicker. The very same shot where all frames have one plate, where light.scale is given,
-    and where each plate's own exposure says it. What was measured is kept in `out`/stages.
+    frame, the objects would flicker. The very same shot where all frames have one plate, and where light.scale gives
+    the white too. What was measured is kept in `out`/stages.
     """
     table = shot.sequence
-    if table is None or table.plates is None or shot.light.scale is not None:
+    if table is None or table.plates is None or isinstance(shot.light.scale, tuple):
         return shot
     first = at_frame(shot, table.frames[0])
     steps = Steps(Stages(Path(out) / "stages"), progress)
     calibrated = calibrate(first, read_photographs(first), steps)
-    if calibrated.untied is None and shot.light.surface_reflectance is None:
-        return shot
     fit = find_camera(first, calibrated, steps)
     red, green, blue = map(float, gains_on_one_scale(first, calibrated, fit.camera))
     light = shot.light.model_copy(update={"scale": (red, green, blue), "surface_reflectance": None})

@@ -37,13 +37,14 @@ def mirrored_light(shot: Shot, camera: Camera, x: float, y: float) -> MirroredLi
     x, y : pixels, from the upper left corner
     In a room or a dome (`light.distant`) the light is where the mirrored ray meets its walls. Raises RelumeError.
     """
-    ray = camera.rays_through(np.array([[x, y]], np.float64))[0]
+    at = np.array([[x, y]], np.float64)
+    ray, eye = camera.rays_through(at)[0], camera.eyes(at)[0]
     ray /= np.linalg.norm(ray)
-    hits = [hit for mesh in placed_meshes(shot) if (hit := _nearest(mesh, camera.position, ray)) is not None]
+    hits = [hit for mesh in placed_meshes(shot) if (hit := _nearest(mesh, eye, ray)) is not None]
     if not hits:
         return None
     distance, normal = min(hits, key=lambda hit: hit[0])
-    point = camera.position + distance * ray
+    point = eye + distance * ray
     normal = normal if normal @ ray < 0 else -normal
     towards = ray - 2 * (ray @ normal) * normal
     distant = distant_scene(shot.light.distant, shot.folder)

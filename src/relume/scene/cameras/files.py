@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+from collections.abc import Iterable
 from pathlib import Path
 
 from relume.errors import UnreadableFile
@@ -104,6 +105,22 @@ def motion_span(path: str | Path, name: str | None = None) -> tuple[float, float
     if suffix == ".json" and not _is_fspy(path):
         return blender_span(path)
     return None
+
+
+def require_frames(path: str | Path, frames: Iterable[float]) -> None:
+    """Raises UnreadableFile for the first of these frames at which a .chan file or a place has no camera.
+
+    Other files have one at any time.
+    """
+    path = Path(path)
+    if path.suffix.lower() == ".chan":
+        chan = read_chan(path)
+        for frame in frames:
+            chan.require(frame)
+    elif path.suffix.lower() == ".toml":
+        cameras = numbered_cameras(path, read_place(path).photographs)
+        for frame in frames:
+            camera_at_frame(path, cameras, frame)
 
 
 def _of_place(

@@ -32,6 +32,11 @@ class ChanFile:
     turns: np.ndarray
     fields: np.ndarray | None
 
+    def require(self, frame: float) -> None:
+        """Raises UnreadableFile for a frame further from the lines than a shutter reaches."""
+        if not self.frames[0] - BEYOND <= frame <= self.frames[-1] + BEYOND:
+            raise UnreadableFile(f"{self.path}: holds the frames {_span(self)}, and frame {frame:g} was asked for")
+
 
 def read_chan(path: Path) -> ChanFile:
     """Read a .chan file, but for empty lines and # comments; raises UnreadableFile naming the line that is wrong."""
@@ -83,8 +88,7 @@ def read_chan_camera(
         if len(chan.frames) > 1:
             raise UnreadableFile(f"{path}: holds the frames {_span(chan)}; give the frame")
         frame = float(chan.frames[0])
-    if not chan.frames[0] - BEYOND <= frame <= chan.frames[-1] + BEYOND:
-        raise UnreadableFile(f"{path}: holds the frames {_span(chan)}, and frame {frame:g} was asked for")
+    chan.require(frame)
     if (chan.fields is None) == (focal_length is None):
         has = "no field of view" if chan.fields is None else "the field of view in its last column"
         raise UnreadableFile(f"{path}: has {has}; {'give' if chan.fields is None else 'leave out'} the focal length")
