@@ -22,6 +22,16 @@ class Table(BaseModel):
     model_config = ConfigDict(extra="forbid", frozen=True, allow_inf_nan=False)
 
 
+class DistortionTable(Table):
+    """The lens's distortion in OpenCV's coefficients."""
+
+    k1: float = 0.0
+    k2: float = 0.0
+    p1: float = 0.0
+    p2: float = 0.0
+    k3: float = 0.0
+
+
 SomeTable = TypeVar("SomeTable", bound=Table)
 
 

@@ -68,6 +68,9 @@ def test_five_facets_give_the_light_of_every_frame(moving, tmp_path):
     found = np.array([each.stops for each in made.calibration.exposures])
     np.testing.assert_allclose(found[:, 0], -STOPS, atol=0.03)
     assert np.all(np.abs(found[:, 0] + STOPS) < 4 * found[:, 1] + 0.02)
+    # They are printed as `stops` takes them.
+    printed = [float(line.split(" ±")[0]) for line in made.facts()["exposures, stops darker"]]
+    np.testing.assert_allclose(printed, STOPS, atol=0.03)
     # The rims but the brightest one's are the film's too.
     assert np.abs(np.array(made.calibration.rims[0]) - np.array(RIMS)).max() < 0.25
     assert made.latency == 1 and made.clipped == 0

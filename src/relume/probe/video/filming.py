@@ -93,7 +93,9 @@ class FilmProbe:
         facts: dict[str, Any] = {
             "frames": found.count,
             "maps a second": float(found.rate),
-            "exposures, stops": [f"{value:+.3f} ± {error:.3f}" if error else f"{value:+.2f}" for value, error in stops],
+            "exposures, stops darker": [
+                f"{-value:.3f} ± {error:.3f}" if error else f"{-value:.2f}" for value, error in stops
+            ],
             "exposures repeat after": found.courses[0].period,
             "latency, frames": self.latency,
             "stored as": self.stored,

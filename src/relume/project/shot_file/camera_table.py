@@ -21,6 +21,7 @@ from relume.scene.cameras.fit import CameraFit
 from relume.scene.cameras.grid import fit_grid
 from relume.scene.cameras.known_lengths import CameraHeight, GroundLength, KnownLength, UprightLength
 from relume.scene.cameras.vanishing_lines import AxisLines, fit_vanishing_lines
+from relume.scene.toml_tables import DistortionTable
 
 Pixel = tuple[float, float]
 """A point of the photograph: x right and y down from its upper left corner."""
@@ -103,16 +104,6 @@ class Lines(Table):
             return UprightLength(*self.upright.between, self.upright.metres)
         assert self.camera_height is not None  # _one_length
         return CameraHeight(self.camera_height)
-
-
-class DistortionTable(Table):
-    """The lens's distortion in OpenCV's coefficients."""
-
-    k1: float = 0.0
-    k2: float = 0.0
-    p1: float = 0.0
-    p2: float = 0.0
-    k3: float = 0.0
 
 
 class CameraTable(Table):

@@ -34,7 +34,7 @@ from pydantic import Field, model_validator
 from relume.errors import InvalidPlace
 from relume.scene.cameras.camera import Camera
 from relume.scene.cameras.distortion import Distortion
-from relume.scene.toml_tables import Positive, Table, Vector, checked, read_toml
+from relume.scene.toml_tables import DistortionTable, Positive, Table, Vector, checked, read_toml
 
 Name = Annotated[str, Field(pattern=r"^[\w-]+$")]
 Pixel = tuple[float, float]
@@ -43,16 +43,6 @@ Sought = float | str | None
 SIZES = ("width", "height", "depth")
 SIDES = (("left", "centre_x", "right"), ("bottom", "centre_y", "top"), ("back", "centre_z", "front"))
 """Where along x, y and z a block's low side, middle and high side lie."""
-
-
-class DistortionTable(Table):
-    """The lens's distortion in OpenCV's coefficients."""
-
-    k1: float = 0.0
-    k2: float = 0.0
-    p1: float = 0.0
-    p2: float = 0.0
-    k3: float = 0.0
 
 
 class PhotographTable(Table):
