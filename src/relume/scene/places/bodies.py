@@ -193,6 +193,9 @@ BODIES = {
     "wall": _wall(), "floor": _floor(), "arch": _arch(),
 }  # fmt: skip
 
+BLOCK_KINDS = (*BODIES, "revolution")
+"""What a block may be."""
+
 
 def revolved(profile: Sequence[tuple[float, float]]) -> Body:
     """A surface of revolution about the upright axis.

@@ -14,6 +14,7 @@ from relume.scene.places.sightings import (
     derivatives,
     in_camera,
     line_errors,
+    nearest_chords,
     rotation_of,
 )
 
@@ -200,9 +201,7 @@ class Fit:
                               np.repeat(position[k : k + 1], many, 0))  # fmt: skip
             with np.errstate(divide="ignore", invalid="ignore"):
                 shown = focal[k] * local[:, :2] / -local[:, 2:]
-            middle = 0.5 * (shown[1:] + shown[:-1])
-            away = np.linalg.norm(self.seen[curve.rows][:, None] - middle, axis=-1)
-            nearest = np.argmin(np.where(np.isfinite(away), away, np.inf), axis=1)
+            nearest = nearest_chords(shown, self.seen[curve.rows])
             ends[curve.rows, 0], ends[curve.rows, 1] = curve.chain[nearest], curve.chain[nearest + 1]
         return ends
 

@@ -10,6 +10,7 @@ import numpy as np
 from relume.errors import InvalidPlace, warn
 from relume.image import files
 from relume.scene.places.building import built
+from relume.scene.places.marked import place_marks
 from relume.scene.places.photographs import PhotographFacts, photograph_facts
 from relume.scene.places.place import CameraDeviation, Place, PlacePhotograph
 from relume.scene.places.place_tables import FoundBlock, PlaceTables, camera_of, read_tables
@@ -117,9 +118,10 @@ def _place(path: Path, tables: PlaceTables, facts: tuple[PhotographFacts, ...], 
         marks = int(np.sum(fit.marks.photograph == k) + np.sum(fit.marks.corner_photograph == k))
         residual = residual_of(fit, solution.residuals, k)
         photographs.append(PlacePhotograph(table.name, path.parent / table.file, camera, deviation, residual, marks))
+    blocks = tuple(built(block, found[block.name]) for block in fit.model.blocks)
     return Place(
-        tuple(built(block, found[block.name]) for block in fit.model.blocks), tuple(photographs),
-        solution.covariance, solution.names, solution.chi_square, solution.freedom, solution.doubts,
+        blocks, tuple(photographs), solution.covariance, solution.names, solution.chi_square, solution.freedom,
+        solution.doubts, marks=place_marks(tables, blocks, photographs),
     )  # fmt: skip
 
 

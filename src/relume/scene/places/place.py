@@ -73,6 +73,22 @@ class PlaceBlock:
 
 
 @dataclass(frozen=True, eq=False)
+class PlaceMark:
+    """Points that were marked on one edge, or at one corner, in one photograph.
+
+    photograph, block, edge : their names; `edge` is the corner's where a corner was marked
+    points : (N, 2) pixels, x to the right and y down from the upper left corner of the picture
+    distances : (N,) pixels, 0 or more, from the edge as the camera that was found sees it, without the lens's distortion
+    """
+
+    photograph: str
+    block: str
+    edge: str
+    points: np.ndarray
+    distances: np.ndarray
+
+
+@dataclass(frozen=True, eq=False)
 class Place:
     """Blocks and cameras in one frame: world, metres, +Y up, the first block's foot in the middle of the frame.
 
@@ -83,6 +99,7 @@ class Place:
     freedom : how many residuals there are beyond the unknowns; chi_square is about as large where the marks are sound
     doubts : one line each on what should be looked at
     points : (N, 3) world, metres, that photogrammetry found beside; none of a place of blocks
+    marks : in the order of the place file, each with its distance from what was found
     """
 
     blocks: tuple[PlaceBlock, ...]
@@ -93,6 +110,7 @@ class Place:
     freedom: int = 0
     doubts: tuple[str, ...] = ()
     points: np.ndarray = field(default_factory=lambda: np.zeros((0, 3)))
+    marks: tuple[PlaceMark, ...] = ()
 
     def meshes(self) -> tuple[Mesh, ...]:
         """One mesh a block, with its name, in world metres, +Y up."""

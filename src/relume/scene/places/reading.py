@@ -9,6 +9,7 @@ import numpy as np
 
 from relume.errors import InvalidPlace
 from relume.scene.places.building import built
+from relume.scene.places.marked import place_marks
 from relume.scene.places.photogrammetry.reading import KnownDistance, read_photogrammetry
 from relume.scene.places.place import CameraDeviation, Place, PlacePhotograph
 from relume.scene.places.place_tables import PhotogrammetryTable, camera_of, read_tables
@@ -20,7 +21,8 @@ from relume.scene.shapes.shapes import Mesh
 def read_place(path: str | os.PathLike[str]) -> Place:
     """Read a place file that `model_place` has written, or one that names photogrammetry made elsewhere.
 
-    Its covariance is not in the file; each size and each camera has its deviation.
+    Its covariance is not in the file; each size and each camera has its deviation. Distances of marks are those of the
+    marks as the file has them now.
     Raises InvalidPlace where nothing was found yet, or the blocks or photographs have changed since.
     """
     path = Path(path)
@@ -50,9 +52,14 @@ def read_place(path: str | os.PathLike[str]) -> Place:
         photographs.append(
             PlacePhotograph(table.name, path.parent / table.file, camera, deviation, seen.residual, marks)
         )
+    try:
+        given = place_marks(tables, blocks, photographs)
+    except ValueError as error:
+        raise InvalidPlace(f"{path}: {error}") from None
     return Place(
-        tuple(blocks), tuple(photographs), chi_square=found.chi_square, freedom=found.freedom, doubts=found.doubts
-    )
+        tuple(blocks), tuple(photographs), chi_square=found.chi_square, freedom=found.freedom, doubts=found.doubts,
+        marks=given,
+    )  # fmt: skip
 
 
 def read_shapes(path: str | os.PathLike[str]) -> tuple[Mesh, ...]:

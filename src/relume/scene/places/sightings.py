@@ -145,6 +145,13 @@ def line_errors(
     return (x * seen[:, 0] + y * seen[:, 1] - focal * z) / np.sqrt(x * x + y * y)
 
 
+def nearest_chords(shown: np.ndarray, seen: np.ndarray) -> np.ndarray:
+    """Which chord (N,) of a curve that is shown through points (K, 2) is nearest to each of the points (N, 2) seen."""
+    middle = 0.5 * (shown[1:] + shown[:-1])
+    away = np.linalg.norm(seen[:, None] - middle, axis=-1)
+    return np.argmin(np.where(np.isfinite(away), away, np.inf), axis=1)
+
+
 def corner_errors(
     a: np.ndarray, turned: np.ndarray, position: np.ndarray, focal: np.ndarray, start: np.ndarray, seen: np.ndarray
 ) -> np.ndarray:

@@ -80,7 +80,7 @@ def _posed(tables: PlaceTables, facts: tuple[PhotographFacts, ...], model: Model
     """The problem with its start."""
     marks = sightings(tables, model)
     photographs = tables.photographs
-    distances = tuple(_distance(tables, model, i) for i in range(len(tables.lengths)))
+    distances = tuple(known_distance(tables, model, i) for i in range(len(tables.lengths)))
     if not distances and not any(q.constant for b in model.blocks for q in (*b.size, *b.low)):
         raise ValueError("nothing sets the scale; give one size in metres, or a distance in [[lengths]]")
     centres = np.array([t.centre or (f.size[0] / 2, f.size[1] / 2) for t, f in zip(photographs, facts, strict=True)])
@@ -136,7 +136,8 @@ def _straight(
     return seen
 
 
-def _distance(tables: PlaceTables, model: Model, number: int) -> Distance:
+def known_distance(tables: PlaceTables, model: Model, number: int) -> Distance:
+    """A measured distance of the place file; raises ValueError naming a block or corner that there is not."""
     table = tables.lengths[number]
     names = [block.name for block in model.blocks]
     ends = []
