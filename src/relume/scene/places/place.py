@@ -78,7 +78,7 @@ class PlaceMark:
 
     photograph, block, edge : their names; `edge` is the corner's where a corner was marked
     points : (N, 2) pixels, x to the right and y down from the upper left corner of the picture
-    distances : (N,) pixels, 0 or more, from the edge as the camera that was found sees it, without the lens's distortion
+    distances : (N,) pixels, 0 or more, from the edge as the camera that was found sees it, but for the distortion
     """
 
     photograph: str

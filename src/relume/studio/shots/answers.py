@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import asyncio
 import json
+import time
 from collections.abc import Callable
 from typing import Any
 
@@ -10,14 +12,21 @@ from starlette.concurrency import run_in_threadpool
 from starlette.exceptions import HTTPException
 from starlette.requests import ClientDisconnect, Request
 from starlette.responses import JSONResponse, Response
+from starlette.websockets import WebSocket
 
 import relume as rl
-from relume.studio.routes import UNKEPT
-from relume.studio.shots.document import Conflict
+from relume.studio.library import Library
+from relume.studio.routes import ALIVE, BEAT, UNKEPT, closed
+from relume.studio.shots.document import Conflict, Document
+from relume.studio.shots.jobs import Jobs
 from relume.studio.words import in_the_page
 
 LARGEST_BODY = 1024**2
 """Bytes of a request that edits; the largest of ours has some thousand."""
+LOOKED_AT_EVERY = 0.2
+"""Seconds between looks at the shot file and the pictures for each window."""
+JOB_LOOKED_AT_EVERY = 0.02
+"""Seconds between looks at the job, which is a number in memory."""
 
 
 def in_json(content: Any) -> Response:
@@ -57,6 +66,35 @@ def taking_bytes(endpoint: Callable[[Request], Any]) -> Callable[[Request], Any]
             return Response(status_code=400)
 
     return answer
+
+
+async def say_changes(
+    socket: WebSocket, document: Document, library: Library, jobs: Jobs, state: Callable[[], dict[str, Any]]
+) -> None:  # fmt: skip
+    """Says what a studio is, whenever that changes, until the window is closed."""
+    await socket.accept()
+    ended, seen, job = asyncio.create_task(closed(socket)), None, None
+    stamps: list[tuple[int, int]] = []
+    next_look = next_beat = 0.0
+    while not ended.done():
+        # Now and then; at once when a job begins, has a picture, or ends.
+        if time.monotonic() >= next_look or jobs.seen != job:
+            job = jobs.seen
+            await run_in_threadpool(document.look)
+            # Pictures that changed first: what is shown of them next is as they are now.
+            before, stamps = stamps, await run_in_threadpool(library.stamps)
+            for number, (old, stamp) in enumerate(zip(before, stamps, strict=False)):
+                if old != stamp and not ended.done():
+                    await socket.send_json({"changed": number})
+            now = document.revision, document.fault, jobs.changes
+            if now != seen and not ended.done():
+                await socket.send_json({"state": await run_in_threadpool(state)})
+                seen = now
+            next_look = time.monotonic() + LOOKED_AT_EVERY
+        if time.monotonic() >= next_beat and not ended.done():
+            await socket.send_json(ALIVE)
+            next_beat = time.monotonic() + BEAT
+        await asyncio.wait([ended], timeout=JOB_LOOKED_AT_EVERY)
 
 
 def _refused_in_a_line(act: Callable[[], Response]) -> Callable[[], Response]:

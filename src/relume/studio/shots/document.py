@@ -1,4 +1,4 @@
-"""The shot file as a document: edited by the page and by anyone else, undone and redone without end.
+"""A file of TOML as a document: edited by the page and by anyone else, undone and redone without end.
 
 The file is the document. What the page does is written to it whole or not at all, and what others write to it is taken
 over: every text that the file has had since it was opened is a step that can be undone.
@@ -8,7 +8,8 @@ from __future__ import annotations
 
 import threading
 import tomllib
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
@@ -16,24 +17,41 @@ import relume as rl
 from relume.studio.shots.edits import edited
 
 LARGEST = 4 * 1024**2
-"""Bytes that are read of a shot file; the largest of ours has 3000."""
+"""Bytes that are read of a file; the largest shot file of ours has 3000, the largest place file 10 000."""
 
 
 class Conflict(ValueError):
-    """The shot was changed since the window that edits it last saw it."""
+    """The file was changed since the window that edits it last saw it."""
+
+
+@dataclass(frozen=True)
+class DocumentKind:
+    """What a document is.
+
+    change : the text after changes, as `edited` has them
+    check : raises RelumeError for a file that is not sound
+    empty : what is wrong with a file that is not there yet
+    """
+
+    change: Callable[[str, Sequence[Mapping[str, Any]]], str]
+    check: Callable[[Path], object]
+    empty: str
+
+
+SHOT = DocumentKind(edited, lambda path: rl.read_shot(path), "plate: missing; choose its photographs")
 
 
 class Document:
-    """A shot file that may not be there yet; safe to use from several threads.
+    """A shot file, or a file of another kind, that may not be there yet; safe to use from several threads.
 
     path : .toml
     revision : how many times its text has changed since it was opened
     table : the last contents that were valid TOML
-    fault : what is wrong with the text as it is, one line that begins with the key or "line …"; None where it is a shot
+    fault : what is wrong with the text as it is, one line that begins with the key or "line …"; None where it is sound
     """
 
-    def __init__(self, path: Path) -> None:
-        self.path = path
+    def __init__(self, path: Path, kind: DocumentKind = SHOT) -> None:
+        self.path, self.kind = path, kind
         self.revision = 0
         self.table: dict[str, Any] = {}
         self.fault: str | None = None
@@ -78,7 +96,7 @@ class Document:
         revision : that the changes were made to
         unfinished : whether the result may lack what a shot needs, as while its photographs are being chosen
         Raises Conflict where the text has changed since; ValueError for changes that cannot be made, and for those
-        that would make a sound shot a wrong one; OutputNotWritten. Nothing is written then.
+        that would make a sound file a wrong one; OutputNotWritten. Nothing is written then.
         """
         with self._changing:
             self.look()
@@ -86,12 +104,12 @@ class Document:
                 raise ValueError(f"{self.path.name}: {self.fault}; mend the file or undo, then edit")
             if revision != self.revision:
                 raise Conflict(f"{self.path.name} was changed meanwhile, here or outside; look at it and do that again")
-            text = edited(self.text, changes)
+            text = self.kind.change(self.text, changes)
             if text == self.text:
                 return
             with rl.files.replacing(self.path) as temporary:
                 temporary.write_bytes(_bytes(text))
-                fault = _fault(temporary)
+                fault = self._fault(temporary)
                 if fault is not None and self.fault is None and not unfinished:
                     raise ValueError(f"not done: {fault}")
                 if self._stamp_now() != self._stamp:  # written by others at this very moment: theirs stays
@@ -139,7 +157,15 @@ class Document:
         except tomllib.TOMLDecodeError as error:
             self.readable, self.fault = False, " ".join(f"not valid TOML: {error}".split())
             return
-        self.fault = _fault(self.path) if text else "plate: missing; choose its photographs"
+        self.fault = self._fault(self.path) if text else self.kind.empty
+
+    def _fault(self, path: Path) -> str | None:
+        """What is wrong with a file, without its name; None where it is sound."""
+        try:
+            self.kind.check(path)
+        except rl.RelumeError as error:
+            return " ".join(str(error).removeprefix(f"{path}: ").split())
+        return None
 
     def _read(self) -> str:
         """The file's text, "" where there is none, and when it was written."""
@@ -163,12 +189,3 @@ class Document:
 
 def _bytes(text: str) -> bytes:
     return text.encode("utf-8", "surrogateescape")
-
-
-def _fault(path: Path) -> str | None:
-    """What is wrong with a shot file, without its name; None where it is sound."""
-    try:
-        rl.read_shot(path)
-    except rl.RelumeError as error:
-        return " ".join(str(error).removeprefix(f"{path}: ").split())
-    return None

@@ -1,4 +1,4 @@
-"""Edits of a shot file's text: values are set, taken out and added, and all else stays as it was written."""
+"""Edits of a shot or place file's text: values are set, taken out and added, and all else stays as it was written."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from tomlkit.items import AoT, InlineTable, Table
 
 
 def edited(text: str, changes: Sequence[Mapping[str, Any]]) -> str:
-    """The text of a shot file with changes made in order; comments and formatting of the rest are kept.
+    """The text of a shot or place file with changes made in order; comments and formatting of the rest are kept.
 
     changes : {"set": place, "value": value}, {"remove": place} or {"append": place, "value": value}; a place is keys
         and numbers from the top, ["objects", 1, "translate"]. Tables on the way are made where missing
@@ -24,7 +24,7 @@ def edited(text: str, changes: Sequence[Mapping[str, Any]]) -> str:
             document = tomlkit.parse(tomlkit.dumps(_changed(document, change)))
         return tomlkit.dumps(document)
     except (TOMLKitError, KeyError, IndexError, TypeError, AttributeError) as error:
-        raise ValueError(f"the shot file has no such place to change ({type(error).__name__}: {error})") from None
+        raise ValueError(f"the file has no such place to change ({type(error).__name__}: {error})") from None
 
 
 def _changed(document: tomlkit.TOMLDocument, change: Mapping[str, Any]) -> tomlkit.TOMLDocument:
@@ -99,7 +99,7 @@ def _inline(value: Mapping[str, Any]) -> InlineTable:
 def _plain(value: Any) -> Any:
     """A value of JSON as one of TOML; a list of tables has its entries in lines."""
     if value is None:
-        raise ValueError("a shot file has no empty values; remove the key")
+        raise ValueError("the file has no empty values; remove the key")
     if isinstance(value, dict):
         return _inline(value)
     if isinstance(value, list) and value and isinstance(value[0], dict):

@@ -2,9 +2,7 @@
 
 from __future__ import annotations
 
-import asyncio
 import hashlib
-import time
 from collections.abc import AsyncIterator, Callable
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -21,8 +19,8 @@ from starlette.websockets import WebSocket
 import relume as rl
 from relume.studio.library import Library
 from relume.studio.pages import page_routes
-from relume.studio.routes import ALIVE, BEAT, UNKEPT, answered, closed, picture_routes
-from relume.studio.shots.answers import in_json, taking_bytes, taking_json
+from relume.studio.routes import UNKEPT, answered, picture_routes
+from relume.studio.shots.answers import in_json, say_changes, taking_bytes, taking_json
 from relume.studio.shots.ball import unwrapped
 from relume.studio.shots.bundles import LIST_THEM, LONGEST_LIST, Bundle, listed
 from relume.studio.shots.camera_parameters import parameters
@@ -39,10 +37,6 @@ from relume.studio.words import in_the_page
 
 LARGEST_MATTE = 64 * 1024**2
 """Bytes of a painted matte: as many as a plate of 60 megapixels may have."""
-LOOKED_AT_EVERY = 0.2
-"""Seconds between looks at the shot file and the pictures for each window."""
-JOB_LOOKED_AT_EVERY = 0.02
-"""Seconds between looks at the job, which is a number in memory."""
 SHOWN_RESULTS = ("report.html", "composite.png", "preview.png")
 RESULTS_POLICY = "default-src 'none'; img-src 'self' data:; style-src 'unsafe-inline'; sandbox"
 """Of the report: a page of its own without scripts, which may style itself."""
@@ -328,29 +322,7 @@ class Studio:
 
     async def events(self, socket: WebSocket) -> None:
         """Says what the studio is, whenever that changes, until the window is closed."""
-        await socket.accept()
-        ended, seen, job = asyncio.create_task(closed(socket)), None, None
-        stamps: list[tuple[int, int]] = []
-        next_look = next_beat = 0.0
-        while not ended.done():
-            # Now and then; at once when a job begins, has a picture, or ends.
-            if time.monotonic() >= next_look or self.jobs.seen != job:
-                job = self.jobs.seen
-                await run_in_threadpool(self.document.look)
-                # Pictures that changed first: what is shown of them next is as they are now.
-                before, stamps = stamps, await run_in_threadpool(self.library.stamps)
-                for number, (old, stamp) in enumerate(zip(before, stamps, strict=False)):
-                    if old != stamp and not ended.done():
-                        await socket.send_json({"changed": number})
-                now = self.document.revision, self.document.fault, self.jobs.changes
-                if now != seen and not ended.done():
-                    await socket.send_json({"state": await run_in_threadpool(self.state)})
-                    seen = now
-                next_look = time.monotonic() + LOOKED_AT_EVERY
-            if time.monotonic() >= next_beat and not ended.done():
-                await socket.send_json(ALIVE)
-                next_beat = time.monotonic() + BEAT
-            await asyncio.wait([ended], timeout=JOB_LOOKED_AT_EVERY)
+        await say_changes(socket, self.document, self.library, self.jobs, self.state)
 
 
 def studio_application(studio: Studio) -> Starlette:

@@ -1,4 +1,4 @@
-"""What the studio's worker process does: the work of `relume insert`, one piece at a time, reported as it goes."""
+"""What the studio's worker process does: the work of `relume insert` piece by piece, and of `relume model`."""
 
 from __future__ import annotations
 
@@ -133,11 +133,19 @@ def _merge(shot: Path, _out: Path, scratch: Path, report: Report) -> dict[str, A
     return merged_facts(shot, scratch, report)
 
 
+def _model(place: Path, _out: Path, _scratch: Path, report: Report) -> dict[str, Any]:
+    """Cameras and sizes of a place file, written into it."""
+    report("finding cameras and sizes", 0.0)
+    found = rl.model_place(place, out=place)
+    return {"facts": found.facts(), "doubts": list(found.doubts)}
+
+
 JOBS: dict[str, Callable[..., dict[str, Any]]] = {
     "check": _check,
     "merge": _merge,
     "look": _look,
     "insert": _insert,
+    "model": _model,
 }
 PICTURED = ("look", "insert")
 """Those that show a picture while they go on."""

@@ -1,0 +1,1 @@
+"""The page of a place file: `relume studio place.toml`."""
