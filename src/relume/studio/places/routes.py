@@ -53,9 +53,7 @@ class PlaceStudio:
             self.solved[found] = self.begun or own
         if document["fault"] is None:
             self.bodies = rl.scene.read_place_bodies(self.document.path)
-        bodies = {name: {"edges": list(body.edges), "corners": list(body.corners),
-                         "curved": [edge for edge, ring in body.edges.items() if len(ring) > 2]}
-                  for name, body in self.bodies.items()}  # fmt: skip
+        bodies = {name: _names(body) for name, body in self.bodies.items()}
         return document | {
             "folder": str(self.folder.root), "bodies": bodies, "kinds": rl.scene.BLOCK_KINDS, "job": self.jobs.state,
             "there": [path is not None for path in self._photographs()],
@@ -148,6 +146,14 @@ class PlaceStudio:
     async def events(self, socket: WebSocket) -> None:
         """Says what the place is, whenever that changes, until the window is closed."""
         await say_changes(socket, self.document, self.library, self.jobs, self.state)
+
+
+def _names(body: rl.scene.Body) -> dict[str, list[str]]:
+    """What of a body may be marked; of two names of one edge, as a ring and the bottom, the first."""
+    rings = {ring: name for name, ring in reversed(body.edges.items())}
+    edges = [name for name, ring in body.edges.items() if rings[ring] == name]
+    curved = [name for name in body.edges if len(body.edges[name]) > 2]
+    return {"edges": edges, "corners": list(body.corners), "curved": curved}
 
 
 def place_application(studio: PlaceStudio) -> Starlette:
