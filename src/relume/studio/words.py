@@ -45,6 +45,8 @@ OFFERED = (
     (r": convert --(for|mirror) \S+ again", ""),
     (r"; --max 0 sets them to 0", "; set them to 0 before"),
     (r"; give it with --from", ""),
+    # Places.
+    (r"; run `relume model[^`]*`( first| again)?", "; solve it"),
     # Files.
     (r"(?<![\w-])--(depth|vectors) ", ""),
     (r"make them with --frames .*", "render the composite again, which makes them"),

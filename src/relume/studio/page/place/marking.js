@@ -6,6 +6,7 @@
 
 const NEAR = 9; // pixels of the screen within which a click means a mark
 const SHORT = 6; // pixels of the screen: what is shorter is a click, no edge
+const LETTER = 6, ROW = 14; // pixels of the window that a letter and a line of words take
 const INSIDE = 0.12; // share of an edge that is left free at its ends, where it is laid by what was found
 
 /** @param {PlacePage} page */
@@ -147,10 +148,21 @@ export function marking(page) {
       /** @type {import("../studio/overlay.js").Line[]} */ const lines = [];
       /** @type {import("../studio/overlay.js").Point[]} */ const dots = [];
       /** @type {import("../studio/overlay.js").Words[]} */ const words = [];
+      /** @type {[number, number, number][]} */ const written = [];
+      /** The first row below a place that no words stand in yet. @param {number} x @param {number} y @param {string} text */
+      const freeRow = (x, y, text) => {
+        const [left, top] = page.canvas.toScreen(x, y).map((each) => (each * page.canvas.canvas.clientWidth) / page.canvas.width), right = left + LETTER * text.length;
+        const taken = (/** @type {number} */ row) => written.some(([a, b, c]) => a < right && c > left && Math.abs(b - top - ROW * row) < ROW);
+        const row = [0, 1, -1, 2, -2].find((each) => !taken(each)) ?? 0;
+        written.push([left, top + ROW * row, right]);
+        return row;
+      };
       const { found, stale } = page.state, distances = found?.distances[page.photograph] ?? {};
-      if (page.foundShown) for (const [block, edges] of Object.entries(found?.lines[page.photograph] ?? {})) {
+      // First, whether they are there or not, so that marks lie over them.
+      for (const { name } of page.blocks) {
+        const edges = page.foundShown ? found?.lines[page.photograph]?.[name] ?? {} : {};
         const d = Object.values(/** @type {Record<string, Points>} */ (edges)).filter((each) => each.length > 1);
-        lines.push({ key: `found ${block}`, d, className: stale ? "stale" : "found" });
+        lines.push({ key: `found ${name}`, d, className: stale ? "stale" : "found" });
       }
       for (const { block, edge, points: mark } of all()) {
         const name = `${block}.${edge}`, chosen = block === page.block && edge === page.edge, off = ahead.size ? undefined : distances[block]?.[edge];
@@ -158,7 +170,8 @@ export function marking(page) {
         if (!chosen) mark.forEach(([x, y], i) => dots.push({ key: `${name} ${i}`, x, y }));
         if (!chosen && !page.namesShown) continue;
         const [x, y] = mark.length === 2 ? [0, 1].map((i) => (mark[0][i] + mark[1][i]) / 2) : mark[0];
-        words.push({ key: name, x, y, text: off ? `${name} ${rms(off).toFixed(2)}` : name });
+        const text = off ? `${name} ${rms(off).toFixed(2)}` : name;
+        words.push({ key: name, x, y, text, row: freeRow(x, y, text) });
       }
       if (draft) lines.push({ key: "draft", d: [draft], className: "chosen" });
       const own = draft ? null : chosenPoints();

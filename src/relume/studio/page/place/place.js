@@ -139,6 +139,7 @@ export class PlacePage {
     const words = { waiting: "waiting", running: job.step || "starting", stopping: "stopping …", done: `solved, ${job.seconds} s`, stopped: "stopped" };
     element("job-words").textContent = words[/** @type {"done"} */ (job.status)] ?? "";
     element("job-stop").hidden = !going || job.status === "stopping";
+    element("solve").disabled = going || this.state.fault !== null;
     if (job.status === "failed" && this.failedNumber !== job.number) {
       this.failedNumber = job.number;
       this.say(`not solved: ${job.error}`);
@@ -242,16 +243,16 @@ export class PlacePage {
   rebuild() {
     const root = element("pane"), focused = document.activeElement, top = root.scrollTop;
     const inside = root.contains(focused) ? [...root.querySelectorAll("button, input, select, summary")].indexOf(/** @type {Element} */ (focused)) : -1;
-    const open = [...root.querySelectorAll("details")].map((/** @type {any} */ each) => each.open);
+    const open = [...root.querySelectorAll("details[open]")].map((/** @type {any} */ each) => each.dataset.part);
     root.replaceChildren(...this.build());
-    root.querySelectorAll("details").forEach((/** @type {any} */ each, /** @type {number} */ i) => (each.open = open[i] ?? false));
+    root.querySelectorAll("details").forEach((/** @type {any} */ each) => (each.open = open.includes(each.dataset.part)));
     root.scrollTop = top;
     if (inside >= 0) root.querySelectorAll("button, input, select, summary")[inside]?.focus();
     this.drawBody();
   }
 
   build() {
-    const { name } = this.state, number = this.blocks.findIndex((each) => each.name === this.block), running = ["waiting", "running", "stopping"].includes(this.state.job.status);
+    const { name } = this.state, number = this.blocks.findIndex((each) => each.name === this.block), { edges, corners } = this.state.bodies[this.block] ?? { edges: [], corners: [] };
     const names = make("input", { type: "checkbox", id: "names-shown", checked: this.namesShown, onchange: () => {
       this.namesShown = names.checked;
       this.drawn();
@@ -266,35 +267,34 @@ export class PlacePage {
         this.turned += Number(by);
         this.drawBody();
       } }, String(text)))),
-      this.edgeList(),
+      this.edgeList(edges, "Edges"),
+      part("corners", "Corners", ...(corners.length ? [this.edgeList(corners, "Corners")] : ["It has none."])),
       make("p", { id: "to-do" }, this.marks.words()),
       make("div", { className: "row" },
         make("button", { type: "button", id: "put", disabled: !this.edge || this.marks.points(this.block, this.edge) !== null, onclick: () => this.marks.put() }, "Put it there"),
         make("button", { type: "button", id: "remove", disabled: !this.edge || this.marks.points(this.block, this.edge) === null, onclick: () => this.marks.remove() }, "Remove the mark")),
       make("div", { className: "row" }, names, make("label", { for: "names-shown" }, "Write the names on the photograph")),
       make("h2", {}, "Found"),
-      make("button", { type: "button", className: "primary", id: "solve", disabled: running || this.state.fault !== null, onclick: () => this.solve() }, "Solve"),
       ...solution(this),
-      make("details", {}, make("summary", {}, `What is known of ${this.block}`), ...known(this, number)),
-      make("details", {}, make("summary", {}, "Add a block"), ...adding(this)),
-      make("details", {}, make("summary", {}, "Measured lengths"), ...lengths(this)),
+      part("known", `What is known of ${this.block}`, ...known(this, number)),
+      part("adding", "Add a block", ...adding(this)),
+      part("lengths", "Measured lengths", ...lengths(this)),
       typed(`relume model ${quoted(name ?? "")} -o ${quoted(name ?? "")}`, `import relume as rl\n\nplace = rl.model_place("${name}", out="${name}")\nprint(place.facts())`),
     ];
   }
 
   /** @param {{name: string, file: string}} photograph @param {number} i */
   thumbnail({ name, file }, i) {
-    const camera = this.state.found?.cameras[name], words = camera ? `${name} ${camera.residual.toFixed(2)}` : name;
+    const camera = this.state.found?.cameras[name];
     const button = make("button", { type: "button", className: "thumb", title: file, ariaPressed: String(name === this.photograph), data: { photograph: name }, onclick: () => this.show(name) });
     if (this.state.there[i]) button.append(make("img", { alt: "", src: `/photographs/${i}` }));
-    button.append(make("span", {}, words), ...(this.state.there[i] ? [] : [make("span", { className: "doubt" }, "not there")]));
+    button.append(make("span", {}, name), make("span", {}, camera ? `${camera.residual.toFixed(2)} px` : ""), ...(this.state.there[i] ? [] : [make("span", { className: "doubt" }, "not there")]));
     return button;
   }
 
-  edgeList() {
-    const body = this.state.bodies[this.block];
-    const names = body ? [...body.edges, ...body.corners] : [];
-    return make("div", { className: "edges", role: "group", ariaLabel: `Edges and corners of ${this.block}` }, ...names.map((/** @type {string} */ name) => {
+  /** @param {string[]} names of edges or corners @param {string} what */
+  edgeList(names, what) {
+    return make("div", { className: "edges", role: "group", ariaLabel: `${what} of ${this.block}` }, ...names.map((name) => {
       const times = this.marks.times(this.block, name), here = this.marks.points(this.block, name) !== null;
       const title = `${here ? "marked here; " : ""}marked in ${times} photograph${times === 1 ? "" : "s"}`;
       return make("button", { type: "button", data: { edge: name }, ariaPressed: String(name === this.edge), title, onclick: () => this.pick(this.block, name) },
@@ -344,6 +344,9 @@ export class PlacePage {
     this.reading = false;
   }
 }
+
+/** A part of the pane that is folded away until it is wanted. @param {string} name @param {string} title @param {(Node | string)[]} inside */
+const part = (name, title, ...inside) => make("details", { data: { part: name } }, make("summary", {}, title), ...inside);
 
 const page = new PlacePage();
 
@@ -410,6 +413,7 @@ begin([
 ]);
 element("undo").addEventListener("click", () => page.undo(1));
 element("redo").addEventListener("click", () => page.undo(-1));
+element("solve").addEventListener("click", () => page.solve());
 element("job-stop").addEventListener("click", () => page.attempt(() => post("/jobs/stop", {})));
 
 /** For tests: the page's own state, and whether all that was asked for is shown. */

@@ -26,16 +26,16 @@ export function solution(page) {
 /** @param {Record<string, {size: number[], deviation: number[]}>} blocks */
 function sizes(blocks) {
   const rows = Object.entries(blocks).map(([name, { size, deviation }]) => make("tr", { data: { size: name } }, make("th", { scope: "row" }, name),
-    ...size.map((each, i) => make("td", {}, each > 0 ? length(each, deviation[i]) : "–"))));
-  return make("table", {}, make("caption", {}, "Sizes, metres ± one standard deviation; without ± given"),
+    ...size.map((each, i) => make("td", {}, ...(each > 0 ? length(each, deviation[i]) : ["–"])))));
+  return make("table", {}, make("caption", {}, "Sizes, metres ± one standard deviation"),
     make("thead", {}, make("tr", {}, make("th", { scope: "col" }, "block"), ...SIZES.map((each) => make("th", { scope: "col" }, each)))), make("tbody", {}, ...rows));
 }
 
 /** As many digits as the deviation has two of. @param {number} value @param {number} deviation */
-export function length(value, deviation) {
-  if (!(deviation > 0)) return String(Number(value.toPrecision(5)));
+function length(value, deviation) {
+  if (!(deviation > 0)) return [String(Number(value.toPrecision(5))), make("small", {}, "given")];
   const digits = Math.min(Math.max(1 - Math.floor(Math.log10(deviation)), 0), 6);
-  return `${value.toFixed(digits)} ± ${deviation.toFixed(digits)}`;
+  return [value.toFixed(digits), make("small", {}, ` ± ${deviation.toFixed(digits)}`)];
 }
 
 /** @param {PlacePage} page @param {any} found */
