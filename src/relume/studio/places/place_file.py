@@ -42,15 +42,18 @@ def _changed(own: str, change: Mapping[str, Any]) -> str | None:
     tables = headers(lines)
     entries = [number for number, keys in tables if keys == [place[0]] and lines[number].lstrip().startswith("[[")]
     if kind == "append" and len(place) == 1 and entries and isinstance(change.get("value"), dict):
-        # As an entry of a file of its own, which `edited` writes.
-        added = edited("", [change]).rstrip().split("\n")
-        end = _end_of(lines, place)
-        return "\n".join([*lines[:end], "", *added, *lines[end:]])
-    if kind == "remove" and len(place) == 2 and isinstance(place[1], int) and 0 <= place[1] < len(entries):
-        begin = entries[place[1]]
+        return _inserted(lines, _end_of(lines, entries[-1]), ["", *_written(place[0], change)])
+    if len(place) < 2 or not isinstance(place[1], int) or not 0 <= place[1] < len(entries):
+        return None
+    begin = entries[place[1]]
+    if kind == "remove" and len(place) == 2:
+        # With the tables inside it.
+        last = [number for number, keys in tables if number >= begin and keys[0] == place[0]]
         after = next((number for number in entries if number > begin), len(lines))
-        end = _end_of(lines[:after], place[:1])
+        end = _end_of(lines, max(number for number in last if number < after))
         return "\n".join([*lines[:begin], *lines[end:]]).replace("\n\n\n", "\n\n")
+    if kind == "set" and len(place) == 3 and place[2] not in tomlkit.parse(own)[place[0]][place[1]]:  # pyright: ignore
+        return _inserted(lines, _end_of(lines, begin), _written(place[2], change))
     return None
 
 
@@ -72,18 +75,25 @@ def _marked(own: str, photograph: str, block: str, edge: str, *, points: Any) ->
         raise ValueError(f"the file has no such place to change ({type(error).__name__}: {error})") from None
     keys = [tomlkit.key(key).as_string() for key in ("marks", photograph, block, edge)]
     lines = own.split("\n")
-    end = _end_of(lines, ["marks", photograph])
+    beside = [number for number, found in headers(lines) if found[:2] == ["marks", photograph]]
+    end = _end_of(lines, beside[-1]) if beside else len(lines)
     added = ["", f"[{'.'.join(keys[:3])}]", *f"{keys[3]} = {value.as_string()}".split("\n")]
-    return "\n".join([*lines[:end], *added, *lines[end:]])
+    return _inserted(lines, end, added)
 
 
-def _end_of(lines: list[str], keys: list[str]) -> int:
-    """The line after the last table whose keys begin so; the end of the text where there is none."""
-    tables = headers(lines)
-    own = [number for number, found in tables if found[: len(keys)] == keys]
-    if not own:
-        return len(lines)
-    end = next((number for number, _ in tables if number > own[-1]), len(lines))
+def _written(key: str, change: Mapping[str, Any]) -> list[str]:
+    """The lines of a key, or of an entry of [[…]], as in a file of its own."""
+    (kind,) = {"set", "append"} & set(change)
+    return edited("", [{kind: [key], "value": change["value"]}]).rstrip().split("\n")
+
+
+def _inserted(lines: list[str], number: int, added: list[str]) -> str:
+    return "\n".join([*lines[:number], *added, *lines[number:]])
+
+
+def _end_of(lines: list[str], begin: int) -> int:
+    """The line after the table that begins at a line."""
+    end = next((number for number, _ in headers(lines) if number > begin), len(lines))
     while not lines[end - 1].strip() or lines[end - 1].lstrip().startswith("#"):
         end -= 1
     # A comment right below a table's last line is of that table; one after an empty line is of the next.

@@ -50,7 +50,8 @@ class PlaceStudio:
         document = self.document.state()
         own, found = self._parts()
         if found and found not in self.solved:
-            self.solved[found] = self.begun or own
+            ours = self.jobs.state["status"] in ("running", "done")
+            self.solved[found] = (self.begun if ours else None) or own
         if document["fault"] is None:
             self.bodies = rl.scene.read_place_bodies(self.document.path)
         bodies = {name: _names(body) for name, body in self.bodies.items()}

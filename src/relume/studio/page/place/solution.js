@@ -34,7 +34,7 @@ function sizes(blocks) {
 /** As many digits as the deviation has two of. @param {number} value @param {number} deviation */
 function length(value, deviation) {
   if (!(deviation > 0)) return [String(Number(value.toPrecision(5))), make("small", {}, "given")];
-  const digits = Math.min(Math.max(1 - Math.floor(Math.log10(deviation)), 0), 6);
+  const digits = Math.min(Math.max(1 - Math.floor(Math.log10(Number(deviation.toPrecision(2)))), 0), 6);
   return [value.toFixed(digits), make("small", {}, ` ± ${deviation.toFixed(digits)}`)];
 }
 
