@@ -123,6 +123,7 @@ def test_a_place_file_is_known_sound_or_not(tmp_path: Path):
     for text, known in (
         (OWN, True),
         (OWN + "broken [", True),
+        (OWN.split("[[blocks]]")[0], True),
         ('[plate]\nphotographs = "a.jpg"\n', False),
         ("", False),
     ):

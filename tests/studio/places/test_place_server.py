@@ -9,6 +9,7 @@ from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 import pytest
 
 import place_shoot
@@ -162,6 +163,10 @@ def test_solving_writes_what_model_place_writes_and_the_page_sees_it(server: Ser
     at = [list(p) for p in ([690.67, 242.53], [828.14, 287.18])]
     state = edit(server, {"set": FRONT_TOP, "value": at})[1]
     assert state["stale"] and state["found"]["blocks"] == found["blocks"]
+    before, now = (each["distances"]["front_left"]["tower"]["front_top"] for each in (found, state["found"]))
+    across = 2 * (287.18 - 242.53) / np.hypot(830.14 - 692.67, 287.18 - 242.53)
+    assert all(np.isclose(abs(a - b), across, atol=0.01) or np.isclose(a + b, across, atol=0.01)
+               for a, b in zip(before, now, strict=True))  # fmt: skip
     text = path.read_text(encoding="utf-8")
     assert text.index("[[690.67, 242.53], [828.14, 287.18]]") < text.index("# Found by")
     # A block that was added is said to be new; undone, all is as it was found.

@@ -72,7 +72,9 @@ def model(
             known = scale if between is None or metres is None else rl.scene.KnownDistance(*between, metres)
             begun = rl.scene.new_place_file(place, out, scale=known, up=up, mesh=mesh, photographs=photographs)
             if not begun.solved:
-                note(output, f"name blocks and mark their edges in {out}, then run `relume model {out} -o {out}`")
+                by_pointer = f"(by the pointer: `relume studio {out}`)"
+                solve = f"then run `relume model {out} -o {out}`"
+                note(output, f"name blocks and mark their edges in {out} {by_pointer}, {solve}")
             print_facts(output, {"written": written, **asdict(begun)})
             return
         # Cameras and sizes.

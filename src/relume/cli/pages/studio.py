@@ -1,4 +1,4 @@
-"""`relume studio`: a shot and its photographs in the browser, edited by looking and pointing."""
+"""`relume studio`: a shot or a place and its photographs in the browser, edited by looking and pointing."""
 
 from __future__ import annotations
 
@@ -13,7 +13,9 @@ from relume.cli.console import OutputOptions, print_facts, warnings_as_notes
 
 
 def studio(
-    path: Annotated[Path, Parameter(help="A folder of photographs, or a shot file, .toml.")] = Path("."),
+    path: Annotated[
+        Path, Parameter(help="A folder of photographs, a shot file, .toml, or a place file, to mark edges.")
+    ] = Path("."),
     /,
     *,
     out: Annotated[
@@ -32,7 +34,9 @@ def studio(
     """Go from a folder of photographs to a composite by looking and pointing; shot.toml is the document.
 
     Every act edits shot.toml, and edits made elsewhere appear. What the page renders `relume insert` does not render
-    again. Runs until Ctrl-C; the page speaks to this machine alone.
+    again. Of a place file the page marks edges in its photographs, and solves it as `relume model` does.
+
+    Runs until Ctrl-C; the page speaks to this machine alone.
     """
 
     def say(address: str) -> None:

@@ -21,7 +21,7 @@ def _keys(header: str) -> list[str]:
 
 
 def is_place_file(path: Path) -> bool:
-    """Whether a file of TOML is a place file and no shot: it has [[blocks]] or photogrammetry, sound or not.
+    """Whether a file of TOML is a place file and no shot: it has [[blocks]] or [[photographs]], sound or not.
 
     Raises UnreadableFile; ValueError for photogrammetry, in which there is nothing to mark.
     """
@@ -32,4 +32,4 @@ def is_place_file(path: Path) -> bool:
     tables = {keys[0] for _, keys in headers(text.splitlines())}
     if "photogrammetry" in tables:
         raise ValueError(f"{path}: its cameras were found elsewhere, so that there is nothing to mark in it")
-    return "blocks" in tables
+    return bool(tables & {"blocks", "photographs"})

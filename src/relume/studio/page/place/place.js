@@ -160,12 +160,12 @@ export class PlacePage {
       const facts = await this.factsOf(number);
       if (turn !== this.showing) return;
       this.number = number;
-      const other = this.size?.join() !== facts.size.join();
+      const another = this.shownName !== name;
       this.size = facts.size;
       this.canvas.open(facts.layers[0], this.tilesOf(number));
-      if (other || this.shownName !== name) this.canvas.fit();
+      if (another) this.canvas.fit();
       this.shownName = name;
-      if (facts.kind === "radiance map") {
+      if (another && facts.kind === "radiance map") {
         const median = (await json(`/pictures/${number}/statistics?layer=0`)).median?.[3];
         if (turn === this.showing && median > 0) this.canvas.set({ stops: Math.log2(0.18 / median) });
       }
