@@ -11,6 +11,7 @@ from typing import Any
 import numpy as np
 import pytest
 
+import relume as rl
 from browsing import Tab, opened
 from serving import Server, serving
 from studio_page import serious_faults
@@ -49,8 +50,11 @@ def page(browser: Any, folder: Path, server: Server) -> Iterator[Tab]:
 
 
 def marks(folder: Path, photograph: str, block: str) -> dict[str, Any]:
-    table = tomllib.loads((folder / "chapel.toml").read_text(encoding="utf-8"))
-    return table["marks"][photograph].get(block, {})
+    return marks_of(folder / "chapel.toml", photograph, block)
+
+
+def marks_of(path: Path, photograph: str, block: str) -> dict[str, Any]:
+    return tomllib.loads(path.read_text(encoding="utf-8"))["marks"][photograph].get(block, {})
 
 
 def mark_front_top(page: Tab, folder: Path) -> np.ndarray:
@@ -157,3 +161,54 @@ def test_axe_finds_nothing_serious(page: Tab):
     page.click('[data-block="tower"]')
     page.click('.edges [data-edge="front_right"]')
     assert serious_faults(page) == []
+
+
+@pytest.mark.slow
+def test_from_bare_photographs_to_a_tower_s_sizes_by_the_pointer_alone(browser: Any, tmp_path: Path):
+    """One length is typed, and what the spire has of the tower; all else is picked and drawn."""
+    names = ("front_left", "front_right", "back_left", "above")
+    (tmp_path / "photographs").mkdir()
+    for name in names:
+        shutil.copy(PLACES / "photographs" / f"{name}.jpg", tmp_path / "photographs")
+    path = tmp_path / "place.toml"
+    rl.scene.new_place_file(tmp_path / "photographs", path)
+    truth = tomllib.loads((PLACES / "chapel.toml").read_text(encoding="utf-8"))["marks"]
+    with serving([path], "studio") as running, opened(browser, running.address, refusals=True) as page:
+
+        def typed(block: int, key: str, text: str) -> None:
+            field = page.tab.locator(f'[data-place="blocks.{block}.{key}"]')
+            field.fill(text)
+            field.press("Enter")
+            page.settle()
+
+        # The block that a new file begins with is the tower: its height is known.
+        page.click('details[data-part="known"] > summary')
+        typed(0, "height", "15")
+        typed(0, "width", "")
+        page.click('details[data-part="adding"] > summary')
+        page.tab.locator('details[data-part="adding"] input').fill("spire")
+        for number, choice in enumerate(("pyramid", "house")):
+            page.tab.locator('details[data-part="adding"] select').nth(number).select_option(choice)
+        page.click("#add-block")
+        page.until(lambda: page.tab.evaluate("() => relume.page.block") == "spire", "the spire")
+        for key in ("width", "depth", "centre_x", "centre_z"):
+            typed(1, key, f"house.{key}")
+        # Its edges, in four photographs.
+        for name in names:
+            page.click(f'[data-photograph="{name}"]')
+            page.until(lambda n=name: page.tab.evaluate("() => relume.page.shownName") == n, "the photograph")
+            page.settle()
+            for block, of in (("house", "tower"), ("spire", "spire")):
+                page.click(f'[data-block="{block}"]')
+                for edge, ends in truth[name][of].items():
+                    page.click(f'.edges [data-edge="{edge}"]')
+                    page.drag(ends[0], ends[1])
+                    page.until(lambda n=name, b=block, e=edge: e in marks_of(path, n, b), f"{name}, {block}.{edge}")
+        page.click("#solve")
+        page.until(lambda: page.tab.locator('[data-size="spire"]').count() == 1, "the sizes")
+        page.settle()
+        place = rl.scene.read_place(path)
+    assert place.doubts == ()
+    assert place.block("house").size == pytest.approx([7, 15, 6], rel=0.02)
+    assert place.block("spire").size == pytest.approx([7, 7, 6], rel=0.02)
+    assert max(photograph.residual for photograph in place.photographs) < 1

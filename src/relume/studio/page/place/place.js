@@ -287,7 +287,7 @@ export class PlacePage {
   thumbnail({ name, file }, i) {
     const camera = this.state.found?.cameras[name];
     const button = make("button", { type: "button", className: "thumb", title: file, ariaPressed: String(name === this.photograph), data: { photograph: name }, onclick: () => this.show(name) });
-    if (this.state.there[i]) button.append(make("img", { alt: "", src: `/photographs/${i}` }));
+    if (this.state.there[i]) button.append(make("img", { alt: "", src: `/photographs/${i}?${encodeURIComponent(file)}` }));
     button.append(make("span", {}, name), make("span", {}, camera ? `${camera.residual.toFixed(2)} px` : ""), ...(this.state.there[i] ? [] : [make("span", { className: "doubt" }, "not there")]));
     return button;
   }
