@@ -209,6 +209,6 @@ def test_from_bare_photographs_to_a_tower_s_sizes_by_the_pointer_alone(browser: 
         page.settle()
         place = rl.scene.read_place(path)
     assert place.doubts == ()
-    assert place.block("house").size == pytest.approx([7, 15, 6], rel=0.02)
-    assert place.block("spire").size == pytest.approx([7, 7, 6], rel=0.02)
+    assert place.block("house").size == pytest.approx([7, 15, 6], rel=0.01)
+    assert place.block("spire").size == pytest.approx([7, 7, 6], rel=0.01)
     assert max(photograph.residual for photograph in place.photographs) < 1
