@@ -22,7 +22,7 @@ for needed in ("starlette", "uvicorn", "tomlkit"):
 PLACES = Path(__file__).resolve().parents[3] / "examples" / "places"
 TEXT = (PLACES / "chapel.toml").read_text(encoding="utf-8")
 POSTS = ["/place/edit", "/place/undo", "/opened", "/jobs/start", "/jobs/stop"]
-GETS = ["/", "/place", "/place/body?block=nave", "/photographs/0"]
+GETS = ["/", "/place", "/photographs", "/place/body?block=nave", "/photographs/0"]
 FRONT_TOP = ["marks", "front_left", "tower", "front_top"]
 
 
@@ -165,7 +165,7 @@ def test_solving_writes_what_model_place_writes_and_the_page_sees_it(server: Ser
     assert state["stale"] and state["found"]["blocks"] == found["blocks"]
     before, now = (each["distances"]["front_left"]["tower"]["front_top"] for each in (found, state["found"]))
     across = 2 * (287.18 - 242.53) / np.hypot(830.14 - 692.67, 287.18 - 242.53)
-    assert all(np.isclose(abs(a - b), across, atol=0.01) or np.isclose(a + b, across, atol=0.01)
+    assert all(np.isclose(abs(a - b), across, atol=0.03) or np.isclose(a + b, across, atol=0.03)
                for a, b in zip(before, now, strict=True))  # fmt: skip
     text = path.read_text(encoding="utf-8")
     assert text.index("[[690.67, 242.53], [828.14, 287.18]]") < text.index("# Found by")
@@ -174,6 +174,29 @@ def test_solving_writes_what_model_place_writes_and_the_page_sees_it(server: Ser
     assert state["found"] is None and state["lacks"] == "block 'porch' was added since it was solved; solve it"
     state = server.post("/place/undo", {"by": 2})[1]
     assert not state["stale"] and state["found"]["blocks"] == found["blocks"]
+
+
+def test_a_job_that_is_stopped_ends_and_the_next_one_begins(server: Server):
+    for _ in range(3):
+        assert server.post("/jobs/start")[0] == 200
+        assert server.post("/jobs/stop")[0] == 200
+    assert solved(server)["status"] == "done"
+
+
+def test_a_photograph_is_left_out_with_its_marks_and_taken_in_again(server: Server, folder: Path):
+    assert server.json("/photographs") == {"files": []}
+    status, state = edit(server, {"remove": ["marks", "right"]}, {"remove": ["photographs", 2]})
+    assert status == 200 and [each["name"] for each in state["table"]["photographs"]] == [
+        "front_left", "front_right", "back_left", "above"
+    ]  # fmt: skip
+    assert "right" not in state["table"]["marks"] and len(state["table"]["marks"]) == 4
+    assert server.json("/photographs") == {"files": ["photographs/right.jpg"]}
+    text = (folder / "chapel.toml").read_text(encoding="utf-8")
+    assert "# Marks, which figures.py writes anew" in text and "# metres: the only length" in text
+    value = {"name": "right", "file": "photographs/right.jpg"}
+    assert edit(server, {"append": ["photographs"], "value": value})[0] == 200
+    added = '[[photographs]]\nname = "right"\nfile = "photographs/right.jpg"\n\n[[blocks]]'
+    assert added in (folder / "chapel.toml").read_text(encoding="utf-8")
 
 
 def test_a_size_that_is_not_determined_is_one_line(tmp_path: Path):

@@ -105,6 +105,12 @@ class PlaceStudio:
         self.document.undo(by)
         return in_json(self.state())
 
+    def others(self, _request: Request) -> Response:
+        """The folder's pictures that the place does not name yet."""
+        named = {path.resolve() for path in self._photographs() if path is not None}
+        found = [path for path in self.folder.pictures(self.folder.root / "out") if path not in named]
+        return in_json({"files": [self.folder.name(path) for path in found]})
+
     def thumbnail(self, request: Request) -> Response:
         """A small picture of a photograph, by its number in the file."""
         content, doubt = self.thumbnails.of(self._photograph(request.path_params["number"]))
@@ -170,6 +176,7 @@ def place_application(studio: PlaceStudio) -> Starlette:
             posted("/place/edit", studio.edit),
             posted("/place/undo", studio.undo),
             Route("/place/body", answered(studio.body)),
+            Route("/photographs", answered(studio.others)),
             Route("/photographs/{number:int}", answered(studio.thumbnail)),
             posted("/opened", studio.opened),
             posted("/jobs/start", studio.start),

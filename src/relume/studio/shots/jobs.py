@@ -78,6 +78,8 @@ class Jobs:
         with self._wake:
             self._wanted = None
             self._stop = True
+            if self.state["status"] == "waiting":  # and will not begin
+                self._say(status="stopped")
             self._wake.notify_all()
 
     def pause(self, paused: bool) -> None:
@@ -107,7 +109,7 @@ class Jobs:
                     break
                 assert self._wanted is not None
                 (kind, shot, out, about), self._wanted, self._stop = self._wanted, None, False
-                number += 1
+                number = max(number + 1, self.state["number"])
                 self._say(
                     status="running", kind=kind, number=number, step="", share=0.0, steps=[], error=None, result=None
                 )

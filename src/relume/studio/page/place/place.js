@@ -8,6 +8,7 @@ import { bytes, json, listenTo, post, Refused } from "../requests.js";
 import { make, quoted, typed } from "../studio/fields.js";
 import { Overlay } from "../studio/overlay.js";
 import { adding, known, lengths } from "./blocks.js";
+import { choosing } from "./choosing.js";
 import { marking } from "./marking.js";
 import { solution } from "./solution.js";
 import { wireframe } from "./wireframe.js";
@@ -42,6 +43,7 @@ export class PlacePage {
     this.waiting = 0;
     /** @type {Promise<unknown>} */ this.edits = Promise.resolve();
     this.failedNumber = -1;
+    /** The folder's pictures that the place does not name. @type {string[]} */ this.others = [];
     /** @type {[number, number] | null} */ this.wanted = null;
     this.reading = false;
   }
@@ -196,6 +198,14 @@ export class PlacePage {
     if (names.length) this.pick(this.block, names[(names.indexOf(this.edge) + by + names.length) % names.length]);
   }
 
+  /** Look which pictures of the folder are left. */
+  lookForOthers() {
+    return this.attempt(async () => {
+      this.others = (await json("/photographs")).files;
+      this.rebuild();
+    });
+  }
+
   /** @param {number} number @returns {Promise<PictureFacts>} */
   async factsOf(number) {
     let found = this.facts.get(number);
@@ -278,6 +288,7 @@ export class PlacePage {
       ...solution(this),
       part("known", `What is known of ${this.block}`, ...known(this, number)),
       part("adding", "Add a block", ...adding(this)),
+      part("photographs", "Photographs", ...choosing(this)),
       part("lengths", "Measured lengths", ...lengths(this)),
       typed(`relume model ${quoted(name ?? "")} -o ${quoted(name ?? "")}`, `import relume as rl\n\nplace = rl.model_place("${name}", out="${name}")\nprint(place.facts())`),
     ];
@@ -421,6 +432,7 @@ Object.assign(window, { relume: { canvas: page.canvas, page, settled: () => page
 
 page.attempt(async () => {
   page.take(await json("/place"), true);
+  page.lookForOthers();
   listenTo(({ state, changed }) => {
     if (state) page.take(state);
     if (changed !== undefined) page.changed(changed);
