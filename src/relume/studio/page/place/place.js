@@ -321,7 +321,9 @@ export class PlacePage {
     if (!found) return undefined;
     this.bodies.set(key, found);
     if (block.name !== this.block) return undefined;
-    const size = this.state.found?.blocks[block.name]?.size ?? ["width", "height", "depth"].map((each) => (typeof block[each] === "number" ? block[each] : 1));
+    // Sizes that are not known yet are drawn as large as those that are given.
+    const given = ["width", "height", "depth"].map((each) => (typeof block[each] === "number" ? block[each] : 0));
+    const size = this.state.found?.blocks[block.name]?.size ?? given.map((each) => each || Math.max(...given) || 1);
     return element("drawing").replaceChildren(wireframe(found, {
       turn: this.turned, chosen: this.edge, size, choose: (name) => this.pick(block.name, name),
       state: (name) => (this.marks.points(block.name, name) ? "here" : this.marks.times(block.name, name) ? "elsewhere" : ""),
