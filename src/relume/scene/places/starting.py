@@ -14,8 +14,8 @@ from relume.scene.places.bodies import BODIES
 from relume.scene.places.photogrammetry.reading import KnownDistance, read_photogrammetry
 from relume.scene.places.photographs import photograph_facts, pictures_in
 
-INTRODUCTION = """# A place: mark edges of blocks in the photographs, then run `relume model` on this file. `relume studio` on it
-# marks them by the pointer.
+INTRODUCTION = """# A place: mark edges of blocks in the photographs, then run `relume model` on this file.
+# `relume studio` on it marks by the pointer.
 # deviation = 0.5     # of a mark, pixels
 
 """
