@@ -157,6 +157,18 @@ def test_a_block_is_added_with_its_constraints_and_what_is_refused_is_said(page:
     page.until(lambda: (folder / "chapel.toml").read_text(encoding="utf-8") == BEFORE, "its end")
 
 
+def test_a_click_is_not_lost_where_the_pane_changes_between_press_and_release(page: Tab, folder: Path):
+    where = page.tab.locator('[data-block="roof"]').bounding_box()
+    assert where is not None
+    page.tab.mouse.move(where["x"] + where["width"] / 2, where["y"] + where["height"] / 2)
+    page.tab.mouse.down()
+    (folder / "chapel.toml").write_text(BEFORE + "\n# written meanwhile\n", encoding="utf-8")
+    page.until(lambda: page.tab.evaluate("() => relume.page.state.undo") > 0, "what others wrote")
+    page.tab.mouse.up()
+    page.until(lambda: page.tab.evaluate("() => relume.page.block") == "roof", "the block")
+    assert page.tab.locator('[data-block="roof"]').get_attribute("aria-pressed") == "true"
+
+
 def test_axe_finds_nothing_serious(page: Tab):
     page.click('[data-block="tower"]')
     page.click('.edges [data-edge="front_right"]')

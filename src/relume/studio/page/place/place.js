@@ -7,6 +7,7 @@ import { drawNumbers } from "../overlays/numbers.js";
 import { bytes, json, listenTo, post, Refused } from "../requests.js";
 import { make, quoted, typed } from "../studio/fields.js";
 import { Overlay } from "../studio/overlay.js";
+import { Press } from "../studio/press.js";
 import { adding, known, lengths } from "./blocks.js";
 import { choosing } from "./choosing.js";
 import { marking } from "./marking.js";
@@ -28,6 +29,7 @@ export class PlacePage {
     this.canvas = new HdrCanvas(picture, () => this.drawn(), (error) => this.say(error));
     this.overlay = new Overlay(element("overlay"), element("glass"), this.canvas);
     this.overlay.nudge = NUDGE;
+    this.press = new Press(element("pane"));
     /** The photograph that is shown. */ this.photograph = "";
     /** Its size, pixels. @type {[number, number] | null} */ this.size = null;
     /** The block that is looked at, and its edge or corner that is marked. */ this.block = "";
@@ -249,8 +251,12 @@ export class PlacePage {
 
   // The pane.
 
-  /** Build the pane anew, with the focus where it was. */
+  /** Build the pane anew, with the focus where it was; not while something of it is pressed. */
   rebuild() {
+    this.press.wait(() => this.replace());
+  }
+
+  replace() {
     const root = element("pane"), focused = document.activeElement, top = root.scrollTop;
     const inside = root.contains(focused) ? [...root.querySelectorAll("button, input, select, summary")].indexOf(/** @type {Element} */ (focused)) : -1;
     const open = [...root.querySelectorAll("details[open]")].map((/** @type {any} */ each) => each.dataset.part);
@@ -430,7 +436,7 @@ element("solve").addEventListener("click", () => page.solve());
 element("job-stop").addEventListener("click", () => page.attempt(() => post("/jobs/stop", {})));
 
 /** For tests: the page's own state, and whether all that was asked for is shown. */
-Object.assign(window, { relume: { canvas: page.canvas, page, settled: () => page.canvas.settled && !busy && page.state.revision >= 0 } });
+Object.assign(window, { relume: { canvas: page.canvas, page, settled: () => page.canvas.settled && !busy && !page.press.held && page.state.revision >= 0 } });
 
 page.attempt(async () => {
   page.take(await json("/place"), true);

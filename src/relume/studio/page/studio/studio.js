@@ -17,6 +17,7 @@ import { placePane } from "./panes/place.js";
 import { radiancePane } from "./panes/radiance.js";
 import { make } from "./fields.js";
 import { Overlay } from "./overlay.js";
+import { Press } from "./press.js";
 import { wholePixels } from "./projection.js";
 import { bytes, json, listenTo, post, Refused } from "../requests.js";
 
@@ -36,6 +37,7 @@ export class Studio {
     /** @type {any} */ this.state = { table: {}, fault: null, job: { status: "none" }, revision: -1, plate: [], balls: [], results: [], measured: null, merged: null };
     this.canvas = new HdrCanvas(picture, () => this.drawn(), (error) => this.say(error));
     this.overlay = new Overlay(element("overlay"), element("glass"), this.canvas);
+    this.press = new Press(element("pane"));
     /** @type {Map<number, PictureFacts>} */ this.facts = new Map();
     this.number = -1;
     this.shownPath = this.shownWhere = "";
@@ -387,8 +389,13 @@ export class Studio {
   }
   stepBegun = { key: "", seconds: 0, share: 0 };
 
-  /** Build the pane anew, with the focus where it was. @param {boolean} [another] whether it is another one than before */
+  /** Build the pane anew, with the focus where it was; not while something of it is pressed. @param {boolean} [another] whether it is another one than before */
   rebuild(another = false) {
+    this.press.wait(() => this.replace(another));
+  }
+
+  /** @param {boolean} another */
+  replace(another) {
     const pane = this.panes[this.step];
     if (!pane) return;
     const root = element("pane"), focused = /** @type {HTMLElement | null} */ (document.activeElement), top = root.scrollTop;
@@ -583,7 +590,7 @@ element("steps").replaceChildren(...studio.panes.map((/** @type {Pane} */ pane, 
 }));
 
 /** For tests: the page's own state, and whether all that was asked for is shown. */
-Object.assign(window, { relume: { canvas: studio.canvas, studio, settled: () => studio.canvas.settled && !busy && studio.state.revision >= 0 } });
+Object.assign(window, { relume: { canvas: studio.canvas, studio, settled: () => studio.canvas.settled && !busy && !studio.press.held && studio.state.revision >= 0 } });
 
 studio.attempt(async () => {
   studio.take(await json("/shot"));
