@@ -250,7 +250,7 @@ def probe(
 
     What no view saw is filled smoothly and marked: the map's `clipped` layer holds 3 there and 1 where light is
     saturated, and an EXR has a layer `confidence`, 0 to 1. A view whose camera's place is not given is registered to
-    the first. Of a film a map of every frame goes into the folder -o, merged from the exposures that its frames hold or
+    the first. Of a film a map of every frame goes into the folder or .zarr store -o, merged from the exposures that its frames hold or
     alternate between.
     """
     if photographs and all(rl.probe.is_film(path) for path in photographs):
@@ -328,7 +328,8 @@ def _film(
         require_files([*films, *([profile] if profile else [])])
         known = rl.capture.read_profile(profile) if profile else None
         if dry_run:
-            print_facts(output, {"would write": f"{out}/map_000001.exr …", "films": [str(path) for path in films]})
+            first = str(out) if out.suffix == ".zarr" else f"{out}/map_000001.exr …"
+            print_facts(output, {"would write": first, "films": [str(path) for path in films]})
             finish(output, doubts, accept=True)
             return
         with progress(output) as advance:
