@@ -23,7 +23,7 @@ from relume.errors import UnreadableFile
 from relume.image.radiance import SATURATED
 from relume.sphere.environment_files import read_environment
 from relume.sphere.environment_map import EnvironmentMap
-from relume.sphere.map_store import is_map_store, maps_in_store, number_in_store
+from relume.sphere.map_store import is_map_store, maps_in_store, name_of_map, number_in_store
 from relume.sphere.mappings.mapping import Mapping
 
 ENDINGS = (".exr", ".hdr", ".pic")
@@ -213,7 +213,7 @@ def _require_alike(first: Path, one: _Kind, path: Path, other: _Kind) -> None:
     for word, mine, theirs in zip(words, one, other, strict=True):
         if mine != theirs:
             raise UnreadableFile(
-                f"{path}: {word.format(theirs)}, but {first.name} is {word.format(mine)}; the maps of a sequence are "
+                f"{path}: {word.format(theirs)}, but {name_of_map(first)} is {word.format(mine)}; the maps of a sequence are "
                 "alike: convert them with convert --each"
             )
 

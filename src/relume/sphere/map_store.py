@@ -94,6 +94,12 @@ def number_in_store(path: Path) -> int | None:
     return int(found[1]) if found and path.parent.name == RADIANCE and is_map_store(path.parent.parent) else None
 
 
+def name_of_map(path: Path) -> str:
+    """A map's name for messages: of its file, or of its store with its number from 1."""
+    number = number_in_store(path)
+    return path.name if number is None else f"{path.parent.parent.name}, map {number + 1}"
+
+
 def is_map_store(path: str | os.PathLike[str]) -> bool:
     """Whether a folder is a store of maps."""
     try:

@@ -90,7 +90,7 @@ class FilmProbe:
             "frames": found.count,
             "maps a second": float(found.rate),
             "exposures, stops darker": [
-                f"{-value:.3f} ± {error:.3f}" if error else f"{-value:.2f}" for value, error in stops
+                f"{0 - value:.3f} ± {error:.3f}" if error else f"{0 - value:.2f}" for value, error in stops
             ],
             "exposures repeat after": found.courses[0].period,
             "latency, frames": self.latency,
