@@ -250,8 +250,8 @@ def probe(
 
     What no view saw is filled smoothly and marked: the map's `clipped` layer holds 3 there and 1 where light is
     saturated, and an EXR has a layer `confidence`, 0 to 1. A view whose camera's place is not given is registered to
-    the first. Of a film a map of every frame goes into the folder or .zarr store -o, merged from the exposures that its frames hold or
-    alternate between.
+    the first. Of a film a map of every frame goes into the folder or .zarr store -o, merged from the exposures that its
+    frames hold or alternate between.
     """
     if photographs and all(rl.probe.is_film(path) for path in photographs):
         given = {"second": views.second, "view": views.view, "turn": views.turn, "picture": picture, "times": times}

@@ -80,7 +80,7 @@ class LightSequence:
         mapping: Mapping | None = None,
         clamp: bool = False,
     ) -> LightSequence:
-        """The maps of patterns, names, folders and zarr stores, by the last number in each name; where none has any, by name.
+        """The maps of patterns, names, folders and stores, by the last number in each name; where none has one by name.
 
         folder : from which they start
         Raises UnreadableFile for what is not there, for a number that is missing or there twice, and for a name
@@ -213,8 +213,8 @@ def _require_alike(first: Path, one: _Kind, path: Path, other: _Kind) -> None:
     for word, mine, theirs in zip(words, one, other, strict=True):
         if mine != theirs:
             raise UnreadableFile(
-                f"{path}: {word.format(theirs)}, but {name_of_map(first)} is {word.format(mine)}; the maps of a sequence are "
-                "alike: convert them with convert --each"
+                f"{path}: {word.format(theirs)}, but {name_of_map(first)} is {word.format(mine)}; the maps of a "
+                "sequence are alike: convert them with convert --each"
             )
 
 

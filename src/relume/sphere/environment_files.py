@@ -12,8 +12,8 @@ from relume.image import files
 from relume.image.files.read_options import ReadOptions
 from relume.image.radiance import RadianceMap
 from relume.sphere.environment_map import EnvironmentMap
-from relume.sphere.map_store import number_in_store, read_stored_map
 from relume.sphere.irregular import evened, is_openexr_cube, strip_of_openexr
+from relume.sphere.map_store import number_in_store, read_stored_map
 from relume.sphere.mappings.mapping import Mapping
 from relume.sphere.mappings.names import mapping_named
 from relume.sphere.mappings.orientation import orient_back, orientation_named

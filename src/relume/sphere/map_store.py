@@ -53,13 +53,14 @@ class MapStore:
         head = {"kind": KIND, "version": VERSION, "unit": unit, "attributes": text}
         root = zarr.create_group(str(path.absolute()), attributes=head)
         shapes = {RADIANCE: (kind, 3), "clipped": (np.uint8, 0)} | ({"variance": (np.float32, 3)} if variance else {})
+        # Fast, and as small as light compresses; the checksum tells of damage.
+        codecs = (zarr.codecs.BloscCodec(cname="lz4", clevel=1, shuffle="shuffle"), zarr.codecs.Crc32cCodec())
         arrays = {}
         for name, (dtype, channels) in shapes.items():
             one = (rows, 2 * rows, *([channels] if channels else []))
             arrays[name] = root.create_array(
                 name, shape=(count, *one), chunks=(1, *one), dtype=dtype,
-                # Fast, and as small as light compresses; the checksum tells of damage.
-                compressors=(zarr.codecs.BloscCodec(cname="lz4", clevel=1, shuffle="shuffle"), zarr.codecs.Crc32cCodec()),
+                compressors=codecs,
                 # One file a map, in one folder; a black one is a file as well.
                 chunk_key_encoding={"name": "v2", "separator": "."}, config={"write_empty_chunks": True},
             )  # fmt: skip

@@ -98,7 +98,8 @@ def test_a_film_has_the_colours_of_its_profile_as_a_merge_has(tmp_path):
     made = probe_film(film, tmp_path / "maps", SphericalFilm(), FilmSettings(ROWS), profile=profile)
     found = read_radiance(made.paths[0]).radiance
     photographs = tuple(
-        Photograph(frame, exposure=Exposure(2.0**-stop), name=str(stop)) for frame, stop in zip(frames, stops, strict=False)
+        Photograph(frame, exposure=Exposure(2.0**-stop), name=str(stop))
+        for frame, stop in zip(frames, stops, strict=False)
     )
     merged = apply_balance(merge(Bracket(photographs), profile.response), ChannelGains(profile.balance)).radiance
     colour = found.mean((0, 1)) / found[..., 0].mean()

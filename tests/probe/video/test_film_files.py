@@ -1,4 +1,4 @@
-"""The maps of a film as one zarr store: whole or not there, and read as light that changes; notes name what was given."""
+"""The maps of a film as one zarr store: whole or not there, read as light that changes; notes name what was given."""
 
 from __future__ import annotations
 
@@ -13,9 +13,11 @@ pytest.importorskip("zarr")
 import zarr
 
 from probe_films import LAMPS, filmed, place_light, write_video
+from relume.capture.response.camera_profile import CameraProfile
 from relume.errors import OutputNotWritten, UnreadableFile
 from relume.image.files import read_radiance
 from relume.image.radiance import OUTSIDE, SATURATED, RadianceMap
+from relume.image.response import Response
 from relume.light.light_sequence import LightSequence
 from relume.probe.video.calibrating import SphericalFilm
 from relume.probe.video.filming import FilmSettings, probe_film
@@ -89,7 +91,7 @@ def test_maps_of_a_store_follow_by_their_numbers(tmp_path):
     assert [each.name for each in LightSequence.found(names).paths] == ["8.0.0.0", "9.0.0.0", "10.0.0.0"]
     black = MapStore.begun(tmp_path / "black.zarr", 1, 8)
     assert black.write(0, RadianceMap(np.zeros((8, 16, 3), np.float32))).is_file()
-    with pytest.raises(ValueError, match="reaches 7e.04, beyond the largest half"):
+    with pytest.raises(ValueError, match=r"reaches 7e\+04, beyond the largest half"):
         black.write(0, RadianceMap(np.full((8, 16, 3), 7e4, np.float32)))
 
 
@@ -135,9 +137,6 @@ def test_notes_name_the_folder_that_was_given(tmp_path):
     table = np.concatenate([np.full((1, 3), 1e-7), np.full((99, 3), 1e-6), np.full((156, 3), 0.5)])
     frames = [np.where(dim > 0.1, 200, 50).astype(np.uint8)] * 3
     film = write_video(tmp_path / "dim.mkv", frames)
-    from relume.capture.response.camera_profile import CameraProfile
-    from relume.image.response import Response
-
     curve = np.log(table.T) + np.linspace(0, 1e-3, 256)
     made = probe_film(
         film, tmp_path / "maps", SphericalFilm(), FilmSettings(ROWS),

@@ -93,8 +93,9 @@ class MomentMap:
     def variance(self, tables: LightTables) -> np.ndarray:
         """(H, 2H, 3) float32, of the radiance; infinite where it is not measured.
 
-        By the noise of pixel values, and by the camera's curve where that is only assumed. Of the brightest take that is believed, which is nearly all of the exposure: the darker ones are several stops
-        below it. Interpolation between pixels and means over time leave less.
+        By the noise of pixel values, and by the camera's curve where that is only assumed. Of the brightest take that
+        is believed, which is nearly all of the exposure: the darker ones are several stops below it. Interpolation
+        between pixels and means over time leave less.
         """
         level = np.minimum(self.radiance * self.exposure, 1)
         noise = np.stack([np.interp(level[..., c], tables.exposure[:, c], tables.variance[:, c]) for c in range(3)], -1)
