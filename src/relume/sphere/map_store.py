@@ -53,7 +53,7 @@ class MapStore:
         head = {"kind": KIND, "version": VERSION, "unit": unit, "attributes": text}
         root = zarr.create_group(str(path.absolute()), attributes=head)
         shapes = {RADIANCE: (kind, 3), "clipped": (np.uint8, 0)} | ({"variance": (np.float32, 3)} if variance else {})
-        # Fast, and as small as light compresses; the checksum tells of damage.
+        # Fast, and as small as light becomes without loss; by the checksum damage is found.
         codecs = (zarr.codecs.BloscCodec(cname="lz4", clevel=1, shuffle="shuffle"), zarr.codecs.Crc32cCodec())
         arrays = {}
         for name, (dtype, channels) in shapes.items():

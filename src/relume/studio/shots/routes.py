@@ -32,7 +32,7 @@ from relume.studio.shots.document import Document
 from relume.studio.shots.folder import LARGEST_UPLOAD, Folder
 from relume.studio.shots.jobs import Jobs
 from relume.studio.shots.light.edits import cut_rectangle
-from relume.studio.shots.light.routes import light_routes
+from relume.studio.shots.light.routes import LightAnswers, light_routes
 from relume.studio.shots.material_balls import MaterialBalls
 from relume.studio.shots.objects import PlacedObjects
 from relume.studio.shots.photographs import Thumbnails, brackets
@@ -320,6 +320,7 @@ def studio_application(studio: Studio) -> Starlette:
     def posted(path: str, endpoint: Callable[[Request, dict[str, Any]], Response]) -> Route:
         return Route(path, taking_json(endpoint), methods=["POST"])
 
+    light = LightAnswers(studio.folder, studio.document, studio.scratch, studio.state, studio.named)
     return Starlette(
         routes=[
             *page_routes("studio.html"),
@@ -333,7 +334,7 @@ def studio_application(studio: Studio) -> Starlette:
             posted("/ball", studio.ball),
             posted("/board", studio.board),
             posted("/light/mirrored", studio.mirrored),
-            *(posted(path, endpoint) for path, endpoint in light_routes(studio).items()),
+            *(posted(path, endpoint) for path, endpoint in light_routes(light).items()),
             posted("/jobs/start", studio.start),
             posted("/jobs/stop", studio.stop),
             posted("/jobs/pause", studio.pause),
