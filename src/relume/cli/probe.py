@@ -15,7 +15,6 @@ from relume.cli.arguments import (
     Accept,
     ClusterWord,
     DryRun,
-    LatLongOut,
     refuse_file_for_folder,
     require_files,
     require_suffix,
@@ -223,7 +222,13 @@ def probe(
     ] = None,
     /,
     *,
-    out: LatLongOut,
+    out: Annotated[
+        Path,
+        Parameter(
+            alias="-o", help="The equirectangular (lat-long) environment map to write, .exr or .hdr; of a film a "
+            "folder for its maps, or a zarr store, .zarr.",
+        ),
+    ],
     views: ViewOptions = ViewOptions(),
     ball: BallOptions = BallOptions(),
     film: FilmOptions = FilmOptions(),

@@ -90,10 +90,11 @@ def test_a_known_curve_has_no_error_of_an_assumed_one(tmp_path):
 def test_a_film_has_the_colours_of_its_profile_as_a_merge_has(tmp_path):
     # A curve whose channels are white at other exposures: grey light is (1, 1, 0.63) of white in blue.
     curve = srgb_response().log_exposure - np.log([[1.0], [1.0], [0.63]])
-    profile = CameraProfile("a camera", Response(curve, np.full(3, 0.7)), balance=(1.0, 1.1, 1.0))
+    response = Response(curve, np.full(3, 0.7))
+    profile = CameraProfile("a camera", response, balance=(1.0, 1.1, 1.0))
     stops = (0, 3)
     light = np.full((ROWS, 2 * ROWS, 3), 0.4) * np.linspace(0.2, 2, 2 * ROWS)[:, None]
-    frames = [shot(light * 2.0 ** -stops[k % 2], profile.response, k) for k in range(4)]
+    frames = [shot(light * 2.0 ** -stops[k % 2], response, k) for k in range(4)]
     film = write_video(tmp_path / "film.mkv", frames)
     made = probe_film(film, tmp_path / "maps", SphericalFilm(), FilmSettings(ROWS), profile=profile)
     found = read_radiance(made.paths[0]).radiance
@@ -101,17 +102,18 @@ def test_a_film_has_the_colours_of_its_profile_as_a_merge_has(tmp_path):
         Photograph(frame, exposure=Exposure(2.0**-stop), name=str(stop))
         for frame, stop in zip(frames, stops, strict=False)
     )
-    merged = apply_balance(merge(Bracket(photographs), profile.response), ChannelGains(profile.balance)).radiance
+    merged = apply_balance(merge(Bracket(photographs), response), ChannelGains(profile.balance)).radiance
     colour = found.mean((0, 1)) / found[..., 0].mean()
     np.testing.assert_allclose(colour, [1, 1.1, 1], rtol=0.01)
     np.testing.assert_allclose(colour, merged.mean((0, 1)) / merged[..., 0].mean(), rtol=0.01)
     # The brightest exposure's white is 1 in the channel where it is most.
-    assert LightTables.of(profile.response, profile.balance).exposure[255].max() == pytest.approx(1)
+    assert LightTables.of(response, profile.balance).exposure[255].max() == pytest.approx(1)
 
 
 def test_what_a_profile_knows_and_films_do_not_use_is_warned_of_by_name(tmp_path):
-    profile = CameraProfile("EOS 350D", response_of("EOS 350D"), scale=120.0, vignetting={"falloff": [0.1]})
-    film = film_of(tmp_path / "film.mkv", profile.response)
+    response = response_of("EOS 350D")
+    profile = CameraProfile("EOS 350D", response, scale=120.0, vignetting={"falloff": [0.1]})
+    film = film_of(tmp_path / "film.mkv", response)
     made = probe_film(film, tmp_path / "maps", SphericalFilm(), FilmSettings(ROWS), profile=profile)
     assert [doubt.line for doubt in made.doubts] == [
         "the profile of EOS 350D holds vignetting and scale, which films do not use: their light is relative, and the "

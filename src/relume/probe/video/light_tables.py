@@ -68,8 +68,10 @@ class LightTables:
         usual = InverseVariance()
         belief = np.clip((255 - values - usual.guard) / usual.fade, 0, 1)
         variance = (np.gradient(exposure, axis=0) * deviation) ** 2
-        assumed = (ASSUMED, ASSUMED_RATIO) if response is None else (0.0, 0.0)
-        return cls(*(each.astype(np.float32) for each in (exposure, belief, variance)), *assumed)
+        exposure, belief, variance = (each.astype(np.float32) for each in (exposure, belief, variance))
+        if response is None:
+            return cls(exposure, belief, variance, ASSUMED, ASSUMED_RATIO)
+        return cls(exposure, belief, variance)
 
     def curve_variance(self, level: np.ndarray, gain: np.ndarray) -> np.ndarray:
         """Variance of ln radiance, float32, by a curve that is only assumed; 0 where it is the camera's own.
@@ -81,7 +83,8 @@ class LightTables:
             return np.zeros(np.shape(level), np.float32)
         with np.errstate(divide="ignore", invalid="ignore"):
             ratio = np.where(gain > 0, np.log(gain), 0)
-        return np.float32((self.assumed * (1 - level**3)) ** 2 + (self.assumed_ratio * ratio) ** 2)
+        found = (self.assumed * (1 - level**3)) ** 2 + (self.assumed_ratio * ratio) ** 2
+        return np.asarray(found, np.float32)
 
     @property
     def white(self) -> float:
