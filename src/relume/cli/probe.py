@@ -35,6 +35,13 @@ Rim = tuple[float, float, float] | tuple[float, ...]
 Times = Annotated[
     Seconds | None, Parameter(help="Exposure time of each photograph, like 1/30,1/60; replaces the EXIF.")
 ]
+MapsOut = Annotated[
+    Path,
+    Parameter(
+        alias="-o", help="The equirectangular (lat-long) environment map to write, .exr or .hdr; of a film a folder for "
+        "its maps, or a zarr store, .zarr.",
+    ),
+]  # fmt: skip
 EachPlace = Annotated[
     bool,
     Parameter(
@@ -222,13 +229,7 @@ def probe(
     ] = None,
     /,
     *,
-    out: Annotated[
-        Path,
-        Parameter(
-            alias="-o", help="The equirectangular (lat-long) environment map to write, .exr or .hdr; of a film a "
-            "folder for its maps, or a zarr store, .zarr.",
-        ),
-    ],
+    out: MapsOut,
     views: ViewOptions = ViewOptions(),
     ball: BallOptions = BallOptions(),
     film: FilmOptions = FilmOptions(),

@@ -20,6 +20,7 @@ from typing import Literal
 import numpy as np
 
 from relume.errors import UnreadableFile
+from relume.image.files.video import is_video
 from relume.image.radiance import SATURATED
 from relume.sphere.environment_files import read_environment
 from relume.sphere.environment_map import EnvironmentMap
@@ -233,6 +234,8 @@ def _matching(folder: Path, word: str | os.PathLike[str]) -> list[Path]:
     path = folder / word
     if is_map_store(path):
         return list(maps_in_store(path))
+    if is_video(path):
+        raise UnreadableFile(f"{path}: a film, and no maps; make them: relume probe {path.name} -o {path.stem}.zarr")
     if path.is_dir():
         found = [each for each in path.iterdir() if each.suffix.lower() in ENDINGS and not each.name.startswith(".")]
     elif path.is_file() or not any(c in os.fspath(word) for c in "*?["):
