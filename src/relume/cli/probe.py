@@ -38,8 +38,8 @@ Times = Annotated[
 MapsOut = Annotated[
     Path,
     Parameter(
-        alias="-o", help="The equirectangular (lat-long) environment map to write, .exr or .hdr; of a film a folder for "
-        "its maps, or a zarr store, .zarr.",
+        alias="-o", help="The equirectangular (lat-long) environment map to write, .exr or .hdr; of a film a folder "
+        "for its maps, or a zarr store, .zarr.",
     ),
 ]  # fmt: skip
 EachPlace = Annotated[

@@ -5,6 +5,7 @@ from __future__ import annotations
 import warnings
 from dataclasses import replace
 
+import cv2
 import numpy as np
 import pytest
 
@@ -38,19 +39,23 @@ def response_of(name: str) -> Response:
     return Response(np.tile(curve, (3, 1)), np.full(3, 0.7))
 
 
-def shot(exposure: np.ndarray, response: Response, seed: int) -> np.ndarray:
+def shot(exposure: np.ndarray, response: Response, seed: int, jpeg: int | None = None) -> np.ndarray:
     noise = 0.7 * np.random.default_rng(seed).standard_normal(exposure.shape)
-    return np.rint(np.clip(response.pixel_values(exposure) + noise, 0, 255)).astype(np.uint8)
+    values = np.rint(np.clip(response.pixel_values(exposure) + noise, 0, 255)).astype(np.uint8)
+    if jpeg is None:
+        return values
+    return cv2.imdecode(cv2.imencode(".jpg", values, [cv2.IMWRITE_JPEG_QUALITY, jpeg])[1], cv2.IMREAD_COLOR)
 
 
-def film_of(path, response: Response, stops=(0, 4), count: int = 4):
+def film_of(path, response: Response, stops=(0, 4), count: int = 4, jpeg: int | None = None):
     light = place_light(0, LAMPS[:1] + LAMPS[3:])(pixel_directions(LatLong(), ROWS))
-    return write_video(path, [shot(light * 2.0 ** -stops[k % len(stops)], response, k) for k in range(count)])
+    return write_video(path, [shot(light * 2.0 ** -stops[k % len(stops)], response, k, jpeg) for k in range(count)])
 
 
+@pytest.mark.parametrize("jpeg", [None, 90])
 @pytest.mark.parametrize("name", sorted(CAMERAS))
-def test_errors_of_an_assumed_curve_cover_real_cameras(name, tmp_path):
-    film = film_of(tmp_path / "film.mkv", response_of(name))
+def test_errors_of_an_assumed_curve_cover_real_cameras(name, jpeg, tmp_path):
+    film = film_of(tmp_path / "film.mkv", response_of(name), jpeg=jpeg)
     made = probe_film(film, tmp_path / "maps", SphericalFilm(), FilmSettings(ROWS, keep_variance=True, half=False))
     # The exposures, and each pixel of the map: 1 is what the brightest exposure shows as white.
     found, error = made.calibration.exposures[1].stops
