@@ -44,7 +44,9 @@ def shot(exposure: np.ndarray, response: Response, seed: int, jpeg: int | None =
     values = np.rint(np.clip(response.pixel_values(exposure) + noise, 0, 255)).astype(np.uint8)
     if jpeg is None:
         return values
-    return cv2.imdecode(cv2.imencode(".jpg", values, [cv2.IMWRITE_JPEG_QUALITY, jpeg])[1], cv2.IMREAD_COLOR)
+    read = cv2.imdecode(cv2.imencode(".jpg", values, [cv2.IMWRITE_JPEG_QUALITY, jpeg])[1], cv2.IMREAD_COLOR)
+    assert read is not None
+    return read
 
 
 def film_of(path, response: Response, stops=(0, 4), count: int = 4, jpeg: int | None = None):
