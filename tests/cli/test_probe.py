@@ -378,4 +378,9 @@ def test_a_film_becomes_a_folder_of_maps(tmp_path, capsys):
     assert [path.name for path in sorted((tmp_path / "maps").iterdir())] == [f"map_00000{k}.exr" for k in (1, 2, 3, 4)]
     assert read_radiance(tmp_path / "maps" / "map_000001.exr").radiance.shape == (32, 64, 3)
     assert "holds files already" in refused(words, capsys, code=3)
+    pytest.importorskip("zarr")
+    words[-1] = tmp_path / "maps.zarr"
+    assert reported([*words, "--dry-run"], capsys)["would write"] == str(tmp_path / "maps.zarr")
+    assert reported([*words, "--stops", "0,3"], capsys)["written"] == str(tmp_path / "maps.zarr")
+    assert (tmp_path / "maps.zarr" / "radiance" / "3.0.0.0").is_file()
     assert "--each is for photographs" in refused([*words, "--each"], capsys)

@@ -93,6 +93,8 @@ def test_a_gap_a_double_and_a_name_without_a_number_are_refused(probe: Path):
     put(probe / "probe" / "sun.exr", 1)
     with pytest.raises(UnreadableFile, match="no number in its name"):
         LightSequence.found("probe", folder=probe)
+    with pytest.raises(UnreadableFile, match=r"a film, and no maps; make them: relume probe around.mp4 -o around.zarr"):
+        LightSequence.found("around.mp4", folder=probe)
     with pytest.raises(UnreadableFile, match="no such maps"):
         LightSequence.found("none/*.exr", folder=probe)
 

@@ -26,7 +26,7 @@ for needed in ("starlette", "uvicorn", "tomlkit"):
 
 ROOM = Path(__file__).resolve().parents[2] / "examples" / "room"
 POSTS = ["/shot/edit", "/shot/undo", "/opened", "/ball", "/board", "/light/mirrored", "/light/edited", "/light/slice",
-         "/light/painted", "/jobs/start", "/jobs/stop",
+         "/light/painted", "/light/frame", "/jobs/start", "/jobs/stop",
          "/uploads?name=a.glb", "/occluder"]  # fmt: skip
 GETS = ["/", "/shot", "/brackets", "/thumbnail?path=plate.exr", "/objects", "/objects/0", "/occluder?path=plate.exr",
         "/results/report.html"]  # fmt: skip

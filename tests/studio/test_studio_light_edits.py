@@ -296,7 +296,7 @@ def test_a_number_without_an_end_is_one_line_and_leaves_nothing(server: Server, 
 
 def test_a_map_in_place_of_the_ball_keeps_its_place_its_scale_and_its_camera():
     from relume.studio.shots.edits import edited
-    from relume.studio.shots.light_edits import pointed_at
+    from relume.studio.shots.light.edits import pointed_at
 
     text = (
         '[plate]\nphotographs = ["p.jpg"]\n[light]\nballs = [{ photographs = ["b/*.jpg"] }]\nball = { radius = 0.05 }\n'

@@ -15,7 +15,6 @@ from relume.cli.arguments import (
     Accept,
     ClusterWord,
     DryRun,
-    LatLongOut,
     refuse_file_for_folder,
     require_files,
     require_suffix,
@@ -36,6 +35,13 @@ Rim = tuple[float, float, float] | tuple[float, ...]
 Times = Annotated[
     Seconds | None, Parameter(help="Exposure time of each photograph, like 1/30,1/60; replaces the EXIF.")
 ]
+MapsOut = Annotated[
+    Path,
+    Parameter(
+        alias="-o", help="The equirectangular (lat-long) environment map to write, .exr or .hdr; of a film a folder "
+        "for its maps, or a zarr store, .zarr.",
+    ),
+]  # fmt: skip
 EachPlace = Annotated[
     bool,
     Parameter(
@@ -223,7 +229,7 @@ def probe(
     ] = None,
     /,
     *,
-    out: LatLongOut,
+    out: MapsOut,
     views: ViewOptions = ViewOptions(),
     ball: BallOptions = BallOptions(),
     film: FilmOptions = FilmOptions(),
@@ -250,8 +256,8 @@ def probe(
 
     What no view saw is filled smoothly and marked: the map's `clipped` layer holds 3 there and 1 where light is
     saturated, and an EXR has a layer `confidence`, 0 to 1. A view whose camera's place is not given is registered to
-    the first. Of a film a map of every frame goes into the folder -o, merged from the exposures that its frames hold or
-    alternate between.
+    the first. Of a film a map of every frame goes into the folder or .zarr store -o, merged from the exposures that its
+    frames hold or alternate between.
     """
     if photographs and all(rl.probe.is_film(path) for path in photographs):
         given = {"second": views.second, "view": views.view, "turn": views.turn, "picture": picture, "times": times}
@@ -328,7 +334,8 @@ def _film(
         require_files([*films, *([profile] if profile else [])])
         known = rl.capture.read_profile(profile) if profile else None
         if dry_run:
-            print_facts(output, {"would write": f"{out}/map_000001.exr …", "films": [str(path) for path in films]})
+            first = str(out) if out.suffix == ".zarr" else f"{out}/map_000001.exr …"
+            print_facts(output, {"would write": first, "films": [str(path) for path in films]})
             finish(output, doubts, accept=True)
             return
         with progress(output) as advance:

@@ -1,5 +1,6 @@
 from .constellations.constellation import Constellation as Constellation
 from .constellations.k_means import KMeans as KMeans
+from .constellations.moving import move_lights as move_lights
 from .constellations.rectangles import MedianCut as MedianCut
 from .constellations.rectangles import VarianceMinimisation as VarianceMinimisation
 from .constellations.residual import key_lights as key_lights
@@ -52,6 +53,7 @@ from .harmonics.spherical_harmonics import project_sh as project_sh
 from .harmonics.spherical_harmonics import sh_basis as sh_basis
 from .light_sequence import LightSequence as LightSequence
 from .light_sequence import Moment as Moment
+from .light_sequence import number_in_store as number_in_store
 from .light_set import LightSet as LightSet
 from .light_set import LightSettings as LightSettings
 from .light_set import Room as Room

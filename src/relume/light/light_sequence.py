@@ -20,9 +20,11 @@ from typing import Literal
 import numpy as np
 
 from relume.errors import UnreadableFile
+from relume.image.files.video import is_video
 from relume.image.radiance import SATURATED
 from relume.sphere.environment_files import read_environment
 from relume.sphere.environment_map import EnvironmentMap
+from relume.sphere.map_store import is_map_store, maps_in_store, name_of_map, number_in_store
 from relume.sphere.mappings.mapping import Mapping
 
 ENDINGS = (".exr", ".hdr", ".pic")
@@ -79,7 +81,7 @@ class LightSequence:
         mapping: Mapping | None = None,
         clamp: bool = False,
     ) -> LightSequence:
-        """The maps that patterns, names and folders stand for, by the last number in each name, or without any by name.
+        """The maps of patterns, names, folders and stores, by the last number in each name; where none has one by name.
 
         folder : from which they start
         Raises UnreadableFile for what is not there, for a number that is missing or there twice, and for a name
@@ -212,8 +214,8 @@ def _require_alike(first: Path, one: _Kind, path: Path, other: _Kind) -> None:
     for word, mine, theirs in zip(words, one, other, strict=True):
         if mine != theirs:
             raise UnreadableFile(
-                f"{path}: {word.format(theirs)}, but {first.name} is {word.format(mine)}; the maps of a sequence are "
-                "alike: convert them with convert --each"
+                f"{path}: {word.format(theirs)}, but {name_of_map(first)} is {word.format(mine)}; the maps of a "
+                "sequence are alike: convert them with convert --each"
             )
 
 
@@ -230,6 +232,10 @@ def _marks(first: EnvironmentMap, second: EnvironmentMap) -> np.ndarray | None:
 def _matching(folder: Path, word: str | os.PathLike[str]) -> list[Path]:
     """The files of a name, a pattern or a folder."""
     path = folder / word
+    if is_map_store(path):
+        return list(maps_in_store(path))
+    if is_video(path):
+        raise UnreadableFile(f"{path}: a film, and no maps; make them: relume probe {path.name} -o {path.stem}.zarr")
     if path.is_dir():
         found = [each for each in path.iterdir() if each.suffix.lower() in ENDINGS and not each.name.startswith(".")]
     elif path.is_file() or not any(c in os.fspath(word) for c in "*?["):
@@ -244,12 +250,13 @@ def _matching(folder: Path, word: str | os.PathLike[str]) -> list[Path]:
 
 
 def _in_order(paths: Sequence[Path]) -> list[Path]:
-    """By the last number in each name; where none has a number, by name."""
+    """By the last number in each name; where none has a number, by name. In a store by the number of the map."""
     if not any(re.search(r"\d", path.stem) for path in paths):
         return sorted(paths)
     numbers: dict[int, Path] = {}
     for path in paths:
-        digits = re.findall(r"\d+", path.stem)
+        stored = number_in_store(path)
+        digits = re.findall(r"\d+", path.stem) if stored is None else [stored]
         if not digits:
             raise UnreadableFile(
                 f"{path}: no number in its name, by which maps are ordered; name them as probe_0001.exr"

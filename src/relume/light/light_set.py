@@ -24,6 +24,7 @@ from relume.light.light_sequence import LightSequence
 from relume.light.suns.extraction import Sun, extract_sun
 from relume.sphere.audit import six_digits
 from relume.sphere.environment_map import EnvironmentMap
+from relume.sphere.map_store import name_of_map
 from relume.sphere.mappings.mapping import LatLong
 
 COUNT, MOST = 64, 65536
@@ -233,7 +234,7 @@ def follow_lights(sequence: LightSequence, settings: LightSettings = LightSettin
     maps, kept = tee(map(sequence.at, times))
     moving = moving_constellation(maps, settings.count or COUNT, settings.method)
     for path, light, lights in zip(sequence.paths, kept, moving, strict=True):
-        doubts = tuple(_clipped(path.name, light, ()))
+        doubts = tuple(_clipped(name_of_map(path), light, ()))
         yield LightSet(light, lights, lights, _apparent_diameters(lights, 0, settings.soft), doubts=doubts)
 
 

@@ -13,6 +13,7 @@ from relume.image.files.read_options import ReadOptions
 from relume.image.radiance import RadianceMap
 from relume.sphere.environment_map import EnvironmentMap
 from relume.sphere.irregular import evened, is_openexr_cube, strip_of_openexr
+from relume.sphere.map_store import number_in_store, read_stored_map
 from relume.sphere.mappings.mapping import Mapping
 from relume.sphere.mappings.names import mapping_named
 from relume.sphere.mappings.orientation import orient_back, orientation_named
@@ -52,8 +53,10 @@ def read_environment(
 def read_light_pixels(
     path: Path | str, mapping: Mapping | None = None, *, clamp: bool = False, options: ReadOptions = ReadOptions()
 ) -> RadianceMap:
-    """The radiance map in a file, checked to hold light only; arguments and errors as `read_environment`."""
-    return require_light(path, _without_surroundings(files.read_radiance(path, options), mapping), clamp=clamp)
+    """The radiance map in a file, or in a store's file, checked to hold light only; arguments as `read_environment`."""
+    stored = number_in_store(Path(path)) is not None
+    picture = read_stored_map(path) if stored else files.read_radiance(path, options)
+    return require_light(path, _without_surroundings(picture, mapping), clamp=clamp)
 
 
 def _without_surroundings(picture: RadianceMap, mapping: Mapping | None) -> RadianceMap:

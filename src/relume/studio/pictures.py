@@ -202,8 +202,11 @@ def open_picture(path: Path) -> OpenPicture:
     """
     with warnings.catch_warnings(record=True) as caught:
         warnings.simplefilter("always")
-        image = rl.read_radiance(path) if rl.files.has_radiance(path) else rl.read(path)
-        parts = rl.files.read_layers(path) if _has_parts(path) else {}
+        if rl.light.number_in_store(path) is not None:
+            image, parts = rl.as_radiance_map(rl.read_environment(path)), dict[str, np.ndarray]()
+        else:
+            image = rl.read_radiance(path) if rl.files.has_radiance(path) else rl.read(path)
+            parts = rl.files.read_layers(path) if _has_parts(path) else {}
     # That parts are left out is said of what reads one picture; here all of them are layers.
     said = [str(each.message) for each in caught]
     notes = tuple(in_the_page(line) for line in said if ": left out: the parts " not in line)

@@ -10,6 +10,7 @@ import numpy as np
 from relume.light.constellations.cells import cells_of
 from relume.light.constellations.constellation import Constellation, constellation, lights_of_regions
 from relume.light.constellations.k_means import KMeans, Regions, follow
+from relume.light.constellations.rectangles import MedianCut
 from relume.sphere.environment_map import EnvironmentMap
 
 SETTLED = 1e-5
@@ -26,14 +27,24 @@ def moving_constellation(maps: Iterator[EnvironmentMap], count: int, start: Regi
     Each light goes on from where it was to the mean of the light that is nearest to it (Lloyd 1982, begun from the
     map before). One that has lost its light stays, dark, so that none jumps. Later maps have no say in earlier ones.
     """
-    centres: np.ndarray | None = None
+    before: Constellation | None = None
     for light in maps:
-        if centres is None:
-            first = constellation(light, count, KMeans(500, start, SETTLED))
-            centres = first.directions
-        cells = cells_of(light)
-        lights = lights_of_regions(cells, follow(cells, centres), len(centres))
-        dark = lights.irradiance.sum(axis=-1, keepdims=True) <= 0
-        lights = replace(lights, directions=np.where(dark, centres, lights.directions))
-        centres = lights.directions
-        yield lights
+        before = move_lights(light, before, count, start)
+        yield before
+
+
+def move_lights(
+    light: EnvironmentMap, before: Constellation | None = None, count: int = 64, start: Regions = MedianCut()
+) -> Constellation:
+    """The lights of one map, going on from those of the map before it; all of its light is in them.
+
+    before : of the map before, which says how many there are; None for the first map
+    count, start : of the first map, as `moving_constellation` has them
+    """
+    if before is None:
+        before = constellation(light, count, KMeans(500, start, SETTLED))
+    cells = cells_of(light)
+    centres = before.directions
+    lights = lights_of_regions(cells, follow(cells, centres), len(centres))
+    dark = lights.irradiance.sum(axis=-1, keepdims=True) <= 0
+    return replace(lights, directions=np.where(dark, centres, lights.directions))

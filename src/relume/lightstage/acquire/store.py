@@ -33,6 +33,7 @@ from relume.lightstage.field.field import Noise
 from relume.lightstage.field.lights import StageLights
 from relume.scene.cameras.camera import Camera
 from relume.scene.cameras.distortion import Distortion
+from relume.sphere.map_store import required_zarr
 
 KIND, VERSION = "relume reflectance field", 1
 RESUME = "give the same import again: it goes on where it stopped"
@@ -160,17 +161,6 @@ def opened(path: Place, mode: Any = "r") -> Any:
         return opened_group(zarr, path, mode)
     except Exception as error:
         raise UnreadableFile(f"{path}: the store cannot be opened ({error}); import again") from error
-
-
-def required_zarr() -> Any:
-    """The module zarr; ValueError that names what to install where it is missing or too old."""
-    try:
-        import zarr
-    except ImportError:
-        raise ValueError('a store needs zarr, which is not installed: pip install "relume[lightstage]"') from None
-    if int(zarr.__version__.split(".")[0]) < 3:
-        raise ValueError(f'a store needs zarr 3, found {zarr.__version__}: pip install -U "relume[lightstage]"')
-    return zarr
 
 
 def unfinished(path: Place, sizes: np.ndarray) -> np.ndarray:

@@ -18,7 +18,7 @@ from typing import Any
 import numpy as np
 
 from relume.errors import CannotResume, OutputNotWritten, UnreadableFile, warn
-from relume.lightstage.acquire.store import RESUME, description, is_store, opened, required_zarr, unfinished
+from relume.lightstage.acquire.store import RESUME, description, is_store, opened, unfinished
 from relume.lightstage.acquire.store_place import (
     Place,
     as_place,
@@ -34,6 +34,7 @@ from relume.lightstage.blocks import Cluster, spread
 from relume.lightstage.field.field import ReflectanceField
 from relume.lightstage.relighting.relighting import MEMORY, Progress, cut
 from relume.renderers.progressive.fingerprint import fingerprint
+from relume.sphere.map_store import required_zarr
 
 _CHUNK = 32 * 32 * 256 * 3
 """Bytes of a chunk: large enough that opening its file costs little, small enough that a tile is read alone."""

@@ -11,7 +11,7 @@ from pathlib import Path
 import numpy as np
 
 from relume.capture.response.camera_profile import CameraProfile
-from relume.errors import BallNotFound, NotABracket, UnreadableFile
+from relume.errors import BallNotFound, NotABracket, UnreadableFile, warn
 from relume.image.files.video import video_frames, video_rate
 from relume.probe.video.exposure_course import ExposureCourse, exposure_course
 from relume.probe.video.exposure_ratios import ExposureRatio, ratio_of_quantiles
@@ -114,11 +114,13 @@ def calibrate_film(
     size : rows of the maps
     period : frames after which exposures repeat; found unless given
     stops : how much darker each exposure is than the first: of facets, else of films, else of the frames of a period
-    profile : of the camera; sRGB unless given
+    profile : of the camera, for its response and balance; sRGB unless given; warns of its vignetting and scale
     steady : whether a film whose exposure jumps is refused
     Raises UnreadableFile, BallNotFound, NotABracket, ValueError.
     """
-    tables = LightTables.of(None if profile is None else profile.response)
+    tables = _tables_of(profile)
+    if stops is not None:
+        tables = replace(tables, assumed_ratio=0.0)
     facets = kind.facets if isinstance(kind, BallFilm) else 1
     by_facet, by_film, by_frame = _stops_for(stops, facets, len(films), period)
     facts = [_looked_through(Path(film), tables) for film in films]
@@ -138,7 +140,8 @@ def calibrate_film(
             for lookup, ratio in zip(lookups, ratios, strict=True):
                 terms = (between[film], phase_ratio, ratio)
                 logarithm = np.sum([term.logarithm for term in terms], axis=0)
-                exposures.append(ExposureRatio(logarithm, np.sqrt(np.sum([t.error**2 for t in terms], axis=0))))
+                errors = [term.error for term in terms] + [tables.assumed_ratio * logarithm]
+                exposures.append(ExposureRatio(logarithm, np.sqrt(np.sum(np.square(errors), axis=0))))
                 takes.append(Take(film, phase, lookup, np.exp(logarithm)))
     least = min(take.gain.mean() for take in takes)
     takes = [replace(take, darkest=bool(take.gain.mean() < 1.01 * least)) for take in takes]
@@ -147,6 +150,22 @@ def calibrate_film(
         tuple(each.path for each in facts), facts[0].rate, len(facts[0].small), tuple(takes), tuple(courses),
         tuple(rims), tuple(exposures), tables, blind,
     )  # fmt: skip
+
+
+def _tables_of(profile: CameraProfile | None) -> LightTables:
+    """The tables of a profile, of sRGB without one; warns of what a profile knows and films do not use."""
+    if profile is None:
+        return LightTables.of(None)
+    camera = profile.camera or "a camera"
+    if profile.response is None:
+        raise ValueError(f"the profile of {camera} is of raws, and holds no response; give one of photographs")
+    unused = [name for name, held in (("vignetting", profile.vignetting), ("scale", profile.scale)) if held is not None]
+    if unused:
+        warn(
+            f"the profile of {camera} holds {' and '.join(unused)}, which films do not use: their light is relative, "
+            "and the lens's fall-off stays in it"
+        )
+    return LightTables.of(profile.response, profile.balance)
 
 
 def _stops_for(

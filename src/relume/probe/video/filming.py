@@ -3,12 +3,9 @@
 from __future__ import annotations
 
 import os
-import secrets
-import shutil
 from collections import deque
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from concurrent.futures import Future, ThreadPoolExecutor
-from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, TypeVar
@@ -16,12 +13,11 @@ from typing import Any, TypeVar
 import numpy as np
 
 from relume.capture.response.camera_profile import CameraProfile
-from relume.errors import Doubt, GatheredDoubts, OutputNotWritten, ranked
-from relume.image import files
-from relume.image.files.encodings import OpenEXR
+from relume.errors import Doubt, GatheredDoubts, ranked
 from relume.image.files.video import is_video, video_frames
-from relume.image.radiance import SATURATED, RadianceMap
+from relume.image.radiance import SATURATED
 from relume.probe.video.calibrating import BallFilm, FilmCalibration, SphericalFilm, calibrate_film
+from relume.probe.video.map_files import appearing, is_store_name, names_in, require_bare, writer
 from relume.probe.video.merging import Collected, MomentMap, gains_darkest, merged
 from relume.probe.video.motion import brought, flow_between
 from relume.probe.video.steadying import Steadying
@@ -69,7 +65,7 @@ class FilmSettings:
 class FilmProbe:
     """The light that a film showed.
 
-    paths : of the maps, one a frame
+    paths : of the maps, one a frame; of a store their files in it
     calibration : where the film shows the light, and its exposures
     latency : frames by which a map would come later than its frame in a live picture
     clipped : the greatest share of a frame's light that is a lower bound
@@ -94,7 +90,7 @@ class FilmProbe:
             "frames": found.count,
             "maps a second": float(found.rate),
             "exposures, stops darker": [
-                f"{-value:.3f} ± {error:.3f}" if error else f"{-value:.2f}" for value, error in stops
+                f"{0 - value:.3f} ± {error:.3f}" if error else f"{0 - value:.2f}" for value, error in stops
             ],
             "exposures repeat after": found.courses[0].period,
             "latency, frames": self.latency,
@@ -120,24 +116,27 @@ def probe_film(
     profile: CameraProfile | None = None,
     progress: Callable[[str, float], None] = lambda step, share: None,
 ) -> FilmProbe:
-    """Make an environment map of every frame of a film, as `out`/map_000001.exr and so on.
+    """Make an environment map of every frame of a film, as `out`/map_000001.exr and so on, or as one zarr store.
 
     films : one, or several of one light that ran together, of one length and rate
-    out : a folder, made where it is missing, and empty; all maps come into it at once when the last is made
+    out : a folder, made where it is missing, and empty; named .zarr it becomes a store (`relume.sphere.map_store`). All
+        maps come into it at once when the last is made
     kind : what the film shows: a mirrored ball, once or through a multi-image filter, or all directions
-    profile : of the camera (`rl.capture.read_profile`); sRGB unless given
+    profile : of the camera (`rl.capture.read_profile`), for its response and balance; sRGB unless given, which is off
+        by as much as the stated errors and variance say
     progress : called with "look" and "maps" and the share that is done
 
     The maps are lat-long, relative: the brightest exposure shows 1 as white. Layer `clipped` holds 1 where even the
-    darkest exposure is saturated, and 3 where nothing shows the light and it is continued from beside. A folder of
-    them is what `LightSequence` takes (Waese & Debevec 2001, "A Real Time High Dynamic Range Light Probe").
+    darkest exposure is saturated, and 3 where nothing shows the light and it is continued from beside. A folder
+    or store of them is what `LightSequence` takes (Waese & Debevec 2001, "A Real Time High Dynamic Range Light Probe").
     Raises UnreadableFile, BallNotFound, NotABracket for exposures that cannot be found or that jump, and for films that
     did not run together; OutputNotWritten; ValueError.
     """
     paths = [Path(films)] if isinstance(films, str | os.PathLike) else [Path(film) for film in films]
     if not paths:
         raise ValueError("no films were given; name a film of a mirrored ball, or of a 360° camera")
-    _require_empty(Path(out))
+    out = Path(out)
+    require_bare(out)
     with GatheredDoubts() as gathered:
         # What holds for all frames, found once; a film that cannot be used is refused here.
         progress("look", 0.0)
@@ -148,26 +147,25 @@ def probe_film(
         progress("look", 1.0)
 
         # A map of every frame; the files are written by the threads that make the maps.
-        shares, names = [], []
-        with _appearing(Path(out)) as folder:
+        shares = []
+        with appearing(out) as folder:
+            write = writer(
+                folder, found, settings.size, half=settings.half, variance=settings.keep_variance,
+                store=is_store_name(out),
+            )  # fmt: skip
 
-            def write(numbered: tuple[int, MomentMap]) -> tuple[str, float]:
-                number, each = numbered
-                name = f"map_{number + 1:06d}.exr"
-                variance = each.variance(found.tables) if settings.keep_variance else None
-                picture = RadianceMap(each.radiance, variance, each.clipped, attributes={"mapping": "latlong"})
-                files.write(folder / name, picture, OpenEXR(settings.half))
-                return name, _clipped_share(each)
+            def written(numbered: tuple[int, MomentMap]) -> float:
+                write(*numbered)
+                return _clipped_share(numbered[1])
 
-            for name, share in film_maps(found, settings.steadying, then=write):
-                names.append(name)
+            for share in film_maps(found, settings.steadying, then=written):
                 shares.append(share)
-                progress("maps", len(names) / found.count)
+                progress("maps", len(shares) / found.count)
     doubts = [*gathered.doubts]
     if profile is None:
         doubts.append(Doubt(
-            f"{paths[0].name}: its curve is not known and was taken for sRGB: exposures that are found may be off by "
-            "far more than their errors say; give --profile of the camera, or --stops", UNKNOWN_CURVE,
+            f"{paths[0].name}: its curve is not known and was taken for sRGB, which no camera's is: exposures that "
+            "are found are off by as much as their errors say; give --profile of the camera, or --stops", UNKNOWN_CURVE,
         ))  # fmt: skip
     # What lamps brighter than all exposures leave unknown.
     most, frames = max(shares), sum(share > 0 for share in shares)
@@ -178,7 +176,7 @@ def probe_film(
         ))  # fmt: skip
     stored = "half" if settings.half else "float"
     latency = settings.steadying.latency + _reach(found, settings.steadying)
-    return FilmProbe(tuple(Path(out) / name for name in names), found, latency, most, frames, stored, ranked(doubts))
+    return FilmProbe(names_in(out, found.count), found, latency, most, frames, stored, ranked(doubts))
 
 
 def film_maps(
@@ -297,31 +295,3 @@ def _clipped_share(each: MomentMap) -> float:
         return 0.0
     flux = each.radiance.sum(axis=-1) * LatLong().solid_angles(len(each.clipped))
     return float(flux[each.clipped == SATURATED].sum() / max(float(flux.sum()), 1e-30))
-
-
-def _require_empty(out: Path) -> None:
-    """Refuse a folder that holds anything, and a file in its place."""
-    if out.is_dir() and any(out.iterdir()):
-        raise OutputNotWritten(f"{out}: holds files already, between which maps would be lost; choose another folder")
-    if out.exists() and not out.is_dir():
-        raise OutputNotWritten(f"{out}: a file; maps are written to a folder: choose another name")
-
-
-@contextmanager
-def _appearing(out: Path) -> Iterator[Path]:
-    """A folder beside `out` that becomes it when all goes well, and is removed when anything fails."""
-    try:
-        out.parent.mkdir(parents=True, exist_ok=True)
-        folder = out.with_name(f".{out.name}.{secrets.token_hex(4)}")
-        folder.mkdir()
-    except OSError as error:
-        raise OutputNotWritten(f"{out}: cannot be written: {error.strerror}; choose another place") from None
-    try:
-        yield folder
-        if out.is_dir():
-            out.rmdir()
-        os.replace(folder, out)
-    except OSError as error:
-        raise OutputNotWritten(f"{out}: cannot be written: {error.strerror}; choose another place") from None
-    finally:
-        shutil.rmtree(folder, ignore_errors=True)

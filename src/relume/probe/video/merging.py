@@ -91,15 +91,17 @@ class MomentMap:
         return bool((self.clipped == SATURATED).any())
 
     def variance(self, tables: LightTables) -> np.ndarray:
-        """(H, 2H, 3) float32, of the radiance by the noise of pixel values; infinite where it is not measured.
+        """(H, 2H, 3) float32, of the radiance; infinite where it is not measured.
 
-        Of the brightest take that is believed, which is nearly all of the exposure: the darker ones are several stops
-        below it. Interpolation between pixels and means over time leave less.
+        By the noise of pixel values, and by the camera's curve where that is only assumed. Of the brightest take that
+        is believed, which is nearly all of the exposure: the darker ones are several stops below it. Interpolation
+        between pixels and means over time leave less.
         """
         level = np.minimum(self.radiance * self.exposure, 1)
         noise = np.stack([np.interp(level[..., c], tables.exposure[:, c], tables.variance[:, c]) for c in range(3)], -1)
+        curve = tables.curve_variance(level, self.exposure) * np.square(self.radiance, dtype=np.float64)
         with np.errstate(divide="ignore"):
-            return (noise / np.square(self.exposure, dtype=np.float64)).astype(np.float32)
+            return (noise / np.square(self.exposure, dtype=np.float64) + curve).astype(np.float32)
 
 
 def merged(sums: Collected, darkest: np.ndarray, tables: LightTables, blind: Continuation) -> MomentMap:

@@ -53,13 +53,15 @@ export class HdrCanvas {
     new ResizeObserver(() => this.resized()).observe(canvas);
   }
 
-  /** @param {LayerFacts} layer @param {import("./source.js").Fetched} fetched @param {boolean} reference */
-  open(layer, fetched, reference = false) {
+  /** @param {LayerFacts} layer @param {import("./source.js").Fetched} fetched @param {boolean} reference
+   *  @param {boolean} [goesOn] whether it follows what is shown, which stays until all of this is there */
+  open(layer, fetched, reference = false, goesOn = false) {
     const before = reference ? this.other : this.one;
     if (before && before.layer.digest === layer.digest) return;
-    before?.close();
     if (!reference) this.closeErrors();
     const source = new Source(this.gl, layer, fetched, () => this.draw(), this.failed);
+    if (goesOn && before) source.follow(before);
+    else before?.close();
     if (reference) this.other = source;
     else {
       this.one = source;

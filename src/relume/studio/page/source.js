@@ -34,6 +34,16 @@ export class Source {
     /** @type {string[]} */
     this.wanted = [];
     this.bytes = 0;
+    /** What is shown where this is not there yet. @type {Source | null} */ this.before = null;
+  }
+
+  /** Have another's tiles shown until all of this is there, if they are of the same sizes and values. @param {Source} other */
+  follow(other) {
+    const { layer } = this, alike = ["half", "scale", "sizes"].every((key) => JSON.stringify(layer[/** @type {"half"} */ (key)]) === JSON.stringify(other.layer[/** @type {"half"} */ (key)]));
+    other.before?.close();
+    other.before = null;
+    if (alike) this.before = other;
+    else other.close();
   }
 
   /** The level of which a picture pixel is at least one pixel of the screen. @param {number} zoom */
@@ -53,7 +63,7 @@ export class Source {
       return found;
     }
     if (needed && !this.coming.has(key) && !this.wanted.includes(key)) this.wanted.push(key);
-    return null;
+    return this.before?.tiles.get(key) ?? null;
   }
 
   /** Begin a frame: what is not asked for again in it need not come. */
@@ -76,6 +86,10 @@ export class Source {
         })
         .finally(() => {
           this.coming.delete(key);
+          if (this.settled) {
+            this.before?.close();
+            this.before = null;
+          }
           if (!stop.signal.aborted) this.arrived();
         });
     }
@@ -101,6 +115,8 @@ export class Source {
   }
 
   close() {
+    this.before?.close();
+    this.before = null;
     for (const stop of this.coming.values()) stop.abort();
     for (const tile of this.tiles.values()) this.gl.deleteTexture(tile.texture);
     this.tiles.clear();

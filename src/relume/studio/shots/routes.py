@@ -29,7 +29,8 @@ from relume.studio.shots.developed import TONES, developed, has_depth, preset_pa
 from relume.studio.shots.document import Document
 from relume.studio.shots.folder import LARGEST_UPLOAD, Folder
 from relume.studio.shots.jobs import Jobs
-from relume.studio.shots.light_edits import cut_rectangle, cut_slice, diffuse_map, edited_map, painted_map, pointed_at
+from relume.studio.shots.light.edits import cut_rectangle
+from relume.studio.shots.light.routes import LightAnswers, light_routes
 from relume.studio.shots.material_balls import MaterialBalls
 from relume.studio.shots.objects import PlacedObjects
 from relume.studio.shots.photographs import Thumbnails, brackets
@@ -66,12 +67,13 @@ class Studio:
         results = sorted(each.name for each in self.out.iterdir() if each.is_file()) if self.out.is_dir() else []
         return document | {
             "folder": str(self.folder.root), "out": _beside(self.out, self.folder.root),
-            "plate": self._named(table.get("plate")), "balls": [self._named(view) for view in views],
+            "plate": self.named(table.get("plate")), "balls": [self.named(view) for view in views],
             "job": self.jobs.state, "measured": self.jobs.measured, "merged": self.jobs.merged,
             "results": [name for name in results if not name.startswith(".")], "new_render": rl.Shot.new_render,
         }  # fmt: skip
 
-    def _named(self, table: object) -> list[str]:
+    def named(self, table: object) -> list[str]:
+        """The photographs of a table, as files of the folder by their names."""
         names = table.get("photographs", []) if isinstance(table, dict) else []
         names = [names] if isinstance(names, str) else names
         if not isinstance(names, list) or not all(isinstance(name, str) for name in names):
@@ -154,47 +156,6 @@ class Studio:
         if found is None:
             raise ValueError("there is no object at this point; click one where it shall mirror the light")
         return in_json({"direction": found.direction, "point": found.point, "normal": found.normal})
-
-    def edited_light(self, _request: Request, body: dict[str, Any]) -> Response:
-        """The light turned, brightened or converted, as the shot's finished map."""
-        return self._as_light(*edited_map(self._light(), self.folder, body), body)
-
-    def painted_light(self, _request: Request, body: dict[str, Any]) -> Response:
-        """The light with what was painted on its slice, as the shot's finished map."""
-        return self._as_light(*painted_map(self._light(), self.folder, body), body)
-
-    def slice(self, _request: Request, body: dict[str, Any]) -> Response:
-        """A slice of the light to paint on."""
-        return in_json(cut_slice(self._light(), self.folder, body))
-
-    def diffuse_light(self, _request: Request, _body: dict[str, Any]) -> Response:
-        """The light as matte surfaces reflect it, which is shown and not kept."""
-        diffuse_map(self._light(), self.scratch / "diffuse.exr")
-        return in_json({"path": "diffuse.exr", "where": "scratch"})
-
-    def _light(self) -> Path:
-        """The shot's finished map, or the map that was measured last."""
-        light = self.document.table.get("light", {})
-        if isinstance(light, dict) and isinstance(light.get("map"), str):
-            return self.folder.path(light["map"])
-        if not (self.scratch / "light.exr").is_file():
-            raise ValueError("the light is not measured yet; measure it first")
-        return self.scratch / "light.exr"
-
-    def _as_light(self, path: Path, facts: dict[str, Any], body: dict[str, Any]) -> Response:
-        """The shot with another map for its light; the map goes where the edit is refused."""
-        table, revision = self.document.table, body.get("revision")
-        views = self._named((table.get("light", {}).get("balls") or [{}])[0])
-        try:
-            if not isinstance(revision, int):
-                raise ValueError("give the revision that this is made to")
-            photograph = views[len(views) // 2] if views else None
-            changes = pointed_at(table, self.folder.name(path), photograph)
-            self.document.edit(changes, revision=revision, unfinished=self.document.fault is not None)
-        except (rl.RelumeError, ValueError):
-            path.unlink(missing_ok=True)
-            raise
-        return in_json({"state": self.state(), "facts": facts})
 
     def start(self, _request: Request, body: dict[str, Any]) -> Response:
         """Start a job, in place of the one that runs."""
@@ -331,6 +292,7 @@ def studio_application(studio: Studio) -> Starlette:
     def posted(path: str, endpoint: Callable[[Request, dict[str, Any]], Response]) -> Route:
         return Route(path, taking_json(endpoint), methods=["POST"])
 
+    light = LightAnswers(studio.folder, studio.document, studio.scratch, studio.state, studio.named)
     return Starlette(
         routes=[
             *page_routes("studio.html"),
@@ -344,10 +306,7 @@ def studio_application(studio: Studio) -> Starlette:
             posted("/ball", studio.ball),
             posted("/board", studio.board),
             posted("/light/mirrored", studio.mirrored),
-            posted("/light/edited", studio.edited_light),
-            posted("/light/slice", studio.slice),
-            posted("/light/diffuse", studio.diffuse_light),
-            posted("/light/painted", studio.painted_light),
+            *(posted(path, endpoint) for path, endpoint in light_routes(light).items()),
             posted("/jobs/start", studio.start),
             posted("/jobs/stop", studio.stop),
             posted("/jobs/pause", studio.pause),

@@ -131,8 +131,9 @@ export class Studio {
     return this.attempt(() => post("/jobs/stop", {}));
   }
 
-  /** Show a picture; of several asked for at once the latest. @param {string} path @param {string} [where] @param {boolean} [fit] */
-  async show(path, where = "folder", fit = false) {
+  /** Show a picture; of several asked for at once the latest. @param {string} path @param {string} [where] @param {boolean} [fit]
+   *  @param {boolean} [goesOn] whether it follows what is shown, as in a film: that stays until all of this is there */
+  async show(path, where = "folder", fit = false, goesOn = false) {
     const turn = ++this.turn;
     return this.attempt(async () => {
       // A preview may be gone by now: the job that wrote it has ended.
@@ -148,7 +149,7 @@ export class Studio {
       this.shownPath = path;
       this.shownWhere = where;
       const errors = this.canvas.view.errors;
-      this.canvas.open(facts.layers[0], this.tilesOf(number, 0));
+      this.canvas.open(facts.layers[0], this.tilesOf(number, 0), false, goesOn);
       if (errors && !this.canvas.view.errors) await this.showErrors(false);
       if (turn !== this.turn) return;
       if (fit || !before || !this.keepPlace(before, facts.size)) this.canvas.fit();

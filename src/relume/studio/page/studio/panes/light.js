@@ -5,6 +5,7 @@ import { ballRim } from "./ball_rim.js";
 import { ballViews } from "./ball_views.js";
 import { cropping } from "./cropping.js";
 import { lightEdits } from "./light_edits.js";
+import { lightFilm } from "../light_film.js";
 import { make, numberField, quoted, typed } from "../fields.js";
 import { json } from "../../requests.js";
 
@@ -94,7 +95,7 @@ export function lightPane(studio) {
     } }, "See which view gave what"))];
   }
 
-  const measure = () => studio.start("look"), whole = lightEdits(studio), crop = cropping(studio, whole.paint, whole.shown);
+  const measure = () => studio.start("look"), whole = lightEdits(studio), crop = cropping(studio, whole.paint, whole.shown), film = lightFilm(studio);
   return {
     name: "Light",
     keys: ["light"],
@@ -123,6 +124,7 @@ export function lightPane(studio) {
         numberField(studio, "Heading", ["light", "heading"], { range: true, min: -180, max: 180, step: 1, unit: "°" }), ...turned, ...measured,
         make("div", { className: "row" }, make("button", { type: "button", onclick: () => studio.show(light.map, "folder", true) }, "See the map itself")), ...whole.build(), ...crop.build()];
       if (light.maps || light.sky) return [make("p", {}, light.maps ? `The light is maps that follow one another: ${light.maps}` : "The light is a clear sky, as the shot file says."),
+        ...(light.maps ? film.build(JSON.stringify([light.maps, light.rate])) : []),
         numberField(studio, "Heading", ["light", "heading"], { range: true, min: -180, max: 180, step: 1, unit: "°" }), ...turned, ...measured];
       if (!studio.state.balls.length) return [make("p", {}, "No photographs of the ball are chosen yet: mark them as Ball under Photographs.")];
       const name = `light-view-${view}`, rim = one(), table = rim.table();
@@ -162,20 +164,27 @@ export function lightPane(studio) {
           `import relume as rl\n\nfound = rl.probe.probe_ball(rl.probe.find_ball_photographs([${JSON.stringify(names)}]))\nrl.probe.write_probe("light.exr", found.probe)`),
       ];
     },
-    shown: begin,
-    hidden: () => void views.set(false, view),
+    shown() {
+      if (studio.state.table.light?.maps) film.look();
+      else begin();
+    },
+    hidden() {
+      views.set(false, view);
+      film.stop();
+    },
     clicked: (x, y) => void whole.clicked(x, y),
     drag: crop.drag,
     drawn() {
+      film.drawn();
       if (cropped === studio.shownPath) return;
       cropped = studio.shownPath;
       crop.forget();
-      if (here()) studio.rebuild();
+      if (here() && !film.isShown()) studio.rebuild();
     },
     changed() {
       view = Math.min(view, Math.max(studio.state.balls.length - 1, 0));
       for (const each of rims) each.changed();
     },
-    drawing: () => crop.drawing() ?? (studio.shownPath === one().path() && !views.open ? one().drawing() : {}),
+    drawing: () => crop.drawing() ?? film.drawing() ?? (studio.shownPath === one().path() && !views.open ? one().drawing() : {}),
   };
 }
