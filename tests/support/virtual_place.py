@@ -7,10 +7,11 @@ from dataclasses import replace
 import numpy as np
 
 from relume.image.radiance import RadianceMap
+from relume.renderers.projective.atlas import atlas_of
 from relume.renderers.projective.photographs import ProjectedPhotograph
 from relume.renderers.raytrace.raycast import RayCaster
 from relume.scene.cameras.camera import Camera
-from relume.scene.materials.materials import Diffuse
+from relume.scene.materials.materials import Diffuse, Material
 from relume.scene.shapes.shapes import Mesh
 
 GREY = Diffuse((0.5, 0.5, 0.5))
@@ -92,3 +93,11 @@ def decibels(picture, truth, where=None):
 def seen_from_behind(mesh):
     """The mesh with its triangles the other way round."""
     return replace(mesh, faces=mesh.faces[:, ::-1].copy())
+
+
+def painted(mesh, radiance, texel=0.1, largest=512):
+    """The mesh with a radiance of points (N, 3), (N,), as its emissive texture."""
+    atlas = atlas_of(mesh, texel, largest)
+    image = np.zeros((atlas.size[1], atlas.size[0], 3), np.float32)
+    image[atlas.rows, atlas.columns] = radiance(atlas.points)[:, None]
+    return replace(atlas.mesh, material=Material((0.0, 0.0, 0.0), specular=0.0, emission=image))
