@@ -176,6 +176,48 @@ def test_a_position_that_is_none_is_refused():
 
 
 LAMP = (-0.2, 1.9, -0.5)
+GLOW = 0.5
+
+
+def with_shelf(low_x: float) -> Enclosure:
+    """The room and a shelf in it, from there to x = 0.05, that hides the lamp between the probes and from neither."""
+    room = box_mesh(ROOM.low, ROOM.high, Diffuse((0.0, 0.0, 0.0)))
+    shelf = box_mesh((low_x, 1.29, -0.2), (0.05, 1.3, 0.1), Diffuse((0.0, 0.0, 0.0)))
+    faces = np.concatenate([room.faces, shelf.faces + len(room.vertices)])
+    return Enclosure(np.concatenate([room.vertices, shelf.vertices]), faces)
+
+
+def glowing(place: tuple[float, float, float], lamp: bool = True) -> PlacedProbe:
+    """Even walls and the lamp, 0.12 m in radius."""
+    way = np.subtract(LAMP, place)
+    distance = np.linalg.norm(way)
+    on_it = lamp & (DIRECTIONS @ (way / distance) > np.cos(np.arcsin(0.12 / distance)))
+    return PlacedProbe(EnvironmentMap(np.where(on_it[..., None], (60.0, 50.0, 40.0), GLOW).astype(np.float32)), place)
+
+
+def test_a_lamp_that_hangs_behind_something_is_not_in_the_joined_map():
+    probes, walls = [glowing(LEFT), glowing(RIGHT)], with_shelf(-0.25)
+    joined = interpolate_probes(probes, BETWEEN, walls)
+    np.testing.assert_allclose(joined.lamps.positions, [LAMP], atol=0.03)
+    assert joined.lamps_seen.tolist() == [0.0] and "shows 0% of it" in joined.notes[0].line
+    np.testing.assert_allclose(joined.light.radiance, GLOW, rtol=1e-3)
+    # A hand's breadth behind the shelf's shadow it is there again, with all of its light.
+    above = interpolate_probes(probes, (0.5, 0.7, 0.4), walls)
+    assert above.lamps_seen.tolist() == [1.0] and "of it" not in above.notes[0].line
+    assert above.light.radiance.max() > 10
+    # A probe that does not see it does not keep the others from finding it.
+    third = interpolate_probes([*probes, glowing(BETWEEN, lamp=False)], (0.5, 0.7, 0.4), walls)
+    np.testing.assert_allclose(third.lamps.intensity, above.lamps.intensity, rtol=1e-6)
+    np.testing.assert_allclose(third.light.radiance, above.light.radiance, atol=1e-3)
+
+
+def test_of_a_lamp_that_is_half_hidden_the_map_shows_a_half():
+    probes = [glowing(LEFT), glowing(RIGHT)]
+    # The line from the place to the lamp's middle passes the shelf's height at x = -0.1.
+    half, whole = (interpolate_probes(probes, BETWEEN, walls) for walls in (with_shelf(-0.1), ROOM))
+    assert 0.4 < half.lamps_seen[0] < 0.6
+    shown, all_of_it = (each.light.total() - 4 * np.pi * GLOW for each in (half, whole))
+    np.testing.assert_allclose(shown, half.lamps_seen[0] * all_of_it, rtol=0.02)
 
 
 @pytest.fixture(scope="module")

@@ -117,7 +117,7 @@ def gains_on_one_scale(shot: Shot, calibrated: Calibrated, camera: Camera) -> np
 
     Raises InvalidShot where the place cannot be made.
     """
-    place = bare_place(shot, calibrated.probe, calibrated.centre, calibrated.hanging)
+    place = bare_place(shot, calibrated.probe, calibrated.centre, calibrated.joined)
     seen = seen_by_both(calibrated, camera, place)
     gains = np.ones(3)
     if shot.light.scale is not None:

@@ -92,11 +92,6 @@ class Calibrated:
         return None if self.stood is None else self.stood.centre
 
     @property
-    def hanging(self) -> tuple[tuple[float, float, float], ...]:
-        """Where lamps hang that several probes show, metres."""
-        return () if self.joined is None else tuple(triple(each) for each in self.joined.lamps.positions)
-
-    @property
     def calibrations(self) -> dict[str, Calibration]:
         """Of the cameras whose response was recovered, by name."""
         return {name: each.calibration for name, each in self.cameras.items() if each.calibration is not None}

@@ -21,7 +21,7 @@ from relume.probe.ball.blending import Probe
 from relume.project.insertion.photographs import Calibrated
 from relume.project.insertion.slips import require_outside_ball
 from relume.project.place_tables import distant_scene
-from relume.project.probe_tables import lamp_out_of, without_hanging
+from relume.project.probe_tables import gain_since_joined, lamp_out_of, without_hanging
 from relume.project.shot_file.camera_table import camera_fit
 from relume.project.shot_file.objects import require_outside
 from relume.project.shot_file.shot import Shot
@@ -31,6 +31,7 @@ from relume.renderers.mitsuba.path_tracer import Mitsuba
 from relume.renderers.progressive.fingerprint import without_threads
 from relume.renderers.renderer import Renderer
 from relume.renderers.results import Progress
+from relume.renderers.several_probes.interpolation import InterpolatedLight
 from relume.scene.cameras.camera import Camera
 from relume.scene.cameras.fit import CameraFit
 from relume.scene.lights import SphereLight
@@ -92,7 +93,7 @@ def find_place(
     """
     plate = calibrated.plate
     camera = _with_lens(shot, fit.camera, calibrated)
-    bare = bare_place(shot, calibrated.probe, calibrated.centre, calibrated.hanging)
+    bare = bare_place(shot, calibrated.probe, calibrated.centre, calibrated.joined)
     require_in_place(bare, camera)
     require_outside(meshes, camera)
     vignetting = shot.match.vignetting_in(shot.folder, camera.focal_length, plate.size)
@@ -138,11 +139,11 @@ def _with_lens(shot: Shot, camera: Camera, calibrated: Calibrated) -> Camera:
     return replace(camera, aperture=diameter / 2, focus=focus)
 
 
-def bare_place(shot: Shot, probe: Probe, centre: Point | None = None, hanging: Sequence[Point] = ()) -> Scene:
+def bare_place(shot: Shot, probe: Probe, centre: Point | None = None, joined: InterpolatedLight | None = None) -> Scene:
     """The scene without objects, as it was photographed; its surfaces grey where they are to be recovered.
 
     centre : of the ball, metres, where it was found and not measured; or the place that several probes are joined for
-    hanging : lamps that several probes show before the walls, metres
+    joined : the light of several probes as it was joined, whose hanging lamps are taken out of the map
     Raises InvalidShot where a lamp is not seen in the light, and what reading the meshes raises.
     """
     where = (0.0, 0.0, 0.0)
@@ -152,8 +153,8 @@ def bare_place(shot: Shot, probe: Probe, centre: Point | None = None, hanging: S
         where = centre or shot.light.probe or where
     light, lamps = _light_and_lamps(shot, probe.light, where)
     distant = distant_scene(shot.light.distant, shot.folder)
-    if not isinstance(distant, Infinite):
-        light, found = without_hanging(light, hanging, where)
+    if joined is not None and not isinstance(distant, Infinite):
+        light, found = without_hanging(light, joined, gain_since_joined(probe.light, joined))
         lamps = (*lamps, *found)
     local = tuple(shape for table in shot.surfaces() for shape in table.shapes(shot.folder))
     if not local:
