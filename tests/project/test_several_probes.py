@@ -164,10 +164,10 @@ def test_a_table_that_cannot_be_is_refused_in_one_line(folder, light, words):
     [
         (
             PROBES.replace("[1, 0.7, 0.4]", "[3, 0.7, 0.4]"),
-            r"light.probes: probe 2 at \[3.0, 0.7, 0.4\] is outside of the",
+            r"light.probes: right.exr at \[3.0, 0.7, 0.4\] is outside of the",
         ),
         (PROBES.replace("right", "absolute"), "light.probes: the probes' maps are in cd/m² and in relative"),
-        (PROBES.replace("[1, 0.7, 0.4]", "[-1, 0.7, 0.4]"), "light.probes: probes 1 and 2 both stood at"),
+        (PROBES.replace("[1, 0.7, 0.4]", "[-1, 0.7, 0.4]"), "light.probes: left.exr and right.exr both stood at"),
         (PROBES.replace("right", "none"), "light.probes.1: .*none.exr"),
         (PROBES + "probe = [0, 9, 0]\n", "light.probes: the light is wanted at"),
     ],
@@ -180,6 +180,6 @@ def test_maps_that_do_not_go_together_are_refused_in_one_line(folder, light, wor
 
 def test_a_scene_refuses_them_in_one_line(folder):
     text = SCENE + PROBES.replace("[1, 0.7, 0.4]", "[3, 0.7, 0.4]") + ROOM
-    with pytest.raises(InvalidScene, match=r"scene\.toml: light.probes: probe 2"):
+    with pytest.raises(InvalidScene, match=r"scene\.toml: light.probes: right.exr"):
         scene_of(folder, text)
     assert "probes are none" in refusal(folder, SCENE + "probes = []\n")

@@ -110,14 +110,25 @@ def test_a_wall_that_only_one_map_shows_bright_is_told_with_its_place():
     worst = joined.disagreements[0]
     assert worst.probes == (0, 1) and worst.place is not None and 5 < worst.ratio < 9 and worst.share > 0.01
     assert np.linalg.norm(np.subtract(worst.place, (2.0, 1.6, -0.4))) < 0.6
-    assert "probes 1 and 2 differ" in joined.notes[0].line and "wall at" in joined.notes[0].line
+    assert "probe 1 and probe 2 differ" in joined.notes[0].line and "wall at" in joined.notes[0].line
+
+
+def test_probes_are_called_by_their_names():
+    twice = replace(seen(RIGHT), name="right.exr")
+    twice = replace(twice, light=replace(twice.light, radiance=2 * twice.light.radiance))
+    joined = interpolate_probes([replace(seen(LEFT), name="left.exr"), twice], BETWEEN, ROOM)
+    assert joined.notes[0].line.startswith("right.exr is 2.00 times as bright as left.exr where")
+    assert joined.notes[1].line.startswith("left.exr and right.exr differ 2.0 times about the wall")
+    same = [replace(seen(place), name="map.exr") for place in (LEFT, LEFT)]
+    with pytest.raises(ValueError, match=r"^map.exr \(probe 1\) and map.exr \(probe 2\) both stood at"):
+        interpolate_probes(same, BETWEEN, ROOM)
 
 
 def test_a_map_of_another_exposure_is_told():
     twice = seen(RIGHT)
     twice = replace(twice, light=replace(twice.light, radiance=2 * twice.light.radiance))
     notes = interpolate_probes([seen(LEFT), twice], BETWEEN, ROOM).notes
-    assert notes[0].line.startswith("the map of probe 2 is 2.00 times as bright")
+    assert notes[0].line.startswith("probe 2 is 2.00 times as bright as probe 1 where")
 
 
 def test_without_a_shape_maps_are_mixed_by_distance():
@@ -153,7 +164,7 @@ def cellar(probe: PlacedProbe, unit: str) -> PlacedProbe:
             ROOM,
             "in cd/m² and in relative; give all of them in one",
         ),
-        ([seen(LEFT), seen(LEFT)], None, ROOM, "probes 1 and 2 both stood at"),
+        ([seen(LEFT), seen(LEFT)], None, ROOM, "probe 1 and probe 2 both stood at"),
         (
             [seen(LEFT), replace(seen(RIGHT), position=(3.0, 1.0, 0.0))],
             None,

@@ -43,7 +43,7 @@ class ProbeTable(Table):
         if self.heading % 360 != 0:
             # What a turn does to the errors is not known; they are left out.
             light, variance = light.rotated(rotation_about(UP, np.radians(self.heading))), None
-        return PlacedProbe(light, self.position, variance)
+        return PlacedProbe(light, self.position, variance, self.map)
 
 
 def joined_probes(
