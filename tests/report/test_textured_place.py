@@ -55,7 +55,7 @@ def test_seams_and_holes_are_told_in_numbers(made: rl.report.TexturedPlace):
     assert np.allclose(list(seams.gains.values()), 1, atol=0.02)
     facts = made.facts()
     assert facts["filled"] == f"{made.baked.holes:.1%} of the surface"
-    assert facts["brightness"] == {name: f"{gain:.3f} of the others" for name, gain in seams.gains.items()}
+    assert facts["brightness"] == {name: f"{gain:.3f} of the middle one" for name, gain in seams.gains.items()}
 
 
 def test_a_photograph_on_another_scale_is_named(folder: Path, tmp_path: Path):

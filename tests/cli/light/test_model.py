@@ -30,7 +30,7 @@ def test_photographs_are_laid_on_the_place(tmp_path, capsys):
     assert found["written"] == [str(glb)] and glb.is_file()
     assert found["blocks"]["house"]["width"] == "8 m" and found["textures"]["roof"].startswith("4")
     assert found["filled"].endswith("% of the surface") and "lie" in found["seams"]
-    assert found["brightness"]["photo3"].endswith(" of the others")
+    assert found["brightness"]["photo3"].endswith(" of the middle one")
     line = refused(["model", tmp_path / "marks.toml", "--textures", *maps], capsys)
     assert "--textures go into --export place.glb" in line
 

@@ -53,7 +53,7 @@ class TexturedPlace:
             "seams": f"{self.seams.shared:.0%} is in two photographs or more, which lie {self.seams.typical:.1%} apart "
             f"(5 % of it more than {self.seams.worst:.0%})",
             "brightness": {
-                name: "alone" if np.isnan(gain) else f"{gain:.3f} of the others"
+                name: "alone" if np.isnan(gain) else f"{gain:.3f} of the middle one"
                 for name, gain in self.seams.gains.items()
             },
         }
