@@ -11,11 +11,12 @@ from relume.composite.surface.recovery import EstimatedGloss, Recovery
 from relume.composite.surface.several_plates import LitView, recover_from_views
 from relume.image.radiance import SATURATED, RadianceMap
 from relume.renderers.mitsuba.path_tracer import Mitsuba
+from relume.renderers.raytrace.raycast import RayCaster
 from relume.scene.cameras.camera import Camera
 from relume.scene.lights import PointLight
 from relume.scene.materials.materials import Diffuse
 from relume.scene.scene import Scene
-from relume.scene.shapes.shapes import Plane
+from relume.scene.shapes.shapes import Mesh, Plane
 from relume.sphere.environment_map import EnvironmentMap
 
 GREY = Diffuse((0.5, 0.5, 0.5))
@@ -68,6 +69,55 @@ def test_a_table_under_two_lamps_from_two_sides_has_its_own_reflectance():
     wrong = np.abs(found.local.albedo - truth)[both]
     assert wrong.mean() < 1e-3 and np.quantile(wrong, 0.99) < 4e-3
     assert found.notes == () and found.gloss == (None,)
+
+
+def test_a_view_on_which_something_brighter_stands_before_the_table_counts_too():
+    # A panel a hand's breadth from the lamp gets 100 times the table's light, and hides a part of it from one view.
+    lamp, strength = np.array([1.5, 2.0, 0.5]), np.array([20.0, 18.0, 15.0])
+    corners = np.array([[1.7, y, z] for y, z in ((1.7, -0.1), (1.7, 1.1), (2.3, 1.1), (2.3, -0.1))], np.float32)
+    panel = Mesh(corners, np.array([[0, 1, 2], [0, 2, 3]], np.int32), GREY)
+    light = (PointLight((1.5, 2.0, 0.5), (20.0, 18.0, 15.0)),)
+    scene = Scene(BLACK, (Plane(GREY, (40.0, 40.0)), panel), (), light)
+    caster = RayCaster.of(scene.local)
+
+    def seen(eye: tuple[float, float, float]) -> LitView:
+        view = Camera.looking_at(np.array(eye), np.array([1.3, 0.8, 0.5]), width=192, height=128, focal_length=130)
+        hits = caster.nearest(view.position, view.rays().reshape(-1, 3))
+        points = view.position + hits.distance[:, None] * view.rays().reshape(-1, 3)
+        way = points - lamp
+        distance = np.linalg.norm(way, axis=-1, keepdims=True)
+        cosine = np.where(hits.shape == 1, abs(way[:, 0]), -way[:, 1])[:, None] / distance
+        shade = caster.occluded(lamp, way / distance, 0.999 * distance[:, 0])
+        arrives = np.where(shade[:, None], 0, cosine * strength / distance**2)
+        albedo = np.where(hits.shape[:, None] == 1, 0.01, painted(points))
+        radiance = (albedo * arrives / np.pi).reshape(128, 192, 3).astype(np.float32)
+        return LitView(RadianceMap(radiance), view, scene)
+
+    views = [seen((-0.5, 3.5, 1.5)), seen((-0.5, 4.0, 0.5))]
+    found = recover_from_views(views, renderer=QUICK)
+    table = found.views == 2
+    assert table.mean() > 0.5
+    wrong = np.abs(found.local.albedo - painted(ground(views[0].camera)))[table]
+    assert np.median(wrong) < 3e-3
+
+
+def test_a_lamp_of_little_blue_counts_by_each_channel():
+    # A candle: its blue is a hundredth of its red, and says of the table's blue what its red says of the red.
+    first, other = taken(0, 0), taken(1, 1)
+    candle = np.array([1.0, 0.3, 0.01])
+    warm = []
+    for view in (first, other):
+        (light,) = view.scene.lights
+        assert isinstance(light, PointLight)
+        dimmed = replace(light, intensity=tuple(float(v) for v in candle * light.intensity))
+        plate = replace(view.plate, radiance=(view.plate.radiance * candle).astype(np.float32))
+        warm.append(replace(view, plate=plate, scene=replace(view.scene, lights=(dimmed,))))
+    found = recover_from_views(warm, renderer=QUICK)
+    both = found.views == 2
+    assert both.mean() > 0.4
+    wrong = np.abs(found.local.albedo - painted(ground(camera(EYES[0]))))[both]
+    # The median: smoothed light of so little blue is off at the picture's border.
+    assert np.all(np.median(wrong, axis=0) < 2e-3)
 
 
 def test_one_reflectance_has_less_noise_than_either_photograph():

@@ -77,7 +77,7 @@ def test_a_shot_takes_its_light_from_both_and_its_lamp_from_where_it_hangs(folde
     assert joined is not None and joined.position == (0.0, 0.7, 0.4)
     calibrated = Calibrated(None, None, None, None, {}, joined=joined)  # pyright: ignore[reportArgumentType]
     probe = finished_light(shot_of(folder, SHOT + 'map = "left.exr"'))
-    place = bare_place(shot, probe_of(joined.light, probe), calibrated.centre, calibrated.hanging)
+    place = bare_place(shot, probe_of(joined.light, probe), calibrated.centre, calibrated.joined)
     assert place.probe == (0.0, 0.7, 0.4) and isinstance(place.distant, Box)
     (lamp,) = place.lights
     assert isinstance(lamp, SphereLight)
@@ -86,6 +86,25 @@ def test_a_shot_takes_its_light_from_both_and_its_lamp_from_where_it_hangs(folde
     np.testing.assert_allclose(strength, RADIANCE * np.pi * RADIUS**2, rtol=0.06)
     # All but the lamp is the walls' grey again.
     np.testing.assert_allclose(place.light.radiance, 0.5, atol=0.01)
+
+
+def test_a_lamp_that_the_joined_map_does_not_show_lights_the_scene_all_the_same(folder):
+    # A shelf hides it from the middle of the probes alone.
+    room = trimesh.creation.box(extents=(4, 2.6, 3))
+    room.apply_translation((0, 1.3, 0))
+    shelf = trimesh.creation.box(extents=(0.3, 0.01, 0.3))
+    shelf.apply_translation((-0.1, 1.3, -0.05))
+    trimesh.util.concatenate([room, shelf]).export(str(folder / "room.glb"))
+    text = SCENE + PROBES + 'distant = { shape = "mesh", mesh = "room.glb" }\nscale = 2\n'
+    with pytest.warns(UserWarning, match=r"the joined map shows 0% of it"):
+        scene = scene_of(folder, text).scene
+    np.testing.assert_allclose(scene.light.radiance, 1.0, atol=0.02)
+    (lamp,) = scene.lights
+    assert isinstance(lamp, SphereLight)
+    np.testing.assert_allclose(lamp.position, LAMP, atol=0.03)
+    np.testing.assert_allclose(
+        np.array(lamp.radiance) * np.pi * lamp.radius**2, 2 * RADIANCE * np.pi * RADIUS**2, rtol=0.06
+    )
 
 
 def probe_of(light: EnvironmentMap, like: Probe) -> Probe:
@@ -145,10 +164,10 @@ def test_a_table_that_cannot_be_is_refused_in_one_line(folder, light, words):
     [
         (
             PROBES.replace("[1, 0.7, 0.4]", "[3, 0.7, 0.4]"),
-            r"light.probes: probe 2 at \[3.0, 0.7, 0.4\] is outside of the",
+            r"light.probes: right.exr at \[3.0, 0.7, 0.4\] is outside of the",
         ),
         (PROBES.replace("right", "absolute"), "light.probes: the probes' maps are in cd/m² and in relative"),
-        (PROBES.replace("[1, 0.7, 0.4]", "[-1, 0.7, 0.4]"), "light.probes: probes 1 and 2 both stood at"),
+        (PROBES.replace("[1, 0.7, 0.4]", "[-1, 0.7, 0.4]"), "light.probes: left.exr and right.exr both stood at"),
         (PROBES.replace("right", "none"), "light.probes.1: .*none.exr"),
         (PROBES + "probe = [0, 9, 0]\n", "light.probes: the light is wanted at"),
     ],
@@ -161,6 +180,6 @@ def test_maps_that_do_not_go_together_are_refused_in_one_line(folder, light, wor
 
 def test_a_scene_refuses_them_in_one_line(folder):
     text = SCENE + PROBES.replace("[1, 0.7, 0.4]", "[3, 0.7, 0.4]") + ROOM
-    with pytest.raises(InvalidScene, match=r"scene\.toml: light.probes: probe 2"):
+    with pytest.raises(InvalidScene, match=r"scene\.toml: light.probes: right.exr"):
         scene_of(folder, text)
     assert "probes are none" in refusal(folder, SCENE + "probes = []\n")

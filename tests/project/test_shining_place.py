@@ -1,6 +1,5 @@
 """A scene file whose distant scene shines by its own radiance: seen, as light, with lamps, with what takes light."""
 
-from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -8,7 +7,6 @@ import pytest
 
 import relume as rl
 import virtual_place as place
-from relume.renderers.projective.atlas import atlas_of
 from relume.renderers.projective.shining_meshes import place_of
 
 SCENE = """
@@ -75,14 +73,6 @@ def test_a_mesh_that_receives_light_reflects_it(folder):
     assert isinstance(block.material, rl.Diffuse) and np.median(block.material.reflectance) > 0.05
 
 
-def painted(mesh, radiance, texel=0.1):
-    """The mesh with a radiance of points (N, 3), (N,), as its emissive texture."""
-    atlas = atlas_of(mesh, texel, 512)
-    image = np.zeros((atlas.size[1], atlas.size[0], 3), np.float32)
-    image[atlas.rows, atlas.columns] = radiance(atlas.points)[:, None]
-    return replace(atlas.mesh, material=rl.Material((0.0, 0.0, 0.0), specular=0.0, emission=image))
-
-
 def sent(mesh):
     """What a mesh sends out, ∫ L dA."""
     part = place_of([mesh]).parts[0]
@@ -90,11 +80,11 @@ def sent(mesh):
 
 
 def test_sun_on_a_floor_that_takes_light_is_no_lamp(tmp_path):
-    walls = painted(
+    walls = place.painted(
         place.box((-3, 0, -2.5), (3, 3, 2.5), "walls", inward=True),
         lambda at: np.where((abs(at[:, 0] - 1) < 0.4) & (abs(at[:, 2]) < 0.3) & (at[:, 1] > 2.99), place.LAMP, 0.5),
     )
-    floor = painted(place.flat_floor(), lambda at: np.where(np.hypot(at[:, 0], at[:, 2]) < 0.5, 30.0, 0.3))
+    floor = place.painted(place.flat_floor(), lambda at: np.where(np.hypot(at[:, 0], at[:, 2]) < 0.5, 30.0, 0.3))
     rl.report.write_place(tmp_path / "hall.glb", place_of([walls, floor]))
     both = read(tmp_path, more=", lamps = 8").scene
     assert sorted(round(lamp.position[1]) for lamp in both.lights) == [0, 3]

@@ -9,6 +9,7 @@ import relume as rl
 import virtual_place as place
 from relume.renderers.projective.atlas import atlas_of
 from relume.renderers.projective.place_light import Arriving
+from relume.renderers.projective.shining_meshes import place_of
 from relume.renderers.raytrace.raycast import RayCaster
 from relume.sphere.directions import normalised
 
@@ -146,3 +147,24 @@ def test_what_cannot_be_baked_is_refused(baked):
         rl.renderers.receiving(baked, ["ceiling"])
     with pytest.raises(ValueError, match="lights of the place are 0"):
         rl.renderers.place_lights(baked, 0)
+
+
+@pytest.mark.parametrize("size", [(0.9, 0.9), (1.2, 0.5)], ids=["square", "oblong"])
+@pytest.mark.parametrize("turn", [0.0, 10.0, 30.0, 45.0, 70.0])
+def test_a_lamp_lies_along_its_own_edges(size, turn):
+    # Four edges of a square bring their directions back every 90°, those of its diagonals lie 45° between them.
+    angle = np.radians(turn)
+    along, across = np.array([np.cos(angle), 0, np.sin(angle)]), np.array([-np.sin(angle), 0, np.cos(angle)])
+
+    def radiance(at):
+        away = at - [0.4, 3.0, -0.3]
+        inside = (abs(away @ along) < size[0] / 2) & (abs(away @ across) < size[1] / 2) & (at[:, 1] > 2.99)
+        return np.where(inside, 60.0, 0.5)
+
+    walls = place.painted(place.box((-3, 0, -2.5), (3, 3, 2.5), "walls", inward=True), radiance, 0.03, 2048)
+    (lamp,) = rl.renderers.place_lights(place_of([walls])).lights
+    assert np.allclose(lamp.position, [0.4, 3.0, -0.3], atol=0.02)
+    np.testing.assert_allclose(sorted(lamp.size), sorted(size), rtol=0.03)
+    # One way along or across it; of the oblong one the long side lies along.
+    off = np.degrees(np.arcsin(abs(lamp.frame[:, 0] @ across)))
+    assert (min(off, 90 - off) if size[0] == size[1] else off) < 2.0

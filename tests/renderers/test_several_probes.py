@@ -110,14 +110,25 @@ def test_a_wall_that_only_one_map_shows_bright_is_told_with_its_place():
     worst = joined.disagreements[0]
     assert worst.probes == (0, 1) and worst.place is not None and 5 < worst.ratio < 9 and worst.share > 0.01
     assert np.linalg.norm(np.subtract(worst.place, (2.0, 1.6, -0.4))) < 0.6
-    assert "probes 1 and 2 differ" in joined.notes[0].line and "wall at" in joined.notes[0].line
+    assert "probe 1 and probe 2 differ" in joined.notes[0].line and "wall at" in joined.notes[0].line
+
+
+def test_probes_are_called_by_their_names():
+    twice = replace(seen(RIGHT), name="right.exr")
+    twice = replace(twice, light=replace(twice.light, radiance=2 * twice.light.radiance))
+    joined = interpolate_probes([replace(seen(LEFT), name="left.exr"), twice], BETWEEN, ROOM)
+    assert joined.notes[0].line.startswith("right.exr is 2.00 times as bright as left.exr where")
+    assert joined.notes[1].line.startswith("left.exr and right.exr differ 2.0 times about the wall")
+    same = [replace(seen(place), name="map.exr") for place in (LEFT, LEFT)]
+    with pytest.raises(ValueError, match=r"^map.exr \(probe 1\) and map.exr \(probe 2\) both stood at"):
+        interpolate_probes(same, BETWEEN, ROOM)
 
 
 def test_a_map_of_another_exposure_is_told():
     twice = seen(RIGHT)
     twice = replace(twice, light=replace(twice.light, radiance=2 * twice.light.radiance))
     notes = interpolate_probes([seen(LEFT), twice], BETWEEN, ROOM).notes
-    assert notes[0].line.startswith("the map of probe 2 is 2.00 times as bright")
+    assert notes[0].line.startswith("probe 2 is 2.00 times as bright as probe 1 where")
 
 
 def test_without_a_shape_maps_are_mixed_by_distance():
@@ -153,7 +164,7 @@ def cellar(probe: PlacedProbe, unit: str) -> PlacedProbe:
             ROOM,
             "in cd/m² and in relative; give all of them in one",
         ),
-        ([seen(LEFT), seen(LEFT)], None, ROOM, "probes 1 and 2 both stood at"),
+        ([seen(LEFT), seen(LEFT)], None, ROOM, "probe 1 and probe 2 both stood at"),
         (
             [seen(LEFT), replace(seen(RIGHT), position=(3.0, 1.0, 0.0))],
             None,
@@ -176,6 +187,48 @@ def test_a_position_that_is_none_is_refused():
 
 
 LAMP = (-0.2, 1.9, -0.5)
+GLOW = 0.5
+
+
+def with_shelf(low_x: float) -> Enclosure:
+    """The room and a shelf in it, from there to x = 0.05, that hides the lamp between the probes and from neither."""
+    room = box_mesh(ROOM.low, ROOM.high, Diffuse((0.0, 0.0, 0.0)))
+    shelf = box_mesh((low_x, 1.29, -0.2), (0.05, 1.3, 0.1), Diffuse((0.0, 0.0, 0.0)))
+    faces = np.concatenate([room.faces, shelf.faces + len(room.vertices)])
+    return Enclosure(np.concatenate([room.vertices, shelf.vertices]), faces)
+
+
+def glowing(place: tuple[float, float, float], lamp: bool = True) -> PlacedProbe:
+    """Even walls and the lamp, 0.12 m in radius."""
+    way = np.subtract(LAMP, place)
+    distance = np.linalg.norm(way)
+    on_it = lamp & (DIRECTIONS @ (way / distance) > np.cos(np.arcsin(0.12 / distance)))
+    return PlacedProbe(EnvironmentMap(np.where(on_it[..., None], (60.0, 50.0, 40.0), GLOW).astype(np.float32)), place)
+
+
+def test_a_lamp_that_hangs_behind_something_is_not_in_the_joined_map():
+    probes, walls = [glowing(LEFT), glowing(RIGHT)], with_shelf(-0.25)
+    joined = interpolate_probes(probes, BETWEEN, walls)
+    np.testing.assert_allclose(joined.lamps.positions, [LAMP], atol=0.03)
+    assert joined.lamps_seen.tolist() == [0.0] and "shows 0% of it" in joined.notes[0].line
+    np.testing.assert_allclose(joined.light.radiance, GLOW, rtol=1e-3)
+    # A hand's breadth behind the shelf's shadow it is there again, with all of its light.
+    above = interpolate_probes(probes, (0.5, 0.7, 0.4), walls)
+    assert above.lamps_seen.tolist() == [1.0] and "of it" not in above.notes[0].line
+    assert above.light.radiance.max() > 10
+    # A probe that does not see it does not keep the others from finding it.
+    third = interpolate_probes([*probes, glowing(BETWEEN, lamp=False)], (0.5, 0.7, 0.4), walls)
+    np.testing.assert_allclose(third.lamps.intensity, above.lamps.intensity, rtol=1e-6)
+    np.testing.assert_allclose(third.light.radiance, above.light.radiance, atol=1e-3)
+
+
+def test_of_a_lamp_that_is_half_hidden_the_map_shows_a_half():
+    probes = [glowing(LEFT), glowing(RIGHT)]
+    # The line from the place to the lamp's middle passes the shelf's height at x = -0.1.
+    half, whole = (interpolate_probes(probes, BETWEEN, walls) for walls in (with_shelf(-0.1), ROOM))
+    assert 0.4 < half.lamps_seen[0] < 0.6
+    shown, all_of_it = (each.light.total() - 4 * np.pi * GLOW for each in (half, whole))
+    np.testing.assert_allclose(shown, half.lamps_seen[0] * all_of_it, rtol=0.02)
 
 
 @pytest.fixture(scope="module")

@@ -2,13 +2,19 @@
 
 from __future__ import annotations
 
+from pathlib import Path
 from typing import Any
 
 import numpy as np
 
+from relume.image.files import write
+from relume.image.radiance import RadianceMap
+from relume.renderers.raytrace.raycast import RayCaster
 from relume.scene.cameras.camera import Camera
+from relume.scene.materials.materials import Diffuse
 from relume.scene.places.place_tables import BlockTable, PlaceTables
 from relume.scene.places.quantities import Model, modelled
+from relume.scene.shapes.shapes import Mesh
 from relume.sphere.directions import rotation_about
 
 SIZE = (1600, 1200)
@@ -92,3 +98,36 @@ def toml(noise: float = 0.5, seed: int = 0, blocks: list[dict[str, Any]] | None 
         for block, points in edges.items():
             lines += [f"[marks.{photograph}.{block}]", *(f"{edge} = {each}" for edge, each in points.items()), ""]
     return "\n".join(lines)
+
+
+def true_meshes() -> tuple[Mesh, ...]:
+    """The blocks as they truly are."""
+    model = modelled([BlockTable(**block) for block in BLOCKS])
+    return tuple(
+        Mesh(
+            true_points(model, index, range(len(block.body.vertices))).astype(np.float32), block.body.triangles,
+            Diffuse((0.5, 0.5, 0.5)),
+        )
+        for index, block in enumerate(model.blocks)
+    )  # fmt: skip
+
+
+def radiance_at(points: np.ndarray) -> np.ndarray:
+    """What the blocks send out at points (…, 3), alike in all directions: smooth, from 0.2 to 4."""
+    x, y, z = np.moveaxis(points, -1, 0)
+    return np.stack([np.exp(1.2 * np.sin(0.5 * x)), 1 + 0.5 * np.cos(0.6 * z), np.exp(0.1 * y)], axis=-1)
+
+
+def radiance_maps(folder: Path, width: int = 240) -> list[Path]:
+    """A radiance map of each photograph, smaller than it was marked, in a folder."""
+    meshes, paths = true_meshes(), []
+    for number, whole in enumerate(CAMERAS):
+        camera = whole.resized(width, width * SIZE[1] // SIZE[0])
+        rays = camera.rays().reshape(-1, 3)
+        distance = RayCaster.of(meshes).nearest(camera.position, rays).distance
+        met = np.isfinite(distance)
+        points = camera.position + np.where(met, distance, 0)[:, None] * rays
+        shown = np.where(met[:, None], radiance_at(points), 0.05).reshape(camera.height, camera.width, 3)
+        paths.append(folder / f"photo{number}.exr")
+        write(paths[-1], RadianceMap(shown.astype(np.float32)))
+    return paths

@@ -7,10 +7,11 @@ from dataclasses import replace
 import numpy as np
 
 from relume.image.radiance import RadianceMap
+from relume.renderers.projective.atlas import atlas_of
 from relume.renderers.projective.photographs import ProjectedPhotograph
 from relume.renderers.raytrace.raycast import RayCaster
 from relume.scene.cameras.camera import Camera
-from relume.scene.materials.materials import Diffuse
+from relume.scene.materials.materials import Diffuse, Material
 from relume.scene.shapes.shapes import Mesh
 
 GREY = Diffuse((0.5, 0.5, 0.5))
@@ -92,3 +93,34 @@ def decibels(picture, truth, where=None):
 def seen_from_behind(mesh):
     """The mesh with its triangles the other way round."""
     return replace(mesh, faces=mesh.faces[:, ::-1].copy())
+
+
+def painted(mesh, radiance, texel=0.1, largest=512):
+    """The mesh with a radiance of points (N, 3), (N,), as its emissive texture."""
+    atlas = atlas_of(mesh, texel, largest)
+    image = np.zeros((atlas.size[1], atlas.size[0], 3), np.float32)
+    image[atlas.rows, atlas.columns] = radiance(atlas.points)[:, None]
+    return replace(atlas.mesh, material=Material((0.0, 0.0, 0.0), specular=0.0, emission=image))
+
+
+def irradiance_at(points, normals, rays=4096):
+    """The irradiance (N, 3) at points (N, 3) of unit normals (N, 3) in the room, by chance: the lamp apart."""
+    caster, random = RayCaster.of(meshes()), np.random.default_rng(7)
+    spots = np.stack([random.uniform(0.6, 1.4, 256), np.full(256, 3.0), random.uniform(-0.3, 0.3, 256)], axis=-1)
+    ways = random.normal(size=(rays, 3))
+    ways /= np.linalg.norm(ways, axis=-1, keepdims=True)
+    found = np.zeros((len(points), 3))
+    for index, (point, normal) in enumerate(zip(points, normals, strict=True)):
+        upper = ways * np.sign(ways @ normal)[:, None]
+        shown = radiance_at(point + caster.nearest(point, upper).distance[:, None] * upper)
+        # The lamp, which few rays meet, by its own spots.
+        shown[shown[:, 0] == LAMP] = 0
+        found[index] = 2 * np.pi * ((upper @ normal)[:, None] * shown).mean(axis=0)
+        away = spots - point
+        distance = np.linalg.norm(away, axis=-1)
+        toward = away / distance[:, None]
+        clear = ~caster.occluded(point, toward, 0.999 * distance)
+        found[index] += (
+            LAMP * 0.48 * np.mean(clear * np.maximum(toward @ normal, 0) * np.maximum(toward[:, 1], 0) / distance**2)
+        )
+    return found

@@ -167,7 +167,12 @@ class DistantTable(Table):
 
 
 def distant_scene(table: DistantTable, folder: Path) -> Distant:
-    """What a table describes; raises UnreadableFile for a mesh that cannot be read, or is none of finite places."""
+    """What a table describes; raises UnreadableFile for a mesh that cannot be read, or is none of finite places.
+
+    A mesh of its own radiance is a part of the scene (`shining_place`): what lies beyond it is infinitely far.
+    """
+    if table.radiance == "own":
+        return Infinite()
     if table.shape == "dome":
         assert table.radius is not None  # _what_the_shape_needs
         return Dome(table.radius, table.centre or (0.0, 0.0, 0.0))
@@ -187,8 +192,12 @@ def distant_scene(table: DistantTable, folder: Path) -> Distant:
     return Infinite()
 
 
-def shining_place(table: DistantTable, folder: Path) -> tuple[tuple[Mesh, ...], tuple[RectangleLight, ...]]:
+def shining_place(
+    table: DistantTable, folder: Path, scale: np.ndarray | float = 1.0
+) -> tuple[tuple[Mesh, ...], tuple[RectangleLight, ...]]:
     """The meshes that shine by their own radiance, or take light, and the lamps among them; none of other tables.
+
+    scale : by which their radiance is multiplied, a number or one for each channel
 
     Raises UnreadableFile, and ValueError for meshes without emissive textures and names that none has.
     """
@@ -196,6 +205,8 @@ def shining_place(table: DistantTable, folder: Path) -> tuple[tuple[Mesh, ...], 
         return (), ()
     assert table.mesh is not None  # _what_the_shape_needs
     place = place_of(read_shapes(folder / table.mesh))
+    if np.any(np.not_equal(scale, 1)):
+        place = replace(place, parts=tuple(p.shining((p.radiance * scale).astype(np.float32)) for p in place.parts))
     meshes = receiving(place, table.receives)
     if not table.lamps:
         return meshes, ()

@@ -43,7 +43,7 @@ class ProbeTable(Table):
         if self.heading % 360 != 0:
             # What a turn does to the errors is not known; they are left out.
             light, variance = light.rotated(rotation_about(UP, np.radians(self.heading))), None
-        return PlacedProbe(light, self.position, variance)
+        return PlacedProbe(light, self.position, variance, self.map)
 
 
 def joined_probes(
@@ -80,20 +80,35 @@ def lamp_out_of(
 
 
 def without_hanging(
-    light: EnvironmentMap, hanging: Sequence[Sequence[float]], at: Sequence[float]
+    light: EnvironmentMap, joined: InterpolatedLight, gain: np.ndarray
 ) -> tuple[EnvironmentMap, list[SphereLight]]:
     """A joined map without the lamps that were found to hang in the place, and the lamps.
 
-    One that does not stand out from what is behind it, as beside another lamp, stays in the map.
+    gain : (3,) by which the map was made brighter since it was joined
+    One that does not stand out from what is behind it, as beside another lamp, stays in the map. One that the map does
+    not show, or a part of, is what the probes that see it say.
     """
     lamps = []
-    for position in hanging:
+    found = joined.lamps
+    for index, (position, share) in enumerate(zip(found.positions, joined.lamps_seen, strict=True)):
+        hidden = share < 1
+        if hidden:
+            radii = None if found.radii is None else found.radii[index : index + 1]
+            lamps.append(_sphere(PlacedLights(position[None], gain * found.intensity[index : index + 1], radii)))
+        if share == 0:
+            continue
         try:
-            light, lamp = lamp_out_of(light, position, at)
+            light, lamp = lamp_out_of(light, position, joined.position)
         except ValueError:
             continue
-        lamps.append(lamp)
+        if not hidden:
+            lamps.append(lamp)
     return light, lamps
+
+
+def gain_since_joined(light: EnvironmentMap, joined: InterpolatedLight) -> np.ndarray:
+    """(3,) by which a joined map was made brighter since, channel by channel."""
+    return light.total() / np.maximum(joined.light.total(), 1e-30)
 
 
 def _sphere(lamp: PlacedLights) -> SphereLight:

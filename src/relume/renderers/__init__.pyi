@@ -12,6 +12,8 @@ from .projective.place_light import place_irradiance as place_irradiance
 from .projective.place_light import place_lights as place_lights
 from .projective.place_light import receiving as receiving
 from .projective.projective_texture import ProjectiveTexture as ProjectiveTexture
+from .projective.seams import Seams as Seams
+from .projective.seams import seams as seams
 from .projective.shining_meshes import place_of as place_of
 from .radiosity.form_factors import FormFactors as FormFactors
 from .radiosity.form_factors import form_factors as form_factors

@@ -30,3 +30,5 @@ from .shots.material_balls import MaterialBall as MaterialBall
 from .shots.material_balls import material_balls as material_balls
 from .shots.place_files import PlaceFiles as PlaceFiles
 from .shots.place_files import write_place as write_place
+from .shots.textured_place import TexturedPlace as TexturedPlace
+from .shots.textured_place import texture_place as texture_place

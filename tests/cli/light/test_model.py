@@ -22,6 +22,19 @@ def test_a_place_is_solved_written_and_exported(tmp_path, capsys):
     assert "roof" in lines and "± " in lines and out.read_text().count("[found]") == 1
 
 
+def test_photographs_are_laid_on_the_place(tmp_path, capsys):
+    (tmp_path / "marks.toml").write_text(place_shoot.toml(noise=0.0))
+    maps, glb = place_shoot.radiance_maps(tmp_path, 120), tmp_path / "place.glb"
+    command = ["model", tmp_path / "marks.toml", "--texel", 0.4, "--export", glb, "--textures", *maps]
+    found = reported(command, capsys)
+    assert found["written"] == [str(glb)] and glb.is_file()
+    assert found["blocks"]["house"]["width"] == "8 m" and found["textures"]["roof"].startswith("4")
+    assert found["filled"].endswith("% of the surface") and "lie" in found["seams"]
+    assert found["brightness"]["photo3"].endswith(" of the middle one")
+    line = refused(["model", tmp_path / "marks.toml", "--textures", *maps], capsys)
+    assert "--textures go into --export place.glb" in line
+
+
 def test_a_folder_of_photographs_begins_a_place_file(tmp_path, capsys):
     (tmp_path / "photographs").mkdir()
     (tmp_path / "photographs" / "README.md").write_text("no picture")

@@ -85,6 +85,61 @@ def test_the_jacobian_is_the_slope_of_the_errors():
     assert found.fit.jacobian(values) == pytest.approx(slopes, rel=1e-5, abs=1e-5 * np.abs(slopes).max())
 
 
+def bound_of(found: Solution) -> np.ndarray:
+    """(9,) of each size sought the Cramér–Rao bound of its deviation, as a share: no estimator has less."""
+    slope = found.fit.jacobian(found.values)
+    deviations = np.sqrt(np.diag(np.linalg.inv(slope.T @ slope)))
+    names = found.fit.model.lengths
+    return np.array([d / TRUTH[n] for d, n in zip(deviations, names, strict=False) if n[:2] in ("wi", "he", "de")])
+
+
+def test_marks_that_are_the_ends_of_their_edges_say_more():
+    exact = solved(place_shoot.tables(0.0, ends=True), FACTS)
+    assert np.abs(size_errors(exact)).max() < 1e-7 and len(exact.fit.marks.photograph) == 0
+    assert len(exact.fit.marks.corner_photograph) == 260
+    lines, ends = (bound_of(solved(place_shoot.tables(0.0, ends=each), FACTS)) for each in (False, True))
+    assert np.all(ends < 0.72 * lines)
+    # The worst size, of the annex that stands apart: 0.19 % by where edges run, 0.11 % by where they end too.
+    assert lines.max() == pytest.approx(0.0019, abs=5e-5) and ends.max() == pytest.approx(0.00106, abs=3e-5)
+    errors = np.array([size_errors(solved(place_shoot.tables(0.5, seed, ends=True), FACTS)) for seed in range(6)])
+    assert np.abs(errors).max() < 0.004
+    assert np.sqrt(np.mean((errors / ends) ** 2)) == pytest.approx(1, abs=0.25)
+
+
+def test_an_end_that_is_hidden_stays_a_point_on_its_edge():
+    tables = place_shoot.tables(0.0)
+    marked = {name: dict(of) for name, of in tables.marks["photo0"].items()}
+    one, other = (np.array(point) for point in marked["tower"]["front_left"])
+    marked["tower"]["front_left"] = (tuple((0.7 * one + 0.3 * other).tolist()), tuple(other.tolist()))
+    tables = tables.model_copy(update={"ends": True, "marks": {**tables.marks, "photo0": marked}})
+    found = solved(tables, FACTS)
+    assert np.abs(size_errors(found)).max() < 1e-7
+    assert found.fit.marks.labels[0] == "tower.front_left in 'photo0'" and len(found.fit.marks.photograph) == 1
+
+
+def test_curves_keep_their_marks_where_edges_end(tmp_path: Path):
+    chapel = Path(__file__).parents[3] / "examples" / "places" / "chapel.toml"
+    (tmp_path / "place.toml").write_text("ends = true\n" + chapel.read_text(encoding="utf-8"), encoding="utf-8")
+    (tmp_path / "photographs").symlink_to(chapel.parent / "photographs")
+    # Its marks stop a fiftieth of each edge before the end: that they are no ends is seen.
+    with pytest.warns(UserWarning, match=r"lies 5\.\d pixels from the edge"):
+        place = rl.model_place(tmp_path / "place.toml")
+    plain = rl.model_place(chapel)
+    assert place.chi_square / place.freedom > 1.5 * plain.chi_square / plain.freedom
+    assert place.block("well").size[0] == pytest.approx(2.5, rel=0.05)
+
+
+@pytest.mark.slow
+def test_the_worst_size_of_fifty_markings_is_what_the_bound_allows():
+    for ends, worst, median in ((False, 0.0065, 0.0019), (True, 0.0035, 0.0012)):
+        off = [np.abs(size_errors(solved(place_shoot.tables(0.5, s, ends=ends), FACTS))) for s in range(50)]
+        exact = solved(place_shoot.tables(0.0, ends=ends), FACTS)
+        # The estimator reaches the bound: errors over it have a mean square of one.
+        assert np.mean((np.array(off) / bound_of(exact)) ** 2) == pytest.approx(1, abs=0.2)
+        each = np.max(off, axis=1)
+        assert each.max() < worst and np.median(each) == pytest.approx(median, abs=0.0003)
+
+
 def test_a_place_is_written_and_read_again(tmp_path):
     marks = place_file(tmp_path)
     place = rl.model_place(marks, out=tmp_path / "place.toml", export=tmp_path / "place.glb")

@@ -14,6 +14,7 @@ from relume.cli.console import OutputOptions, note, print_facts, warnings_as_not
 from relume.cli.option_types import numbers
 
 ELSEWHERE = Group("Photogrammetry made elsewhere")
+ON_IT = Group("Its photographs on it")
 
 
 def model(
@@ -33,8 +34,22 @@ def model(
         ),
     ] = None,
     export: Annotated[
-        Path | None, Parameter(help="Write the blocks as meshes without textures: .glb, .obj, .usda or .usd.")
+        Path | None,
+        Parameter(help="Write the blocks as meshes: .glb, .obj, .usda or .usd; with textures .glb or .usda."),
     ] = None,
+    textures: Annotated[
+        tuple[Path, ...],
+        Parameter(
+            group=ON_IT,
+            consume_multiple=True,
+            negative=(),
+            help="Radiance maps to lay on it, or photographs with --profile, each named as one of its photographs.",
+        ),
+    ] = (),
+    profile: Annotated[
+        Path | None, Parameter(group=ON_IT, help="The camera's, from `relume merge --save-profile`.")
+    ] = None,
+    texel: Annotated[float | None, Parameter(group=ON_IT, help="Metres a texel; as fine as they show it.")] = None,
     scale: Annotated[float | None, Parameter(group=ELSEWHERE, help="Metres to a unit of its model.")] = None,
     between: Annotated[
         tuple[str, str] | None,
@@ -57,7 +72,10 @@ def model(
         if out is not None:
             require_suffix(out, ".toml")
         if export is not None:
-            require_suffix(export, ".glb", ".obj", ".usda", ".usd", option="--export")
+            kinds = (".glb", ".usda") if textures else (".glb", ".obj", ".usda", ".usd")
+            require_suffix(export, *kinds, option="--export")
+        if (textures and export is None) or (not textures and (profile or texel)):
+            raise ValueError("--textures go into --export place.glb; --profile and --texel are theirs")
         beginning = place.is_dir() or place.suffix.lower() != ".toml"
         if beginning and (out is None or export is not None):
             raise ValueError(f"{place} is no place file: give -o place.toml to begin one, and export that")
@@ -77,6 +95,10 @@ def model(
                 note(output, f"name blocks and mark their edges in {out} {by_pointer}, {solve}")
             print_facts(output, {"written": written, **asdict(begun)})
             return
-        # Cameras and sizes.
+        # Cameras and sizes, and the photographs laid on them.
+        if textures and export is not None:
+            textured = rl.report.texture_place(place, textures, export, out=out, profile=profile, texel=texel)
+            print_facts(output, {"written": written, **textured.place.facts(), **textured.facts()})
+            return
         found = rl.model_place(place, out=out, export=export)
         print_facts(output, {"written": written, **found.facts()})

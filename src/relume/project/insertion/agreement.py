@@ -115,9 +115,12 @@ def on_one_scale(shot: Shot, calibrated: Calibrated, camera: Camera) -> Calibrat
 def gains_on_one_scale(shot: Shot, calibrated: Calibrated, camera: Camera) -> np.ndarray:
     """(3,) factors on the light's channels that put it on the plate's scale and give it its white; warns of each.
 
+    A place of its own radiance is no measured light: what the shot says of its scale holds.
     Raises InvalidShot where the place cannot be made.
     """
-    place = bare_place(shot, calibrated.probe, calibrated.centre, calibrated.hanging)
+    if shot.light.distant.radiance == "own":
+        return np.ones(3) * (1.0 if shot.light.scale is None else shot.light.scale)
+    place = bare_place(shot, calibrated.probe, calibrated.centre, calibrated.joined)
     seen = seen_by_both(calibrated, camera, place)
     gains = np.ones(3)
     if shot.light.scale is not None:

@@ -8,11 +8,15 @@ import numpy as np
 
 from relume.composite.borders import changed_borders
 from relume.errors import Doubt
+from relume.image.colour import luminance
 from relume.image.radiance import BLACK, SATURATED
 from relume.project.insertion.photographs import Calibrated
 from relume.project.insertion.place import Place
+from relume.renderers.projective.place_light import Arriving
+from relume.renderers.projective.shining_meshes import place_of
 from relume.renderers.results import Change
-from relume.scene.shapes.shapes import Shape
+from relume.scene.materials.materials import Material, is_image
+from relume.scene.shapes.shapes import Mesh, Shape
 
 DARK = 0.03
 """The reflectance of coal and of black velvet: hardly anything reflects less."""
@@ -20,6 +24,12 @@ BRIGHT = 0.9
 """The reflectance of white paper and of snow: hardly anything reflects more."""
 BORDERS = 3
 """Borders that are named, at most."""
+COMPARED = 20_000
+"""Pixels of the plate that are compared with a place of its own radiance."""
+COMMON = 0.02
+"""Share of them that has to show the place."""
+APART = 0.25
+"""Stops by which the two may differ before it is said: seams and blur of photographs are below a fifth of one."""
 TWO_CAMERAS = 0.2
 """By what share two cameras' scales differ, usually: their ISO and aperture are true to a quarter of a stop or so."""
 
@@ -31,6 +41,7 @@ def doubts_on(calibrated: Calibrated, place: Place, matte_of_objects: np.ndarray
     """
     return (
         *calibrated.probe.notes, *_of_clipping(calibrated), *_of_surfaces(place), *_of_cameras(calibrated),
+        *_of_shining(calibrated, place),
         *([_unseen()] if matte_of_objects is not None and not matte_of_objects.any() else []),
     )  # fmt: skip
 
@@ -98,6 +109,32 @@ def _of_surfaces(place: Place) -> Iterator[Doubt]:
                 "weak (was the ball's reflectance given? were its lamps saturated?)",
                 brightest / BRIGHT - 1,
             )
+
+
+def _of_shining(calibrated: Calibrated, place: Place) -> Iterator[Doubt]:
+    """Whether a place of its own radiance is as bright as the plate where the camera sees it."""
+    shining = [
+        shape for shape in place.bare.local
+        if isinstance(shape, Mesh) and isinstance(shape.material, Material) and is_image(shape.material.emission)
+    ]  # fmt: skip
+    if not shining:
+        return
+    plate, camera = calibrated.plate.radiance, place.camera
+    step = max(1, round((plate.shape[0] * plate.shape[1] / COMPARED) ** 0.5))
+    rays = camera.rays()[step // 2 :: step, step // 2 :: step].reshape(-1, 3)
+    eyes = camera.eyes(camera.middles())[step // 2 :: step, step // 2 :: step].reshape(-1, 3)
+    shown = luminance(Arriving(place_of(shining)).along(eyes, rays))
+    seen = luminance(plate[step // 2 :: step, step // 2 :: step].reshape(-1, 3))
+    both = (shown > 0) & (seen > 0)
+    if both.mean() < COMMON:
+        return
+    ratio = float(np.median(seen[both] / shown[both]))
+    if abs(np.log2(ratio)) > APART:
+        yield Doubt(
+            f"the plate is {ratio:.2g} times as bright as light.distant where both show one place; if the photographs "
+            f"on it are of another exposure, give light.scale = {ratio:.3g}",
+            abs(float(np.log2(ratio))),
+        )
 
 
 def _of_cameras(calibrated: Calibrated) -> Iterator[Doubt]:

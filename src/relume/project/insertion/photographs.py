@@ -92,11 +92,6 @@ class Calibrated:
         return None if self.stood is None else self.stood.centre
 
     @property
-    def hanging(self) -> tuple[tuple[float, float, float], ...]:
-        """Where lamps hang that several probes show, metres."""
-        return () if self.joined is None else tuple(triple(each) for each in self.joined.lamps.positions)
-
-    @property
     def calibrations(self) -> dict[str, Calibration]:
         """Of the cameras whose response was recovered, by name."""
         return {name: each.calibration for name, each in self.cameras.items() if each.calibration is not None}
@@ -216,7 +211,8 @@ def calibrate(shot: Shot, photographs: Photographs, steps: Steps) -> Calibrated:
 
     # The light.
     joined: InterpolatedLight | None = None
-    if shot.light.given():
+    shines = shot.light.distant.radiance == "own"
+    if shot.light.given() or shines:
         with steps.timed("light"):
             joined = joined_light(shot)
             probe = finished_light(shot) if joined is None else _probe_of(joined.light, joined.notes)
@@ -229,14 +225,14 @@ def calibrate(shot: Shot, photographs: Photographs, steps: Steps) -> Calibrated:
         probe = steps.keep("light", made_from, lambda: blended(shot, merged()[0][views], stood))
 
     untied = _why_untied(shot, photographs)
-    if untied is not None and radiance.unit != probe.light.unit:
+    if (untied is not None or shines) and radiance.unit != probe.light.unit:
         # Its own scale is given up: the plate's is the one that counts.
         probe = replace(probe, light=replace(probe.light, unit=radiance.unit))
     if radiance.unit != probe.light.unit:
         raise InvalidShot(
             f"plate.photographs: the plate is in {radiance.unit} and the light in {probe.light.unit}; give both alike"
         )
-    if isinstance(plate, RadianceMap):
+    if isinstance(plate, RadianceMap) and not shines:
         warn(
             "plate and light come from different files; relume cannot verify that they share one radiance scale. A "
             "recovered reflectance that is not believable says that they do not"
@@ -258,8 +254,8 @@ def _why_untied(shot: Shot, photographs: Photographs) -> str | None:
 def finished_light(shot: Shot) -> Probe:
     """A finished map, maps at their time, or a sky, as light; nothing of it is uncertain."""
     light = shot.light.finished(shot.folder, InvalidShot)
-    assert light is not None  # given
-    return _probe_of(light)
+    # A place that shines by itself needs none.
+    return _probe_of(light or EnvironmentMap(np.zeros((4, 8, 3), np.float32)))
 
 
 def joined_light(shot: Shot) -> InterpolatedLight | None:

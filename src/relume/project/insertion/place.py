@@ -11,7 +11,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from relume.capture.lens.vignetting import Vignetting
-from relume.composite.surface.recovery import RecoveredLocal
+from relume.composite.surface.recovery import KnownMaterial, RecoveredLocal, Recovery
 from relume.composite.surface.reflectance import recover_reflectance
 from relume.composite.surface.several_plates import LitView, recover_from_views
 from relume.composite.surface.two_views import ViewOfProbe
@@ -20,8 +20,8 @@ from relume.image.radiance import RadianceMap
 from relume.probe.ball.blending import Probe
 from relume.project.insertion.photographs import Calibrated
 from relume.project.insertion.slips import require_outside_ball
-from relume.project.place_tables import distant_scene
-from relume.project.probe_tables import lamp_out_of, without_hanging
+from relume.project.place_tables import distant_scene, shining_place
+from relume.project.probe_tables import gain_since_joined, lamp_out_of, without_hanging
 from relume.project.shot_file.camera_table import camera_fit
 from relume.project.shot_file.objects import require_outside
 from relume.project.shot_file.shot import Shot
@@ -31,9 +31,11 @@ from relume.renderers.mitsuba.path_tracer import Mitsuba
 from relume.renderers.progressive.fingerprint import without_threads
 from relume.renderers.renderer import Renderer
 from relume.renderers.results import Progress
+from relume.renderers.several_probes.interpolation import InterpolatedLight
 from relume.scene.cameras.camera import Camera
 from relume.scene.cameras.fit import CameraFit
-from relume.scene.lights import SphereLight
+from relume.scene.lights import RectangleLight, SphereLight
+from relume.scene.places.reading import read_shapes
 from relume.scene.scene import Infinite, Point, Scene
 from relume.scene.shapes.shapes import Mesh
 from relume.sphere.directions import UP, rotation_about
@@ -66,7 +68,9 @@ class Place:
         bare = self.bare
         if light is not None:
             light, lamps = _light_and_lamps(shot, light, bare.probe)
-            bare = replace(bare, light=light, lights=lamps)
+            # Lamps that stay: those of a place that shines by its own radiance.
+            own = [lamp for lamp in bare.lights if isinstance(lamp, RectangleLight)]
+            bare = replace(bare, light=light, lights=(*lamps, *own))
         return relit(bare.with_local(shapes), shot)
 
 
@@ -92,7 +96,8 @@ def find_place(
     """
     plate = calibrated.plate
     camera = _with_lens(shot, fit.camera, calibrated)
-    bare = bare_place(shot, calibrated.probe, calibrated.centre, calibrated.hanging)
+    shining = _shining(shot, steps)
+    bare = bare_place(shot, calibrated.probe, calibrated.centre, calibrated.joined, shining)
     require_in_place(bare, camera)
     require_outside(meshes, camera)
     vignetting = shot.match.vignetting_in(shot.folder, camera.focal_length, plate.size)
@@ -138,11 +143,44 @@ def _with_lens(shot: Shot, camera: Camera, calibrated: Calibrated) -> Camera:
     return replace(camera, aperture=diameter / 2, focus=focus)
 
 
-def bare_place(shot: Shot, probe: Probe, centre: Point | None = None, hanging: Sequence[Point] = ()) -> Scene:
+def _shining(shot: Shot, steps: Steps) -> Shining:
+    """What of the place shines by its own radiance; raises InvalidShot, UnreadableFile."""
+    table = shot.light.distant
+    if table.radiance != "own":
+        return Shining()
+    assert table.mesh is not None  # of its own radiance
+    meshes, scale = read_shapes(shot.path(table.mesh)), 1.0 if shot.light.scale is None else shot.light.scale
+
+    def found() -> Shining:
+        try:
+            return Shining(*shining_place(table, shot.folder, np.array(scale)))
+        except ValueError as error:
+            raise InvalidShot(f"light.distant: {error}") from None
+
+    return steps.keep("shining", [table.model_dump(), scale, meshes], found)
+
+
+@dataclass(frozen=True, eq=False)
+class Shining:
+    """What of a place shines by its own radiance.
+
+    meshes : they shine, or take light
+    lamps : the brightest of it
+    """
+
+    meshes: tuple[Mesh, ...] = ()
+    lamps: tuple[RectangleLight, ...] = ()
+
+
+def bare_place(
+    shot: Shot, probe: Probe, centre: Point | None = None, joined: InterpolatedLight | None = None,
+    shining: Shining = Shining(),
+) -> Scene:  # fmt: skip
     """The scene without objects, as it was photographed; its surfaces grey where they are to be recovered.
 
     centre : of the ball, metres, where it was found and not measured; or the place that several probes are joined for
-    hanging : lamps that several probes show before the walls, metres
+    joined : the light of several probes as it was joined, whose hanging lamps are taken out of the map
+    shining : what of it shines by its own radiance, real surfaces after those of [[local]]
     Raises InvalidShot where a lamp is not seen in the light, and what reading the meshes raises.
     """
     where = (0.0, 0.0, 0.0)
@@ -152,13 +190,13 @@ def bare_place(shot: Shot, probe: Probe, centre: Point | None = None, hanging: S
         where = centre or shot.light.probe or where
     light, lamps = _light_and_lamps(shot, probe.light, where)
     distant = distant_scene(shot.light.distant, shot.folder)
-    if not isinstance(distant, Infinite):
-        light, found = without_hanging(light, hanging, where)
+    if joined is not None and not isinstance(distant, Infinite):
+        light, found = without_hanging(light, joined, gain_since_joined(probe.light, joined))
         lamps = (*lamps, *found)
-    local = tuple(shape for table in shot.surfaces() for shape in table.shapes(shot.folder))
+    local = (*(shape for table in shot.surfaces() for shape in table.shapes(shot.folder)), *shining.meshes)
     if not local:
         warn("there is no local surface: the objects throw no shadow; describe what they stand on as [[local]]")
-    return Scene(light, local, (), lamps, distant, where, shot.medium and shot.medium.medium())
+    return Scene(light, local, (), (*lamps, *shining.lamps), distant, where, shot.medium and shot.medium.medium())
 
 
 def _light_and_lamps(shot: Shot, light: EnvironmentMap, where: Point) -> tuple[EnvironmentMap, tuple[SphereLight, ...]]:
@@ -223,6 +261,8 @@ def _recovered(
     seen = ball is not None
     # A mesh file may hold several surfaces, which are all wanted alike.
     wanted = [table.wanted(seen) for table in shot.surfaces() for _ in table.shapes(shot.folder)]
+    # What shines by itself, after them, is known.
+    wanted += [Recovery(KnownMaterial())] * (len(place.local) - len(wanted))
     view = None
     if ball is not None:
         view = ViewOfProbe(probe.confidence, ball.radius, probe.mirrored_at, probe.nearness)

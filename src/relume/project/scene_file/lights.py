@@ -15,7 +15,7 @@ from relume.project.finished_light import FinishedLight
 from relume.project.keyed_values import table_at, values_at
 from relume.project.place_tables import DistantTable as DistantSceneTable
 from relume.project.place_tables import distant_scene, shining_place
-from relume.project.probe_tables import without_hanging
+from relume.project.probe_tables import gain_since_joined, without_hanging
 from relume.project.scene_file.images import naming
 from relume.project.schema import GreyOrColour, Positive, Vector
 from relume.project.shot_file.sequence_table import LightKey, require_rising
@@ -123,7 +123,7 @@ def hanging_in(
         if len(joined.lamps.positions):
             warn("light.turn and keyframes leave lamps that several probes show on the walls; leave them out")
         return light, ()
-    rest, lamps = without_hanging(light, joined.lamps.positions.tolist(), joined.position)
+    rest, lamps = without_hanging(light, joined, gain_since_joined(light, joined))
     return rest, tuple(lamps)
 
 

@@ -92,7 +92,8 @@ class Ball(Table):
 class Light(FinishedLight):
     """The light of the place: photographs of a mirrored ball, or finished light: a map, maps, probes or a sky.
 
-    distant : the shape of the distant scene, onto which the light is projected
+    distant : the shape of the distant scene, onto which the light is projected; or a mesh that shines by its own
+        radiance and needs no other light
     probe : where a finished map was taken, metres; the ball's centre is known. Of several probes the place that they
         are joined for: unless given their middle, and of a scene at infinity the middle of the objects
     heading : degrees about +Y by which a finished map is turned to stand in the scene's frame, counter-clockwise seen
@@ -124,13 +125,10 @@ class Light(FinishedLight):
     @model_validator(mode="after")
     def _one_source(self) -> Light:
         require_rising(self.keyframes)
-        if self.distant.radiance == "own":
-            raise ValueError(
-                'distant.radiance = "own" is of scene files; onto the mesh of a shot its map or balls are projected: '
-                "leave it out"
-            )
-        finished = bool(self.given())
-        if (self.balls is None) != finished:
+        finished, shines = bool(self.given()), self.distant.radiance == "own"
+        if shines:
+            self._require_place_alone()
+        elif (self.balls is None) != finished:
             raise ValueError("give one of balls, map, maps, probes and sky")
         if self.balls is not None and (self.ball is None or not self.balls):
             raise ValueError("balls need ball = { radius }, and its centre where the camera is not found from the ball")
@@ -144,6 +142,21 @@ class Light(FinishedLight):
             raise ValueError("heading is for a finished map; photographs of a ball have their own: leave it out")
         if self.probes is not None and self.heading:
             raise ValueError("heading: of several probes each has its own; give it beside its position")
-        if finished and self.probes is None and self.probe is None and (self.distant.shape != "infinite" or self.lamps):
+        near = self.distant.is_projected or self.lamps
+        if finished and self.probes is None and self.probe is None and near:
             raise ValueError("a near distant scene needs probe = [x, y, z], the place the map was taken at, metres")
         return self
+
+    def _require_place_alone(self) -> None:
+        """Refuse what measures or changes the light of a place that shines by its own radiance."""
+        measured = [name for name in ("balls", "ball", "probes", "probe", "surface_reflectance") if getattr(self, name)]
+        if measured or self.lamps:
+            raise ValueError(
+                f'{(measured or ["lamps"])[0]} measures the place\'s light, which distant.radiance = "own" has '
+                "already; leave one of them out, or give a map or a sky for what lies beyond the place"
+            )
+        if self.turn or self.exposure or self.keyframes:
+            raise ValueError(
+                'turn, exposure and keyframes change light that was measured; distant.radiance = "own" shines as its '
+                "textures say: leave them out; light.scale makes it brighter"
+            )

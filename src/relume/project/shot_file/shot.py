@@ -211,6 +211,8 @@ class Shot(Table):
         Of such a place nothing is measured: the plane ends where a table may, lest walls count as the table.
         """
         asked = self.camera.of_ball
+        if "local" not in self.model_fields_set and self.light.distant.radiance == "own":
+            return []  # the place is its own surfaces
         if "local" in self.model_fields_set or asked is None:
             return self.local
         radius = asked.radius or (self.light.ball and self.light.ball.radius)

@@ -9,6 +9,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
+import cv2
 import numpy as np
 from scipy.ndimage import binary_dilation, label
 from scipy.stats import qmc
@@ -63,7 +64,8 @@ def place_lights(
     contrast : what is brighter than so many times the mean of the residual is a lamp, as in `light.key_lights`
     leave_out : names of meshes that keep their bright spots, as sunlit ones that reflect what they get
 
-    A bright spot becomes the rectangle of its second moments, which sends out what the spot sends above the level.
+    A bright spot becomes the rectangle of its second moments along the edges of the smallest rectangle about it, which
+    sends out what the spot sends above the level.
     Raises ValueError for no lights and a negative contrast. Source: Debevec, *Fiat Lux* (SIGGRAPH 99).
     """
     if count < 1:
@@ -98,16 +100,30 @@ class _Spot:
         points = self.part.points[self.inside].astype(np.float64)
         normal = self.part.normals[self.part.faces[self.inside][0]]
         middle = points.mean(axis=0)
+        sides = _edges(points - middle, normal, self.part.texel)
         # A rectangle's variance along a side is a twelfth of its square; a texel's own is in it.
-        spread = (points - middle).T @ (points - middle) / len(points) + np.eye(3) * self.part.texel**2 / 12
-        flat = np.eye(3) - np.outer(normal, normal)
-        lengths, axes = np.linalg.eigh(flat @ spread @ flat)
-        height, width = np.sqrt(12 * np.maximum(lengths[1:], 0))
+        lengths = np.sqrt(12 * ((points - middle) @ sides.T).var(axis=0) + self.part.texel**2)
+        (height, up), (width, _) = sorted(zip(lengths, sides, strict=True), key=lambda side: side[0])
         radiance = self.excess.sum(axis=0) * self.part.texel**2 / (width * height)
         return RectangleLight(
-            triple(middle + CLEAR * normal), triple(normal), (float(width), float(height)), triple(radiance),
-            triple(axes[:, 1]),
-        )  # fmt: skip
+            triple(middle + CLEAR * normal), triple(normal), (float(width), float(height)), triple(radiance), triple(up)
+        )
+
+
+def _edges(points: np.ndarray, normal: np.ndarray, texel: float) -> np.ndarray:
+    """Unit directions (2, 3) along the edges of a spot, of points (N, 3) on a surface of a normal.
+
+    Those of the smallest rectangle about it: the axes of its moments are any two of a square, or of a disc.
+    """
+    along = np.cross(normal, np.eye(3)[np.argmin(np.abs(normal))])
+    along /= np.linalg.norm(along)
+    plane = np.stack([along, np.cross(normal, along)])
+    corners = cv2.boxPoints(cv2.minAreaRect((points @ plane.T / texel).astype(np.float32)))
+    edges = corners[1:3] - corners[:2]
+    longest = edges[np.argmax(np.linalg.norm(edges, axis=1))].astype(np.float64)
+    # A lone texel has no edge.
+    along = longest / length if (length := np.linalg.norm(longest)) > 0 else np.array([1.0, 0.0])
+    return np.stack([along, [-along[1], along[0]]]) @ plane
 
 
 def _labelled(inside: np.ndarray) -> tuple[np.ndarray, int]:

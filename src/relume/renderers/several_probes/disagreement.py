@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 from itertools import combinations
 
@@ -46,13 +46,13 @@ class Disagreement:
         """The ratio in words."""
         return f"{self.ratio:.1f} times" if self.ratio < 100 else "more than 100 times"
 
-    def line(self) -> str:
-        """It in a sentence; probes are counted from 1."""
-        first, second = (number + 1 for number in self.probes)
+    def line(self, names: Sequence[str]) -> str:
+        """It in a sentence, by the names of all probes."""
+        first, second = (names[number] for number in self.probes)
         where = self.direction if self.place is None else self.place
         spot = ("towards" if self.place is None else "about the wall at") + f" {[round(v, 2) for v in where]}"
         return (
-            f"the maps of probes {first} and {second} differ {self.times} {spot}, by {self.share:.1%} of the light: "
+            f"{first} and {second} differ {self.times} {spot}, by {self.share:.1%} of the light: "
             "something hangs or stands there before the distant scene, one of them was hidden from it, or a place or "
             "a turn of a map is wrong"
         )

@@ -47,17 +47,25 @@ class HangingLamps:
 
 
 def take_hanging_lamps(probes: Sequence[PlacedProbe], distant: Distant) -> HangingLamps:
-    """Take the lamps that hang before the walls out of all maps; none of a single probe, which shows no depth."""
-    places, spread = _places(probes, distant)
+    """Take the lamps that hang before the walls out of all maps; none of a single probe, which shows no depth.
+
+    Maps of places from which a part of the distant scene hides a lamp are left as they are.
+    """
+    walls = _walls(distant)
+    places, spread = _places(probes, walls)
     lamps, errors = [], []
     for place, error in zip(places, spread, strict=True):
+        seeing = [index for index, probe in enumerate(probes) if _sees(walls, np.array(probe.position), place)]
         try:
-            freed = [free_lamp(probe.light, place, probe.position) for probe in probes]
+            freed = {index: free_lamp(probes[index].light, place, probes[index].position) for index in seeing}
         except ValueError:
-            continue  # a map does not show it, as where something hides it
-        probes = [replace(probe, light=each.rest) for probe, each in zip(probes, freed, strict=True)]
-        radii = [float(each.lamp.radii[0]) for each in freed if each.lamp.radii is not None]
-        lamps.append((place, np.mean([each.lamp.intensity[0] for each in freed], axis=0), float(np.mean(radii))))
+            continue  # a map does not show it, as where something hides it that the distant scene has not
+        probes = [
+            replace(probe, light=freed[index].rest) if index in freed else probe for index, probe in enumerate(probes)
+        ]
+        radii = [float(each.lamp.radii[0]) for each in freed.values() if each.lamp.radii is not None]
+        intensity = np.mean([each.lamp.intensity[0] for each in freed.values()], axis=0)
+        lamps.append((place, intensity, float(np.mean(radii))))
         errors.append(error)
     placed = PlacedLights(
         np.array([each[0] for each in lamps]).reshape(-1, 3),
@@ -67,26 +75,49 @@ def take_hanging_lamps(probes: Sequence[PlacedProbe], distant: Distant) -> Hangi
     return HangingLamps(tuple(probes), placed, np.array(errors))
 
 
-def with_lamps(light: EnvironmentMap, lamps: PlacedLights, at: np.ndarray) -> EnvironmentMap:
-    """A lat-long map with the lamps as a place sees them, each with all of its light.
+def with_lamps(
+    light: EnvironmentMap, lamps: PlacedLights, at: np.ndarray, distant: Distant
+) -> tuple[EnvironmentMap, np.ndarray]:
+    """A lat-long map with the lamps as a place sees them, and the share (N,) of each that it sees, 0 to 1.
 
+    distant : what hides a lamp, or a part of it; each has all of its light where nothing does
     Raises ValueError for a place within a lamp.
     """
-    if not len(lamps.positions):
-        return light
-    seen = lamps.seen_from(at)
+    shares = np.ones(len(lamps.positions))
+    if not len(shares):
+        return light, shares
+    seen, walls = lamps.seen_from(at), _walls(distant)
     directions, areas = pixel_directions(light.mapping, light.size), light.mapping.solid_angles(light.size)
     radiance, pixel = light.radiance.astype(np.float64), np.pi / light.size
     assert seen.angular_radii is not None  # spheres
-    for towards, irradiance, radius in zip(seen.directions, seen.irradiance, seen.angular_radii, strict=True):
+    for index, (towards, irradiance, radius) in enumerate(
+        zip(seen.directions, seen.irradiance, seen.angular_radii, strict=True)
+    ):
         angle = np.arccos(np.clip(directions @ towards, -1, 1))
         # Its rim falls over a pixel, and it is a pixel wide at least.
         cover = np.clip((max(float(radius), pixel) - angle) / pixel + 0.5, 0, 1)
-        radiance += cover[..., None] * irradiance / (cover * areas).sum()
-    return replace(light, radiance=radiance.astype(np.float32))
+        whole = (cover * areas).sum()
+        if walls is not None:
+            on_it = np.nonzero(cover)
+            distance = float(np.linalg.norm(lamps.positions[index] - at))
+            cover[on_it] *= walls.shown_to(at, directions[on_it], np.full(len(on_it[0]), distance))
+        shares[index] = (cover * areas).sum() / whole
+        radiance += cover[..., None] * irradiance / whole
+    return replace(light, radiance=radiance.astype(np.float32)), shares
 
 
-def _places(probes: Sequence[PlacedProbe], distant: Distant) -> tuple[list[np.ndarray], list[float]]:
+def _walls(distant: Distant) -> WallsOf | None:
+    return WallsOf.of(distant) if isinstance(distant, Box | Dome | Enclosure) else None
+
+
+def _sees(walls: WallsOf | None, eye: np.ndarray, place: np.ndarray) -> bool:
+    """Whether nothing of the walls lies between."""
+    way = place - eye
+    distance = float(np.linalg.norm(way))
+    return walls is None or bool(walls.shown_to(eye, way[None] / distance, np.array([distance]))[0])
+
+
+def _places(probes: Sequence[PlacedProbe], walls: WallsOf | None) -> tuple[list[np.ndarray], list[float]]:
     """Of lamps that two probes see before the walls, each once: their places (3,) and standard deviations, metres."""
     compact = []
     for probe in probes:
@@ -94,7 +125,6 @@ def _places(probes: Sequence[PlacedProbe], distant: Distant) -> tuple[list[np.nd
             compact.append(extract_sun(as_latlong(probe.light), MOST).lights())
         except SunNotFound:
             compact.append(None)
-    walls = WallsOf.of(distant) if isinstance(distant, Box | Dome | Enclosure) else None
     found: list[np.ndarray] = []
     spread: list[float] = []
     for i, j in combinations(range(len(probes)), 2):

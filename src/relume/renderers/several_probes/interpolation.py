@@ -22,7 +22,7 @@ from relume.light.constellations.placement import PlacedLights
 from relume.light.reflection.convolution import as_latlong
 from relume.renderers.several_probes.disagreement import ROWS, CellSums, Disagreement
 from relume.renderers.several_probes.hanging_lamps import take_hanging_lamps, with_lamps
-from relume.renderers.several_probes.placed_probe import PlacedProbe, WallsOf, require_probes
+from relume.renderers.several_probes.placed_probe import PlacedProbe, WallsOf, names_of, require_probes
 from relume.scene.scene import Distant, Infinite
 from relume.sphere.environment_map import EnvironmentMap
 from relume.sphere.mappings.mapping import LatLong, continued_round
@@ -50,6 +50,7 @@ class InterpolatedLight:
     light : lat-long map, as a probe at `position` would have it; over the distant scene it lights all other places too
     position : metres, world
     lamps : those that hang before the walls, which the map shows as well; `free_lamp` takes them out again
+    lamps_seen : (lamps,) the share of each that the map shows, 0 to 1: the rest hides behind parts of the distant scene
     variance : of the light's radiance, from the probes' own; None unless each has one. Without the lamps' light
     shares : (probes,) of the light that each gave
     unseen_solid_angle : steradians of the walls that no probe saw, for parts of the model hide them
@@ -60,6 +61,7 @@ class InterpolatedLight:
     light: EnvironmentMap
     position: tuple[float, float, float]
     lamps: PlacedLights
+    lamps_seen: np.ndarray
     variance: np.ndarray | None
     shares: np.ndarray
     unseen_solid_angle: float
@@ -108,18 +110,19 @@ def interpolate_probes(
         if own
         else EnvironmentMap(radiance.astype(np.float32), LatLong(), first.unit, clipped, dict(first.attributes))
     )
-    light = with_lamps(rest, freed.lamps, np.array(wanted))
+    light, lamps_seen = with_lamps(rest, freed.lamps, np.array(wanted), distant)
     # What the maps do not agree about.
     total = float(luminance(light.total()))
     differing = tuple(_on_wall(each, wanted, walls) for each in sums.differing(total))
+    names = names_of(probes)
     known = None if any(probe.variance is None for probe in freed.probes) else variance.astype(np.float32)
-    notes = _notes_of_lamps(freed.lamps, freed.uncertainty, walls is not None)
+    notes = _notes_of_lamps(freed.lamps, freed.uncertainty, lamps_seen, walls is not None)
     if walls is not None:
-        notes += _notes_of_walls(sums.gains(), differing, unseen)
+        notes += _notes_of_walls(sums.gains(), differing, unseen, names)
     elif len(probes) > 1:
-        notes += (_without_parallax(differing),)
+        notes += (_without_parallax(differing, names),)
     return InterpolatedLight(
-        light, wanted, freed.lamps, known, given / max(float(given.sum()), 1e-30), unseen, differing, notes
+        light, wanted, freed.lamps, lamps_seen, known, given / max(float(given.sum()), 1e-30), unseen, differing, notes
     )
 
 
@@ -227,7 +230,7 @@ def _on_wall(each: Disagreement, at: tuple[float, float, float], walls: WallsOf 
     return replace(each, place=(x, y, z))
 
 
-def _without_parallax(differing: Sequence[Disagreement]) -> Doubt:
+def _without_parallax(differing: Sequence[Disagreement], names: Sequence[str]) -> Doubt:
     line = (
         "the light of several probes is mixed by their distance from where it is wanted: without the shape of the "
         "place near light has no parallax; give light.distant"
@@ -235,32 +238,37 @@ def _without_parallax(differing: Sequence[Disagreement]) -> Doubt:
     if not differing:
         return Doubt(line, 0.02)
     worst = differing[0]
-    first, second = (number + 1 for number in worst.probes)
+    first, second = (names[number] for number in worst.probes)
     towards = [round(v, 2) for v in worst.direction]
-    line += f" (the maps of probes {first} and {second} differ most towards {towards}, {worst.times})"
+    line += f" ({first} and {second} differ most towards {towards}, {worst.times})"
     return Doubt(line, sum(each.share for each in differing))
 
 
-def _notes_of_lamps(lamps: PlacedLights, spread: np.ndarray, walls: bool) -> tuple[Doubt, ...]:
-    done = "; it is put there" if walls else "; the map shows it where it is seen from the place that is lit"
-    where = [[round(float(v), 3) for v in place] for place in lamps.positions]
-    lines = [
-        f"a lamp hangs at {place} ± {error:.2g} m, before what is behind it, by the maps of several probes{done}"
-        for place, error in zip(where, spread, strict=True)
-    ]
+def _notes_of_lamps(lamps: PlacedLights, spread: np.ndarray, seen: np.ndarray, walls: bool) -> tuple[Doubt, ...]:
+    done = "it is put there" if walls else "the map shows it where it is seen from the place that is lit"
+    lines = []
+    for place, error, share in zip(lamps.positions, spread, seen, strict=True):
+        where = [round(float(v), 3) for v in place]
+        line = f"a lamp hangs at {where} ± {error:.2g} m, before what is behind it, by the maps of several probes"
+        line += f"; {done}"
+        if share < 1:
+            line += f"; the joined map shows {share:.0%} of it, the distant scene hides the rest"
+        lines.append(line)
     return tuple(Doubt(line, 0.0) for line in lines)
 
 
-def _notes_of_walls(gains: np.ndarray, differing: Sequence[Disagreement], unseen: float) -> tuple[Doubt, ...]:
+def _notes_of_walls(
+    gains: np.ndarray, differing: Sequence[Disagreement], unseen: float, names: Sequence[str]
+) -> tuple[Doubt, ...]:
     notes = []
-    for number, gain in enumerate(gains, 1):
+    for name, gain in zip(names, gains, strict=True):
         if abs(np.log2(max(gain, 1e-30))) > BRIGHTER:
             line = (
-                f"the map of probe {number} is {gain:.2f} times as bright as that of probe 1 where both show one "
-                "place; are their exposures on one scale?"
+                f"{name} is {gain:.2f} times as bright as {names[0]} where both show one place; are their exposures "
+                "on one scale?"
             )
             notes.append(Doubt(line, abs(float(gain) - 1)))
-    notes += [Doubt(each.line(), each.share) for each in differing[:NAMED] if each.share > WORTH]
+    notes += [Doubt(each.line(names), each.share) for each in differing[:NAMED] if each.share > WORTH]
     if unseen > 0.01:
         line = f"{unseen:.2g} sr of the place are hidden from every probe: their light is continued from beside them"
         notes.append(Doubt(line, unseen / (4 * np.pi)))

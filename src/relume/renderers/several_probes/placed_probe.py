@@ -26,11 +26,13 @@ class PlacedProbe:
     light : the map, in the world's axes
     position : metres, world
     variance : of the radiance, of its shape; None where it is not known
+    name : what messages call it, as its file is named; "probe 1" and so on unless given
     """
 
     light: EnvironmentMap
     position: tuple[float, float, float]
     variance: np.ndarray | None = None
+    name: str = ""
 
     def __post_init__(self) -> None:
         point(self.position, "position of a probe")
@@ -84,6 +86,15 @@ class WallsOf:
         return self.caster.nearest(origin, directions).distance > 0.999 * distances
 
 
+def names_of(probes: Sequence[PlacedProbe]) -> tuple[str, ...]:
+    """What messages call each of several probes, no two alike; those without a name are counted from 1."""
+    names = [probe.name for probe in probes]
+    return tuple(
+        (f"{name} (probe {number})" if names.count(name) > 1 else name) if name else f"probe {number}"
+        for number, name in enumerate(names, 1)
+    )
+
+
 def require_probes(probes: Sequence[PlacedProbe], at: tuple[float, float, float], distant: Distant) -> None:
     """Raise ValueError for no probes, maps of different units, two at one place, and places outside of the scene."""
     if not probes:
@@ -91,15 +102,16 @@ def require_probes(probes: Sequence[PlacedProbe], at: tuple[float, float, float]
     units = {probe.light.unit for probe in probes}
     if len(units) > 1:
         raise ValueError(f"the probes' maps are in {' and in '.join(sorted(units))}; give all of them in one unit")
-    for number, probe in enumerate(probes, 1):
-        for other, earlier in enumerate(probes[: number - 1], 1):
+    names = names_of(probes)
+    for number, (name, probe) in enumerate(zip(names, probes, strict=True)):
+        for other, earlier in zip(names, probes[:number], strict=False):
             if np.linalg.norm(np.subtract(probe.position, earlier.position)) < APART:
-                raise ValueError(f"probes {other} and {number} both stood at {list(probe.position)}; leave one out")
+                raise ValueError(f"{other} and {name} both stood at {list(probe.position)}; leave one out")
         try:
             require_inside(distant, probe.position)
         except ValueError:
             raise ValueError(
-                f"probe {number} at {list(probe.position)} is outside of the distant scene; both are in metres, world"
+                f"{name} at {list(probe.position)} is outside of the distant scene; both are in metres, world"
             ) from None
     try:
         require_inside(distant, at)

@@ -43,9 +43,8 @@ def write_place(path: str | os.PathLike[str], place: BakedPlace) -> PlaceFiles:
     one by one, the main one last. Raises ValueError for another suffix, OutputNotWritten.
     """
     path = Path(path)
+    require_place_suffix(path)
     kind = path.suffix.lower()
-    if kind not in (".glb", ".usda"):
-        raise ValueError(f"{path}: a place is written as .glb or .usda; give it one of these suffixes")
     names = _names(place)
     parts = [replace(part, mesh=replace(part.mesh, name=name)) for part, name in zip(place.parts, names, strict=True)]
     textures = {name: f"{path.stem}_{name}_emissiveColor.exr" for name in names}
@@ -60,6 +59,12 @@ def write_place(path: str | os.PathLike[str], place: BakedPlace) -> PlaceFiles:
         with files.replacing(path) as temporary:
             Path(temporary).write_text(_layer(path, [part.mesh for part in parts], textures), encoding="utf-8")
     return PlaceFiles(path, tuple(path.parent / name for name in textures.values()), tuple(masks.values()), place.holes)
+
+
+def require_place_suffix(path: Path) -> None:
+    """Raises ValueError for a file of a kind that a baked place is not written as."""
+    if path.suffix.lower() not in (".glb", ".usda"):
+        raise ValueError(f"{path}: a place is written as .glb or .usda; give it one of these suffixes")
 
 
 def _names(place: BakedPlace) -> list[str]:

@@ -193,9 +193,12 @@ class PlaceTables(Table):
     """A place file.
 
     deviation : of a marked point, pixels, one standard deviation; half a pixel is what a careful eye reaches
+    ends : whether the outermost two marks of each straight edge are its ends, which sizes then are nearly twice as
+        sure from; marks further from an end than ten deviations stay points on the edge
     """
 
     deviation: Positive = 0.5
+    ends: bool = False
     photographs: tuple[PhotographTable, ...] = ()
     blocks: tuple[BlockTable, ...] = ()
     lengths: tuple[LengthTable, ...] = ()

@@ -7,6 +7,7 @@ from typing import Any
 
 import numpy as np
 
+from relume.scene.places.ends import with_ends
 from relume.scene.places.first_views import Lens, Start, first_views
 from relume.scene.places.fitting import Distance, Fit, View
 from relume.scene.places.photographs import PhotographFacts
@@ -53,12 +54,26 @@ class Solution:
 
 def solved(tables: PlaceTables, facts: tuple[PhotographFacts, ...]) -> Solution:
     """Find all cameras and sizes; raises ValueError, one line, where the marks do not determine them."""
-    from scipy.optimize import least_squares
-
     model = modelled(tables.blocks)
     fit, start = _posed(tables, facts, model)
     begin = fit.start(start.lengths, start.turns, _lens_focals(fit, start))
     scale = _steps(fit, begin)
+    values = _nearest(fit, begin, scale)
+    if tables.ends:
+        fit = with_ends(fit, values)
+        values = _nearest(fit, values, scale)
+    residuals = fit.errors(values)
+    names = _names(fit, tables)
+    _require_one_place(fit, tables, residuals, facts)
+    covariance = _covariance(fit, values, residuals, names, scale)
+    doubts = _doubts(fit, tables, values, residuals, covariance, names)
+    return Solution(fit, values, covariance, names, residuals, float(np.sum(residuals**2)), doubts)
+
+
+def _nearest(fit: Fit, begin: np.ndarray, scale: np.ndarray) -> np.ndarray:
+    """The unknowns that explain the marks best, from a start; `scale` : a step of each."""
+    from scipy.optimize import least_squares
+
     slope: Any = lambda x: fit.jacobian(x * scale) * scale  # noqa: E731  SciPy's stubs know strings alone
     try:
         found = least_squares(
@@ -67,13 +82,7 @@ def solved(tables: PlaceTables, facts: tuple[PhotographFacts, ...]) -> Solution:
         )  # fmt: skip
     except ValueError:  # SciPy's, of numbers that are not finite
         raise ValueError("no place explains the marks; has each mark its own edge's name?") from None
-    values = found.x * scale
-    residuals = fit.errors(values)
-    names = _names(fit, tables)
-    _require_one_place(fit, tables, residuals, facts)
-    covariance = _covariance(fit, values, residuals, names, scale)
-    doubts = _doubts(fit, tables, values, residuals, covariance, names)
-    return Solution(fit, values, covariance, names, residuals, float(np.sum(residuals**2)), doubts)
+    return found.x * scale
 
 
 def _posed(tables: PlaceTables, facts: tuple[PhotographFacts, ...], model: Model) -> tuple[Fit, Start]:
