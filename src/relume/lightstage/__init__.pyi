@@ -80,8 +80,8 @@ from .reflectometry.patch_fit import PatchReflectance as PatchReflectance
 from .reflectometry.patch_fit import SeparatedPatch as SeparatedPatch
 from .reflectometry.patch_fit import fit_patch as fit_patch
 from .reflectometry.patch_fit import separate_patch as separate_patch
+from .reflectometry.patch_files import read_patch as read_patch
 from .reflectometry.patch_samples import PatchSamples as PatchSamples
-from .reflectometry.patch_samples import read_patch as read_patch
 from .reflectometry.skin_layers import SkinLayer as SkinLayer
 from .reflectometry.skin_layers import layered_reflection as layered_reflection
 from .reflectometry.skin_layers import layers_like as layers_like

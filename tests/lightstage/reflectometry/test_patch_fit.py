@@ -11,10 +11,12 @@ import pytest
 from command_line import refused, reported
 from relume.errors import UnreadableFile
 from relume.image import files
+from relume.image.photograph import Photograph
 from relume.image.radiance import RadianceMap
 from relume.light.reflection.weights import Fresnel
 from relume.lightstage.reflectometry.patch_fit import PatchReflectance, fit_patch, separate_patch
-from relume.lightstage.reflectometry.patch_samples import PatchSamples, read_patch
+from relume.lightstage.reflectometry.patch_files import read_patch
+from relume.lightstage.reflectometry.patch_samples import PatchSamples
 from relume.report.materials import patch_report
 
 LIGHT = np.ones(3) / np.sqrt(3)
@@ -125,10 +127,54 @@ def test_a_folder_without_sense_is_one_line(tmp_path, capsys):
     for change, line in (
         ({"area": [8, 3, 5, 2]}, r"the area \[8, 3, 5, 2\] is not within its 10×8 pixels"),
         ({"pictures": table["pictures"][:7]}, "7 samples of the patch; a fit needs 20"),
-        ({"irradiance": 0}, "irradiance is one number above 0"),
-        ({"pictures": [{"file": "000.exr"}]}, "the key 'incidence' is missing"),
+        ({"irradiance": 0}, "irradiance: expected one number above 0"),
+        ({"pictures": [{"file": "000.exr"}]}, r"pictures\.0\.incidence: missing; .*pictures\.0\.view: missing"),
+        ({"area": None}, r'no "area" of all, nor of 000\.exr, .* and 186 more; give the patch as \[left'),
     ):
         (tmp_path / "patch.json").write_text(json.dumps({**table, **change}))
         with pytest.raises(UnreadableFile, match=line) as said:
             read_patch(tmp_path)
         assert "\n" not in str(said.value)
+
+
+def test_all_that_is_wrong_in_the_list_is_named_at_once(tmp_path):
+    write_patch(tmp_path, measured(), 3)
+    table = json.loads((tmp_path / "patch.json").read_text())
+    first, second, *others = table["pictures"]
+    del first["view"]
+    second["incidense"], others[0]["incidence"], table["irradiance"] = second.pop("incidence"), 95, [1, 2]
+    (tmp_path / "patch.json").write_text(json.dumps({**table, "lamp": 1}))
+    with pytest.raises(UnreadableFile) as said:
+        read_patch(tmp_path)
+    assert str(said.value) == (
+        f"{tmp_path / 'patch.json'}: irradiance: expected one number above 0, or three (got [1, 2]); "
+        "pictures.0.view: missing; the list of photographs must have it; "
+        "pictures.1.incidence: missing; the list of photographs must have it; "
+        "pictures.1.incidense: unknown key; did you mean incidence?; "
+        "pictures.2.incidence: input should be less than 90 (got 95); lamp: unknown key; remove it or see the docs"
+    )
+    for each in table["pictures"]:
+        each["incidence"] = "steep"
+    (tmp_path / "patch.json").write_text(json.dumps(table))
+    with pytest.raises(UnreadableFile, match=r"; and 18\d more$"):
+        read_patch(tmp_path)
+
+
+def test_a_saturated_patch_names_its_photographs(tmp_path):
+    samples = measured()
+    write_patch(tmp_path, samples, 3)
+    table = json.loads((tmp_path / "patch.json").read_text())
+    picture = np.full((8, 10, 3), 90, np.uint8)
+    # White beside the patch is no matter.
+    picture[0, 0] = 255
+    files.write(tmp_path / "even.png", Photograph(picture))
+    picture[3, 2] = 255
+    for name in ("hot.png", "hotter.png"):
+        files.write(tmp_path / name, Photograph(picture))
+    for place, name in ((0, "even.png"), (3, "hot.png"), (9, "hotter.png")):
+        table["pictures"][place]["file"] = name
+    (tmp_path / "patch.json").write_text(json.dumps(table))
+    with pytest.raises(UnreadableFile) as said:
+        read_patch(tmp_path)
+    expected = f"{tmp_path}: the patch is saturated in hot.png, hotter.png; expose shorter, all of them alike"
+    assert str(said.value) == expected
