@@ -284,13 +284,14 @@ def _solved(
 ) -> optimize.OptimizeResult:
     """The numbers of the least robust misfit of the chosen matches (M,) bool of each pair."""
 
-    def misfit(numbers: np.ndarray) -> np.ndarray:
-        left = [each[near].ravel() for each, near in zip(unknowns.apart(pairs, numbers), chosen, strict=True)]
-        return np.concatenate([*left, scale * numbers[unknowns.turning :] / PRIOR_FIELD])
+    def left(numbers: np.ndarray) -> np.ndarray:
+        return np.concatenate([a[near] for a, near in zip(unknowns.apart(pairs, numbers), chosen, strict=True)])
 
-    scale = LEAST_DEVIATION
-    lengths = np.linalg.norm(misfit(numbers)[: 3 * sum(int(near.sum()) for near in chosen)].reshape(-1, 3), axis=-1)
-    scale = max(float(np.median(lengths)), LEAST_DEVIATION)
+    scale = max(float(np.median(np.linalg.norm(left(numbers), axis=-1))), LEAST_DEVIATION)
+
+    def misfit(numbers: np.ndarray) -> np.ndarray:
+        return np.concatenate([left(numbers).ravel(), scale * numbers[unknowns.turning :] / PRIOR_FIELD])
+
     return optimize.least_squares(misfit, numbers, loss="soft_l1", f_scale=2 * scale, x_scale=scale)
 
 
