@@ -47,6 +47,9 @@ from .geometry.merging import merge_scans as merge_scans
 from .geometry.meshing import CleaningSettings as CleaningSettings
 from .geometry.patterns import ProjectorPatterns as ProjectorPatterns
 from .geometry.patterns import write_patterns as write_patterns
+from .geometry.registration import RegisteredScans as RegisteredScans
+from .geometry.registration import RegistrationSettings as RegistrationSettings
+from .geometry.registration import register_scans as register_scans
 from .geometry.rig import ScannerRig as ScannerRig
 from .geometry.rig import read_rig as read_rig
 from .geometry.rig import write_rig as write_rig
