@@ -89,7 +89,5 @@ def scan(
         rl.lightstage.write_scan(out, scanned)
         if boards is not None and rig is not None:
             rl.lightstage.write_rig(rig, found)
-        facts = {"written": str(out), **scanned.facts(), **({} if laid is None else laid.facts())}
-        if found.residual is not None:
-            facts["rig's residual, camera and projector, pixels"] = [float(f"{each:.2g}") for each in found.residual]
+        facts = {"written": str(out), **scanned.facts(), **({} if laid is None else laid.facts()), **found.facts()}
         print_facts(output, facts)
