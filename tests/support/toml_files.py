@@ -10,6 +10,17 @@ from relume.errors import InvalidScene
 from relume.project.scene_file.scene_file import SceneFile, read_scene
 from relume.project.shot_file.shot import Shot, read_shot
 
+SHOT_HEAD = """
+[plate]
+photographs = "plate.exr"
+[camera]
+pose = { position = [0, 1, 3], look_at = [0, 0, 0] }
+focal_length = 100
+[light]
+map = "light.exr"
+"""
+"""How a small shot begins: a plate, a camera a metre up that looks at the origin, and a map."""
+
 
 def scene_of(folder: Path, text: str) -> SceneFile:
     (folder / "scene.toml").write_text(text, encoding="utf-8")
