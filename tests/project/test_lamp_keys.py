@@ -134,7 +134,9 @@ def test_a_value_that_no_lamp_may_have_is_named_with_its_frame(tmp_path):
         found.at_frame(3)
 
 
-SHOT = SHOT_HEAD + """\
+SHOT = (
+    SHOT_HEAD
+    + """\
 [sequence]
 frames = "1-5"
 [[objects]]
@@ -147,6 +149,7 @@ keyframes = [
   { frame = 5, direction = [0, 1, 0], irradiance = 4, size = %s },
 ]
 """
+)
 
 
 def test_an_added_light_of_a_shot_goes_from_key_to_key_and_lights_the_place_there(tmp_path: Path):

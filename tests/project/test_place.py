@@ -27,9 +27,12 @@ from relume.sphere.mappings.mapping import LatLong, pixel_directions
 from solids import sphere
 from toml_files import SHOT_HEAD, shot_of
 
-SHOT = SHOT_HEAD + """\
+SHOT = (
+    SHOT_HEAD
+    + """\
 probe = [0.2, 0.1, -0.3]
 """
+)
 LAMP = (1.1, 1.5, -0.6)
 
 

@@ -22,13 +22,16 @@ from relume.report.write_report import write_report
 from relume.sphere.environment_map import EnvironmentMap
 from toml_files import SHOT_HEAD, shot_of
 
-SHOT = SHOT_HEAD + """\
+SHOT = (
+    SHOT_HEAD
+    + """\
 [sequence]
 frames = "1-4"
 [[objects]]
 mesh = "cube.glb"
 translate = [0.0, 5.0, 0.0]
 """
+)
 KEYS = """
 [[objects.keyframes]]
 frame = 1

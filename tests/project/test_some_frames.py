@@ -22,13 +22,16 @@ from relume.project.shot_file.sequence_table import frames_as_text, frames_in
 from relume.project.shot_file.shot import Shot
 from toml_files import SHOT_HEAD, shot_of
 
-SHOT = SHOT_HEAD + """\
+SHOT = (
+    SHOT_HEAD
+    + """\
 [sequence]
 frames = "1-8"
 [[objects]]
 mesh = "cube.glb"
 keyframes = [{ frame = 1, translate = [0, 0, 0] }, { frame = 8, translate = [7, 0, 0] }]
 """
+)
 
 
 @pytest.fixture

@@ -71,9 +71,7 @@ class Server:
 
     def workers(self) -> list[int]:
         """The process ids of its workers: children of any of its threads."""
-        return [
-            each for each in _children(self.process) if b"spawn_main" in Path(f"/proc/{each}/cmdline").read_bytes()
-        ]
+        return [each for each in _children(self.process) if b"spawn_main" in Path(f"/proc/{each}/cmdline").read_bytes()]
 
 
 def _children(process: subprocess.Popen[str]) -> list[int]:

@@ -57,10 +57,10 @@ def panorama(
         float | None,
         Parameter(help="The views are round: of a fisheye of about so many degrees across; their turns are found."),
     ] = None,
-    equisolid: Annotated[bool, Parameter(negative="", help="Of such a fisheye: r ∝ sin(θ/2) instead of r ∝ θ.")] = False,
+    equisolid: Annotated[bool, Parameter(negative="", help="Such a fisheye has r ∝ sin(θ/2), not r ∝ θ.")] = False,
     rim: Annotated[
         tuple[float, float, float] | None,
-        numbers("X,Y,RADIUS", like="960,960,940", help="Of such a fisheye, pixels; in the picture's middle unless given."),
+        numbers("X,Y,RADIUS", like="960,960,940", help="Of the round picture, pixels; in the middle unless given."),
     ] = None,
     size: Annotated[
         int | None, Parameter(help="Rows of the map; as fine as the views unless given, 4096 at most.")

@@ -79,11 +79,11 @@ from .matting.matte_file import read_matte as read_matte
 from .matting.matte_file import write_matte as write_matte
 from .novel_view.source_views import NewView as NewView
 from .novel_view.source_views import SourceView as SourceView
+from .reflectometry.patch_files import read_patch as read_patch
 from .reflectometry.patch_fit import PatchReflectance as PatchReflectance
 from .reflectometry.patch_fit import SeparatedPatch as SeparatedPatch
 from .reflectometry.patch_fit import fit_patch as fit_patch
 from .reflectometry.patch_fit import separate_patch as separate_patch
-from .reflectometry.patch_files import read_patch as read_patch
 from .reflectometry.patch_samples import PatchSamples as PatchSamples
 from .reflectometry.skin_layers import SkinLayer as SkinLayer
 from .reflectometry.skin_layers import layered_reflection as layered_reflection

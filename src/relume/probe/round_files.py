@@ -95,7 +95,9 @@ def fisheyes_from_files(
             width, height = source.picture.size
             x, y, radius = (width / 2, height / 2, min(width, height) / 2) if rim is None else rim
             if not (0 < x < width and 0 < y < height):
-                raise NotAPanorama(f"{source.name}: the rim's middle {x:g}, {y:g} is not within {width}×{height} pixels")
+                raise NotAPanorama(
+                    f"{source.name}: the rim's middle {x:g}, {y:g} is not within {width}×{height} pixels"
+                )
             views.append(RoundView(source.picture, lens, (x, y), radius, _known(known.get(path)), source.name))
         missing = [index for index, path in enumerate(places) if path not in known]
         oriented = orient_round_views(views, matching) if missing else None

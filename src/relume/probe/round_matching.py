@@ -251,9 +251,7 @@ class _Unknowns:
         return found
 
 
-def _fitted(
-    views: Sequence[RoundView], start: Sequence[np.ndarray], pairs: Sequence[_Pair], method: Matching
-) -> _Fit:
+def _fitted(views: Sequence[RoundView], start: Sequence[np.ndarray], pairs: Sequence[_Pair], method: Matching) -> _Fit:
     """All turns but the first's, and the field, by robust least squares of what agreeing matches differ by."""
     lens = views[0].lens if method.distortion and all(view.lens == views[0].lens for view in views) else None
     unknowns = _Unknowns(start, lens if isinstance(lens, FisheyeLens | ParabolicMirror) else None)
@@ -274,9 +272,7 @@ def _fitted(
     spread = np.sqrt(np.diagonal(covariance)[: unknowns.turning].reshape(-1, 3).sum(axis=1))
     agreeing = [replace(pair, agreeing=near) for pair, near in zip(pairs, kept, strict=True)]
     deviations = np.concatenate([[0.0], spread])
-    return _Fit(
-        unknowns.turns(numbers), unknowns.lens_of(numbers), agreeing, float(np.sqrt(square.mean())), deviations
-    )
+    return _Fit(unknowns.turns(numbers), unknowns.lens_of(numbers), agreeing, float(np.sqrt(square.mean())), deviations)
 
 
 def _solved(

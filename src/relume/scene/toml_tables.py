@@ -65,9 +65,7 @@ def checked(
         raise refused(f"{path}: {_first_fault(error, model, table, what)}") from None
 
 
-def checked_whole(
-    model: type[SomeTable], table: Any, path: Path, what: str, refused: type[RelumeError]
-) -> SomeTable:
+def checked_whole(model: type[SomeTable], table: Any, path: Path, what: str, refused: type[RelumeError]) -> SomeTable:
     """The same for long lists that other programs write: what is refused names all faults, to `MOST_FAULTS`."""
     try:
         return model.model_validate(table)

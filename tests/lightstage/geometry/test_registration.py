@@ -138,8 +138,8 @@ def test_the_command_lays_views_on_each_other(tmp_path, capsys):
         folder.mkdir()
         write_photographs(folder, pictures(sight([potato()], own), PATTERNS, SHOOTING, seed=turn), PATTERNS)
         # The stage has the second camera 3 mm too high.
-        place = own.camera.position + [0, 0.003 * (turn > 0), 0]
-        at = {"position": place.tolist(), "look_at": [0, 0.003 * (turn > 0), 0], "hfov_deg": 20}
+        higher = np.array([0, 0.003 * (turn > 0), 0])
+        at = {"position": (own.camera.position + higher).tolist(), "look_at": higher.tolist(), "hfov_deg": 20}
         names, cameras = [*names, folder], {**cameras, f"at {turn}": at}
     light = {"files": {"at 0": "0/white.png"}, "direction": [0, 0, 1]}
     (tmp_path / "stage.json").write_text(json.dumps({"lights": [light], "cameras": cameras}))
@@ -165,5 +165,5 @@ def test_the_head_from_three_sides_whose_cameras_stand_8_mm_wrong():
         apart, turned = left(each, right)
         assert apart < 0.1 and turned < 0.06  # 0.05 mm and 0.03° measured
     # Half the reach is not enough for it, and says so or stays wrong.
-    with pytest.raises(ValueError, match="of the points lie within 0.5 mm"):
+    with pytest.raises(ValueError, match=r"of the points lie within 0\.5 mm"):
         register_scans(wrong, RegistrationSettings(reach=0.0005))

@@ -15,8 +15,8 @@ from relume.image import files
 from relume.image.photograph import Photograph
 from relume.image.radiance import RadianceMap
 from relume.light.reflection.weights import Fresnel
-from relume.lightstage.reflectometry.patch_fit import PatchReflectance, fit_patch, separate_patch
 from relume.lightstage.reflectometry.patch_files import read_patch
+from relume.lightstage.reflectometry.patch_fit import PatchReflectance, fit_patch, separate_patch
 from relume.lightstage.reflectometry.patch_samples import PatchSamples
 from relume.report.materials import patch_report
 
@@ -71,7 +71,8 @@ def least_deviations(samples: PatchSamples) -> np.ndarray:
         for numbers in (truth + step, truth - step):
             patch = PatchReflectance(numbers[:3], *numbers[3:], np.zeros(6), 0.0, LIGHT)
             ends.append(
-                patch.diffuse_part(samples.incidence, samples.viewing) + patch.specular_part(samples.light, samples.view)
+                patch.diffuse_part(samples.incidence, samples.viewing)
+                + patch.specular_part(samples.light, samples.view)
             )
         slopes.append(((ends[0] - ends[1]) / 2e-5 / samples.deviation).ravel())
     return np.sqrt(np.diag(np.linalg.inv(np.array(slopes) @ np.array(slopes).T)))

@@ -78,7 +78,9 @@ class RegisteredScans:
             "views moved, mm": [float(f"{1e3 * each:.2g}") for each in self.shifts],
             "views turned, degrees": [float(f"{np.degrees(each):.2g}") for each in self.turns],
             "seen by another view too": [float(f"{each:.2g}") for each in self.overlap],
-            "views apart before and after, deviation, mm": [float(f"{1e3 * each:.2g}") for each in (self.before, self.after)],
+            "views apart before and after, deviation, mm": [
+                float(f"{1e3 * each:.2g}") for each in (self.before, self.after)
+            ],
         }
 
 

@@ -141,7 +141,9 @@ def fit_patch(samples: PatchSamples, light: tuple[float, float, float] = (1.0, 1
     minima = []
     for roughness in ROUGHNESSES:
         start = np.array([*np.log(albedo), -0.1, np.log(0.3), np.log(roughness)])
-        minima.append(optimize.least_squares(lambda x: left_over(x).ravel(), np.clip(start, low, high), bounds=(low, high)))
+        minima.append(
+            optimize.least_squares(lambda x: left_over(x).ravel(), np.clip(start, low, high), bounds=(low, high))
+        )
     best = min(minima, key=lambda each: each.cost)
     # What the channels' errors have in common, as a lamp that flickers, says nothing of colour: weighed by the
     # correlation of what is left over, the samples' ratios count for what they are.
