@@ -60,6 +60,25 @@ def test_every_part_lies_in_the_working_range_of_a_photograph():
         assert any(20 * 0.999 <= value <= 240 * 1.001 for value in values)
 
 
+def test_times_are_those_that_cameras_mark():
+    # A third of a stop beside 1/60 s is 1/50 on the dial, not 1/47.6.
+    steps = advise_brackets(photograph([20, 255]), response=LINEAR, step=1 / 3)
+    found = [1 / each.seconds for each in steps.exposures]
+    assert found[:5] == pytest.approx([800, 640, 500, 400, 320]) and found[-1] == pytest.approx(60)
+    assert found[5:11] == pytest.approx([250, 200, 160, 125, 100, 80])
+    # A telephone's 1/117 s is on no dial. All are, none is longer than what the brightest allows, and nothing is left.
+    phone = advise_brackets(photograph([20, 255], Exposure(1 / 117)), response=LINEAR)
+    assert [1 / each.seconds for each in phone.exposures] == pytest.approx([1600, 320, 60])
+    true = np.log2([117 / 2 ** (32 / 3), 117 / 2 ** (25 / 3), 117 / 2**6])
+    assert phone.stops == pytest.approx(true) and phone.stops[0] <= -log2(12) and phone.stops[-1] >= 0
+    # Beyond the dial whole seconds are counted, and what no shutter makes is said as it is.
+    night = advise_brackets(photograph([2]), response=LINEAR)
+    assert night.stops == pytest.approx((6 + 2 / 3,)) and night.exposures[0].seconds == pytest.approx(1.6)
+    assert advise_brackets(photograph([2], Exposure(1.0)), response=LINEAR).exposures[0].seconds == 102.0
+    sun = advise_brackets(photograph([255], Exposure(1 / 8000)), response=LINEAR).exposures
+    assert [each.seconds for each in sun[:1]] == pytest.approx([2.0 ** -(50 / 3)])
+
+
 def test_black_says_only_that_there_is_darker():
     assert advise_brackets(photograph([0, 100]), response=LINEAR).open_below
     assert not advise_brackets(photograph([1, 100]), response=LINEAR).open_below

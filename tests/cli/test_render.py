@@ -16,13 +16,11 @@ from relume.image.files import read_layers, read_photograph, read_radiance, writ
 from relume.image.radiance import RadianceMap
 from relume.renderers import PhotonMap
 from relume.sphere.environment_files import as_radiance_map
+from toml_files import FAR_CAMERA
 
-SCENE = """
-[camera]
-position = [0, 0, 6]
-target = [0, 0, 0]
-field_of_view = 40
-size = [40, 30]
+SCENE = (
+    FAR_CAMERA
+    + """\
 [light]
 map = "light.exr"
 [materials.chrome]
@@ -34,12 +32,10 @@ reflectance = [0.5, 0.5, 0.5]
 sphere = { centre = [%s, 0, 0], radius = 1 }
 material = "%s"
 """
-LIT = """
-[camera]
-position = [0, 0, 6]
-target = [0, 0, 0]
-field_of_view = 40
-size = [40, 30]
+)
+LIT = (
+    FAR_CAMERA
+    + """\
 [[lights]]
 kind = "distant"
 towards = [0, 0, 1]
@@ -55,6 +51,7 @@ diffuse = 0.5
 sphere = { centre = [1, 0, 0], radius = 1 }
 material = "%s"
 """
+)
 AMBIENT = '[[lights]]\nkind = "ambient"\nradiance = 0.1\n'
 TRIANGLES = "v -1 0 0\nv 1 0 0\nv 0 0 1\nv 0 2 0\nf 1 2 4\nf 2 3 4\nf 3 1 4\nf 1 3 2\n"
 OUTWARD = "v -1 0 0\nv 1 0 0\nv 0 0 1\nv 0 2 0\nf 4 2 1\nf 4 3 2\nf 4 1 3\nf 2 3 1\n"

@@ -18,14 +18,12 @@ from relume.cli import main
 from relume.cluster import held
 from small_brackets import write_brackets
 from small_shot import write_small_shot
+from toml_files import FAR_CAMERA
 
 pytest.importorskip("distributed", reason="Dask distributed is not installed: pip install 'relume[cluster]'")
-SCENE = """
-[camera]
-position = [0, 0, 6]
-target = [0, 0, 0]
-field_of_view = 40
-size = [40, 30]
+SCENE = (
+    FAR_CAMERA
+    + """\
 [light]
 map = "light.exr"
 [materials.chrome]
@@ -34,6 +32,7 @@ kind = "mirror"
 sphere = { centre = [1, 0, 0], radius = 1 }
 material = "chrome"
 """
+)
 SEQUENCE = """
 [[objects.keyframes]]
 frame = 1

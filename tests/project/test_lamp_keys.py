@@ -18,7 +18,7 @@ from relume.project.scene_file.settings import RenderSettings
 from relume.scene.lights import DistantLight, PointLight, RectangleLight, SphereLight
 from relume.scene.scene import Scene
 from relume.sphere.environment_map import EnvironmentMap
-from toml_files import refusal, scene_of, shot_of
+from toml_files import SHOT_HEAD, refusal, scene_of, shot_of
 
 # A floor of reflectance ½, seen from above, of which a pixel is 4 cm.
 SCENE = """
@@ -134,14 +134,9 @@ def test_a_value_that_no_lamp_may_have_is_named_with_its_frame(tmp_path):
         found.at_frame(3)
 
 
-SHOT = """
-[plate]
-photographs = "plate.exr"
-[camera]
-pose = { position = [0, 1, 3], look_at = [0, 0, 0] }
-focal_length = 100
-[light]
-map = "light.exr"
+SHOT = (
+    SHOT_HEAD
+    + """\
 [sequence]
 frames = "1-5"
 [[objects]]
@@ -154,6 +149,7 @@ keyframes = [
   { frame = 5, direction = [0, 1, 0], irradiance = 4, size = %s },
 ]
 """
+)
 
 
 def test_an_added_light_of_a_shot_goes_from_key_to_key_and_lights_the_place_there(tmp_path: Path):

@@ -25,18 +25,14 @@ from relume.sphere.environment_files import as_radiance_map
 from relume.sphere.environment_map import EnvironmentMap
 from relume.sphere.mappings.mapping import LatLong, pixel_directions
 from solids import sphere
-from toml_files import shot_of
+from toml_files import SHOT_HEAD, shot_of
 
-SHOT = """
-[plate]
-photographs = "plate.exr"
-[camera]
-pose = { position = [0, 1, 3], look_at = [0, 0, 0] }
-focal_length = 100
-[light]
-map = "light.exr"
+SHOT = (
+    SHOT_HEAD
+    + """\
 probe = [0.2, 0.1, -0.3]
 """
+)
 LAMP = (1.1, 1.5, -0.6)
 
 

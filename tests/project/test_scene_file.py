@@ -24,20 +24,16 @@ from relume.scene.materials.materials import Ward as WardSurface
 from relume.scene.materials.reflective import Reflective, Towards
 from relume.scene.shapes.shapes import AnyMaterial, Mesh, Sphere
 from relume.sphere.mappings.discs import Angular
-from toml_files import refusal, scene_of
+from toml_files import SCENE_BALL as BALL
+from toml_files import SCENE_CAMERA, refusal, scene_of
 
-HEAD = """
-[camera]
-position = [0, 1, 4]
-target = [0, 0.5, 0]
+HEAD = (
+    SCENE_CAMERA
+    + """\
 [light]
 map = "light.exr"
 """
-BALL = """
-[[objects]]
-sphere = { centre = [0, 0.5, 0], radius = 0.5 }
-material = "ball"
-"""
+)
 CHROME = '[materials.ball]\nkind = "mirror"\n'
 PATCHED = "v 0 1 0\nv 1 0 0\nv 0 0 1\nf 1 2 3\n"
 UNWRAPPED = "v 0 1 0\nv 1 0 0\nv 0 0 1\nvt 0 0\nvt 1 0\nvt 0 1\nf 1/1 2/2 3/3\n"

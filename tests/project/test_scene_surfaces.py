@@ -16,20 +16,16 @@ from relume.project.shot_file.shot import read_shot
 from relume.scene.materials.abc_facets import ABCFacets
 from relume.scene.materials.materials import Material, Ward
 from relume.scene.materials.measured import MeasuredBRDF
-from toml_files import scene_of
+from toml_files import SCENE_BALL as BALL
+from toml_files import SCENE_CAMERA, scene_of
 
-HEAD = """
-[camera]
-position = [0, 1, 4]
-target = [0, 0.5, 0]
+HEAD = (
+    SCENE_CAMERA
+    + """\
 [light]
 colour = 1.0
 """
-BALL = """
-[[objects]]
-sphere = { centre = [0, 0.5, 0], radius = 0.5 }
-material = "ball"
-"""
+)
 
 
 @pytest.fixture

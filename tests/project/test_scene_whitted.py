@@ -19,9 +19,9 @@ from relume.scene.materials.bumps import Wrinkles
 from relume.scene.materials.materials import Diffuse
 from relume.scene.materials.whitted import Checks, WhittedMaterial
 from relume.scene.shapes.shapes import Mesh, Patches, Polygon, Sphere
+from toml_files import SCENE_CAMERA as CAMERA
 from toml_files import refusal, scene_of
 
-CAMERA = "[camera]\nposition = [0, 1, 4]\ntarget = [0, 0.5, 0]\n"
 SUN = '[[lights]]\nkind = "distant"\ntowards = [1, 1, 1]\nirradiance = 3\n'
 BLOB = '[materials.blob]\nkind = "whitted"\n'
 BALL = '[[objects]]\nsphere = { centre = [0, 0.5, 0], radius = 0.5 }\nmaterial = "blob"\n'

@@ -20,22 +20,18 @@ from relume.project.shot_file.sequence_table import SequenceTable, frames_in
 from relume.project.shot_file.shot import Shot
 from relume.report.write_report import write_report
 from relume.sphere.environment_map import EnvironmentMap
-from toml_files import shot_of
+from toml_files import SHOT_HEAD, shot_of
 
-SHOT = """
-[plate]
-photographs = "plate.exr"
-[camera]
-pose = { position = [0, 1, 3], look_at = [0, 0, 0] }
-focal_length = 100
-[light]
-map = "light.exr"
+SHOT = (
+    SHOT_HEAD
+    + """\
 [sequence]
 frames = "1-4"
 [[objects]]
 mesh = "cube.glb"
 translate = [0.0, 5.0, 0.0]
 """
+)
 KEYS = """
 [[objects.keyframes]]
 frame = 1

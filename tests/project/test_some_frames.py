@@ -20,22 +20,18 @@ from relume.project.insertion.insert_frames import insert_frames
 from relume.project.insertion.sequence import chosen_frames, make_frames
 from relume.project.shot_file.sequence_table import frames_as_text, frames_in
 from relume.project.shot_file.shot import Shot
-from toml_files import shot_of
+from toml_files import SHOT_HEAD, shot_of
 
-SHOT = """
-[plate]
-photographs = "plate.exr"
-[camera]
-pose = { position = [0, 1, 3], look_at = [0, 0, 0] }
-focal_length = 100
-[light]
-map = "light.exr"
+SHOT = (
+    SHOT_HEAD
+    + """\
 [sequence]
 frames = "1-8"
 [[objects]]
 mesh = "cube.glb"
 keyframes = [{ frame = 1, translate = [0, 0, 0] }, { frame = 8, translate = [7, 0, 0] }]
 """
+)
 
 
 @pytest.fixture

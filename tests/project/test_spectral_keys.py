@@ -15,20 +15,16 @@ from relume.project.scene_file.scene_file import read_scene
 from relume.scene.materials.glasses import GLASSES
 from relume.scene.materials.materials import Material
 from relume.scene.materials.metals import METALS
-from toml_files import scene_of
+from toml_files import SCENE_BALL as BALL
+from toml_files import SCENE_CAMERA, scene_of
 
-HEAD = """
-[camera]
-position = [0, 1, 4]
-target = [0, 0.5, 0]
+HEAD = (
+    SCENE_CAMERA
+    + """\
 [light]
 colour = 0.1
 """
-BALL = """
-[[objects]]
-sphere = { centre = [0, 0.5, 0], radius = 0.5 }
-material = "ball"
-"""
+)
 LAMPS = {
     "point": ("position = [0, 2, 0]\nintensity = 50", "intensity"),
     "distant": ("towards = [0, 1, 0]\nirradiance = 50", "irradiance"),

@@ -117,6 +117,26 @@ def test_a_floor_that_takes_light_reflects_what_made_it_look_so():
     assert np.isclose(np.median(receiving.material.reflectance), 0.3, rtol=0.02)
 
 
+def test_a_sunlit_patch_of_a_floor_that_takes_light_is_no_lamp_right_before_it():
+    # A ridge of 6 cm beside six sunlit square metres of the same floor. A lamp there, of which 64 spots are looked at,
+    # lights places a hand's breadth from a spot several times as much as those between.
+    walls, floor = place.box((-3, -0.5, -2.5), (3, 3, 2.5), "walls", inward=True), place.ridged_floor()
+    camera = place.camera((-1.2, 2.9, 0.01), (-1, 0, 0), focal_length=50.0)
+    rays = camera.rays().reshape(-1, 3)
+    hits = RayCaster.of((walls, floor)).nearest(camera.position, rays)
+    x, _, z = (camera.position + hits.distance[:, None] * rays).T
+    sunlit = (x > -2.15) & (x < -0.15) & (np.abs(z) < 1.5)
+    shown = np.where(hits.shape == 1, np.where(sunlit, 12.0, 0.3), 1.0).reshape(120, 160, 1)
+    photograph = rl.renderers.ProjectedPhotograph(camera, rl.RadianceMap(np.repeat(shown, 3, axis=-1).astype("f4")))
+    baked = rl.renderers.bake((walls, floor), [photograph], texel=0.05)
+    with pytest.warns(UserWarning, match="of 'floor' would reflect more than the light it gets"):
+        meshes: Any = rl.renderers.receiving(baked, ["floor"], rays=256)
+    part, image = baked.parts[1], meshes[1].material.reflectance
+    slope = (part.points[..., 0] > -0.13) & (part.points[..., 0] < -0.02) & (np.abs(part.points[..., 2]) < 0.3)
+    found = image[part.used & part.seen & slope]
+    assert len(found) > 30 and found.min() > 0.8 * np.median(found)
+
+
 def test_a_bright_spot_that_is_left_out_is_glow(baked):
     # The spot alone, looked at from below: as a rectangle of light or as a part of the room it gives the same.
     assert not rl.renderers.place_lights(baked, leave_out=["room"]).lights

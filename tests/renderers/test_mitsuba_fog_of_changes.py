@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 from lights import constant
+from montecarlo import assert_change_is_the_difference
 from relume.renderers.mitsuba.differential import Differential
 from relume.renderers.mitsuba.path_tracer import Mitsuba
 from relume.scene.cameras.camera import Camera
@@ -42,18 +43,7 @@ def test_the_change_is_the_difference_of_whole_pictures(grounds, material, sampl
     scene = Scene(BLACK, grounds, (Sphere((0.25, 0.8, -0.3), 0.25, material),), (POINT,), medium=FOG)
     change = Differential(samples).change(scene, CAMERA, seed=1)
     with_, without = (Mitsuba(whole).render(each, CAMERA, seed=2) for each in (scene, scene.without_objects()))
-    for where, found, expected, spread in (
-        (change.matte == 0, change.difference, with_.radiance - without.radiance, with_.variance + without.variance),
-        (change.matte == 1, change.objects, with_.radiance, with_.variance),
-    ):
-        noise = change.difference_variance + change.objects_variance + spread
-        error = np.sqrt(noise[where].sum(0)) / where.sum()
-        gap = np.abs(found[where].mean(0) - expected[where].mean(0))
-        assert np.all(error < most * np.abs(expected[where]).mean()), error
-        assert np.all(gap < 4.5 * error), (gap, error)
-        least = np.maximum(noise, 0.3 * noise[where].mean(0))
-        pixels = (np.abs(found - expected) / np.sqrt(least))[where].mean(-1)
-        assert np.mean(pixels < 3.5) > 0.98, np.sort(pixels)
+    assert_change_is_the_difference(change, with_, without, most=most)
 
 
 def test_an_object_is_dimmed_by_beer_and_lamberts_law():

@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
+from montecarlo import assert_change_is_the_difference
 from relume.renderers.mitsuba.differential import Differential
 from relume.renderers.mitsuba.path_tracer import Mitsuba
 from relume.scene.cameras.camera import Camera
@@ -34,19 +35,7 @@ def test_the_change_is_the_difference_of_whole_pictures(material, samples, whole
     scene = Scene(BLACK, (FLOOR, PANEL), (Sphere((0.0, 0.25, -0.2), 0.22, material),))
     change = Differential(samples).change(scene, CAMERA, seed=1)
     with_, without = (Mitsuba(whole).render(each, CAMERA, seed=2) for each in (scene, scene.without_objects()))
-    for where, found, expected, spread in (
-        (change.matte == 0, change.difference, with_.radiance - without.radiance, with_.variance + without.variance),
-        (change.matte == 1, change.objects, with_.radiance, with_.variance),
-    ):
-        noise = change.difference_variance + change.objects_variance + spread
-        error = np.sqrt(noise[where].sum(0)) / where.sum()
-        gap = np.abs(found[where].mean(0) - expected[where].mean(0))
-        assert np.all(error < 0.04 * np.abs(expected[where]).mean()), error
-        assert np.all(gap < 4.5 * error), (gap, error)
-        pixels = np.abs(found - expected)[where].mean(-1) / np.sqrt(np.maximum(noise, 0.3 * noise[where].mean(0)))[
-            where
-        ].mean(-1)
-        assert np.mean(pixels < 3.5) > 0.98, np.sort(pixels)
+    assert_change_is_the_difference(change, with_, without, most=0.04)
 
 
 def test_a_panel_lights_an_object_by_its_form_factor_and_is_not_changed_itself():

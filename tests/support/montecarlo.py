@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 from scipy import stats
 
-from relume.renderers.results import Render
+from relume.renderers.results import Change, Render
 
 LIMIT = 4.0
 """Standard errors a mean may lie from the truth: beyond 4 once in 16 000 correct runs, and seeds are fixed."""
@@ -61,3 +61,26 @@ def assert_pixels_agree(
     allowed = limit * np.sqrt(np.maximum(variance, floor)) + rounding * np.abs(truth).max()
     worst = np.unravel_index(int(np.argmax(error - allowed)), error.shape)
     assert np.all(error <= allowed), f"pixel {worst}: {radiance[worst]}, expected {truth[worst]} ± {allowed[worst]}"
+
+
+def assert_change_is_the_difference(change: Change, with_: Render, without: Render, *, most: float):
+    """A change is what two whole pictures differ by, and its objects are the picture's: in the mean and pixel by pixel.
+
+    most : share of the mean that its standard error may be, so that the comparison says something
+
+    Both measures of a pixel must be below 3.5 in 98 of 100: the mean of its channels' deviations, and the mean of its
+    differences over that of the deviations. A variance that few paths happened to estimate far too low is brought up
+    to 0.3 of the picture's.
+    """
+    for where, found, expected, spread in (
+        (change.matte == 0, change.difference, with_.radiance - without.radiance, with_.variance + without.variance),
+        (change.matte == 1, change.objects, with_.radiance, with_.variance),
+    ):
+        noise = change.difference_variance + change.objects_variance + spread
+        error = np.sqrt(noise[where].sum(0)) / where.sum()
+        gap = np.abs(found[where].mean(0) - expected[where].mean(0))
+        assert np.all(error < most * np.abs(expected[where]).mean()), error
+        assert np.all(gap < 4.5 * error), (gap, error)
+        off, deviation = np.abs(found - expected)[where], np.sqrt(np.maximum(noise, 0.3 * noise[where].mean(0)))[where]
+        for pixels in ((off / deviation).mean(-1), off.mean(-1) / deviation.mean(-1)):
+            assert np.mean(pixels < 3.5) > 0.98, np.sort(pixels)

@@ -8,6 +8,8 @@ import os
 import signal
 import subprocess
 import sys
+import threading
+import time
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
@@ -15,7 +17,11 @@ from pathlib import Path
 from typing import Any
 from urllib.parse import parse_qs, urlsplit
 
-COMMAND = "import sys; from relume.cli import main; sys.exit(main())"
+DUMPING = "import faulthandler, signal; faulthandler.register(signal.SIGUSR1, all_threads=True); "
+"""A process that begins so writes what all its threads do to its standard error when SIGUSR1 arrives."""
+COMMAND = DUMPING + "import sys; from relume.cli import main; sys.exit(main())"
+LIMIT = 120.0
+"""Seconds after which a process that should have said something, or ended, is taken for hung: machines may be busy."""
 
 
 @dataclass(frozen=True)
@@ -65,9 +71,38 @@ class Server:
 
     def workers(self) -> list[int]:
         """The process ids of its workers: children of any of its threads."""
-        tasks = Path(f"/proc/{self.process.pid}/task").iterdir()
-        children = [int(child) for task in tasks for child in (task / "children").read_text().split()]
-        return [each for each in children if b"spawn_main" in Path(f"/proc/{each}/cmdline").read_bytes()]
+        return [each for each in _children(self.process) if b"spawn_main" in Path(f"/proc/{each}/cmdline").read_bytes()]
+
+
+def _children(process: subprocess.Popen[str]) -> list[int]:
+    tasks = Path(f"/proc/{process.pid}/task").iterdir()
+    return [int(child) for task in tasks for child in (task / "children").read_text().split()]
+
+
+def ended_with_its_threads(process: subprocess.Popen[str]) -> None:
+    """End a process that hangs; what its threads did is the last thing on its standard error, if it began `DUMPING`."""
+    process.send_signal(signal.SIGUSR1)
+    time.sleep(1.0)
+    # Children hold its pipes open: whoever reads from these would wait for them.
+    for child in _children(process):
+        os.kill(child, signal.SIGKILL)
+    process.kill()
+
+
+def first_line(process: subprocess.Popen[str], seconds: float = LIMIT) -> str:
+    """What a process says first; fails with all it wrote to standard error where it ends, or says nothing for long.
+
+    seconds : to wait; after them the process is ended, and the failure shows what each of its threads did
+    """
+    assert process.stdout is not None
+    clock = threading.Timer(seconds, ended_with_its_threads, [process])
+    clock.start()
+    try:
+        line = process.stdout.readline()
+    finally:
+        clock.cancel()
+    assert line, process.communicate()[1]
+    return line
 
 
 def started(files: Sequence[Path | str], command: str = "view") -> Server:
@@ -77,10 +112,7 @@ def started(files: Sequence[Path | str], command: str = "view") -> Server:
         [sys.executable, "-c", COMMAND, command, "--no-browser", "--json", *map(str, files)],
         env=environment, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True,
     )  # fmt: skip
-    assert process.stdout is not None and process.stderr is not None
-    line = process.stdout.readline()
-    assert line, process.stderr.read()
-    parts = urlsplit(json.loads(line)["address"])
+    parts = urlsplit(json.loads(first_line(process))["address"])
     assert parts.port is not None
     return Server(parts.port, parse_qs(parts.query)["token"][0], process)
 
@@ -93,6 +125,10 @@ def serving(files: Sequence[Path | str], command: str = "view") -> Iterator[Serv
         yield server
     finally:
         server.process.send_signal(signal.SIGINT)
-        _, said = server.process.communicate(timeout=120)  # machines may be busy
+        try:
+            _, said = server.process.communicate(timeout=LIMIT)
+        except subprocess.TimeoutExpired:
+            ended_with_its_threads(server.process)
+            _, said = server.process.communicate()
     assert server.process.returncode == 0, said
     assert "Traceback" not in said, said

@@ -181,6 +181,14 @@ def rig(
     return ScannerRig(camera, projector)
 
 
+def rig_around(turn: float, pixels: int) -> ScannerRig:
+    """A rig 0.84 m from the origin, walked round it by an angle, radians; its camera is so many pixels wide."""
+    first = rig(pixels, pixels * 3 // 4, distance=0.84, target=np.zeros(3), slant=np.radians(20), field=0.3)
+    place = 0.84 * np.array([np.sin(turn), 0, np.cos(turn)])
+    size = {"width": first.camera.width, "height": first.camera.height}
+    return first.placed(Camera.looking_at(place, np.zeros(3), focal_length=first.camera.focal_length, **size))
+
+
 def departures(shapes: Sequence[Mesh], camera: Camera, points: np.ndarray, where: np.ndarray) -> np.ndarray:
     """How far each point (H, W, 3) lies from the surface that the camera sees there, along its normal, metres (N,)."""
     rays = camera.rays()[where]

@@ -50,6 +50,14 @@ def flat_floor():
     return Mesh(corners, np.array([[0, 1, 2], [0, 2, 3]], np.int32), GREY, name="floor")
 
 
+def ridged_floor():
+    """The same with a ridge along z in its middle, 6 cm high and 30 cm wide."""
+    row = np.array([[-2.9, 0, 2.4], [-0.15, 0, 2.4], [0, 0.06, 2.4], [0.15, 0, 2.4], [2.9, 0, 2.4]])
+    corners = np.concatenate([row, row * [1, 1, -1]]).astype(np.float32)
+    faces = np.array([face for i in range(4) for face in ((i, i + 1, i + 6), (i, i + 6, i + 5))], np.int32)
+    return Mesh(corners, faces, GREY, name="floor")
+
+
 def radiance_at(points):
     """What the surfaces send out at points (N, 3), alike in all directions: (N, 3)."""
     x, y, z = points.T

@@ -47,6 +47,9 @@ from .geometry.merging import merge_scans as merge_scans
 from .geometry.meshing import CleaningSettings as CleaningSettings
 from .geometry.patterns import ProjectorPatterns as ProjectorPatterns
 from .geometry.patterns import write_patterns as write_patterns
+from .geometry.registration import RegisteredScans as RegisteredScans
+from .geometry.registration import RegistrationSettings as RegistrationSettings
+from .geometry.registration import register_scans as register_scans
 from .geometry.rig import ScannerRig as ScannerRig
 from .geometry.rig import read_rig as read_rig
 from .geometry.rig import write_rig as write_rig
@@ -76,12 +79,12 @@ from .matting.matte_file import read_matte as read_matte
 from .matting.matte_file import write_matte as write_matte
 from .novel_view.source_views import NewView as NewView
 from .novel_view.source_views import SourceView as SourceView
+from .reflectometry.patch_files import read_patch as read_patch
 from .reflectometry.patch_fit import PatchReflectance as PatchReflectance
 from .reflectometry.patch_fit import SeparatedPatch as SeparatedPatch
 from .reflectometry.patch_fit import fit_patch as fit_patch
 from .reflectometry.patch_fit import separate_patch as separate_patch
 from .reflectometry.patch_samples import PatchSamples as PatchSamples
-from .reflectometry.patch_samples import read_patch as read_patch
 from .reflectometry.skin_layers import SkinLayer as SkinLayer
 from .reflectometry.skin_layers import layered_reflection as layered_reflection
 from .reflectometry.skin_layers import layers_like as layers_like

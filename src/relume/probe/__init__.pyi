@@ -27,6 +27,10 @@ from .panorama.view_files import known_orientations as known_orientations
 from .panorama.views import PanoramaView as PanoramaView
 from .probe_each import find_places as find_places
 from .probe_each import probe_each as probe_each
+from .round_files import RoundPanorama as RoundPanorama
+from .round_files import fisheyes_from_files as fisheyes_from_files
+from .round_matching import OrientedViews as OrientedViews
+from .round_matching import orient_round_views as orient_round_views
 from .round_views import FisheyeLens as FisheyeLens
 from .round_views import ParabolicMirror as ParabolicMirror
 from .round_views import RoundProbe as RoundProbe

@@ -60,6 +60,12 @@ class FisheyeLens:
         """The radius, 1 at the rim."""
         return np.sin(angle / 2) / np.sin(self.field / 4) if self.equisolid else 2 * angle / self.field
 
+    def angle(self, radius: np.ndarray) -> np.ndarray:
+        """The angle, radians, that is seen at a radius: the inverse."""
+        if self.equisolid:
+            return 2 * np.arcsin(np.clip(radius * np.sin(self.field / 4), 0, 1))
+        return radius * self.field / 2
+
 
 @dataclass(frozen=True)
 class TelecentricBall:
@@ -90,6 +96,10 @@ class ParabolicMirror:
         """The radius, 1 at the rim."""
         return np.tan(np.minimum(angle, 3.1) / 2) / np.tan(min(self.field, 6.2) / 4)
 
+    def angle(self, radius: np.ndarray) -> np.ndarray:
+        """The angle, radians, that is seen at a radius: the inverse."""
+        return 2 * np.arctan(radius * np.tan(min(self.field, 6.2) / 4))
+
 
 @dataclass(frozen=True, eq=False)
 class RoundView:
@@ -99,6 +109,7 @@ class RoundView:
     lens : which lens or mirror drew it
     centre, radius : of its rim, pixels from the upper left corner
     rotation : (3, 3) world-from-camera, as of `Camera`
+    name : for messages
     """
 
     picture: RadianceMap
@@ -106,6 +117,7 @@ class RoundView:
     centre: tuple[float, float]
     radius: float
     rotation: np.ndarray
+    name: str = "view"
 
     def __post_init__(self) -> None:
         turn = np.asarray(self.rotation)

@@ -14,6 +14,8 @@ from relume.errors import RelumeError
 
 Vector = tuple[float, float, float]
 Positive = Annotated[float, Field(gt=0)]
+MOST_FAULTS = 8
+"""Named in one line; further ones are counted."""
 
 
 class Table(BaseModel):
@@ -61,6 +63,17 @@ def checked(
         return model.model_validate(table)
     except ValidationError as error:
         raise refused(f"{path}: {_first_fault(error, model, table, what)}") from None
+
+
+def checked_whole(model: type[SomeTable], table: Any, path: Path, what: str, refused: type[RelumeError]) -> SomeTable:
+    """The same for long lists that other programs write: what is refused names all faults, to `MOST_FAULTS`."""
+    try:
+        return model.model_validate(table)
+    except ValidationError as error:
+        faults = error.errors()
+        lines = [_line(fault, model, table, what) for fault in faults[:MOST_FAULTS]]
+        more = len(faults) - len(lines)
+        raise refused(f"{path}: {'; '.join(lines)}" + (f"; and {more} more" if more else "")) from None
 
 
 def _first_fault(error: ValidationError, model: type[Table], table: dict[str, Any], what: str) -> str:

@@ -8,6 +8,7 @@ import pytest
 from relume.errors import GridNotFound
 from relume.lightstage.geometry.calibration import calibrate_rig
 from relume.lightstage.geometry.patterns import ProjectorPatterns
+from relume.lightstage.geometry.rig import read_rig, write_rig
 from structured_light import SQUARE, SQUARES, Shooting, as_photographs, boards, rig
 
 RIG = rig(280, 210, distance=0.84, target=np.zeros(3), slant=np.radians(20), field=0.36)
@@ -20,11 +21,21 @@ def photographs():
     return [as_photographs(each, PATTERNS) for each in boards(RIG, PATTERNS, np.zeros(3), 4, SHOOTING)]
 
 
-def test_the_rig_is_the_one_that_photographed(photographs):
+def test_the_rig_is_the_one_that_photographed(photographs, tmp_path):
     found = calibrate_rig(photographs, squares=SQUARES, square=SQUARE)
     assert found.residual is not None and max(found.residual) < 0.35
     for seen, true in ((found.camera, RIG.camera), (found.projector, RIG.projector)):
         assert seen.focal_length == pytest.approx(true.focal_length, rel=0.01)
+    # As well as it says: four boards at 20° and pictures of 280 pixels do not know it better.
+    assert found.focal_deviation is not None and 0.0005 < min(found.focal_deviation) < max(found.focal_deviation) < 0.01
+    off = [found.camera.focal_length / RIG.camera.focal_length - 1]
+    off.append(found.projector.focal_length / RIG.projector.focal_length - 1)
+    assert np.all(np.abs(off) < 3 * np.array(found.focal_deviation))
+    assert found.facts()["focal lengths, and so the distance, known within, %"] == pytest.approx(
+        [100 * each for each in found.focal_deviation], rel=0.1
+    )
+    write_rig(tmp_path / "rig.json", found)
+    assert read_rig(tmp_path / "rig.json").focal_deviation == found.focal_deviation
     # In the camera's own frame, and so the triangle between the two.
     own = found.placed(RIG.camera).projector
     assert np.linalg.norm(own.position - RIG.projector.position) < 0.003

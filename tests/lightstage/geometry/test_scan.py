@@ -97,8 +97,10 @@ def test_the_head_through_a_rig_that_was_calibrated():
     found = calibrate_rig(seen, squares=SQUARES, square=SQUARE)
     scanned = scan(photographed(head_of_stage(), RIG, PATTERNS, SHOOTING), found, camera=RIG.camera)
     off = departures(head_of_stage(), RIG.camera, scanned.points.points, scanned.kept)
-    # The rig as a whole stands half a millimetre too near, in 0.84 m; the shape is right to a fifteenth of one.
-    assert rms(off) < 0.6
+    # The rig as a whole stands some tenths of a millimetre beside, in 0.84 m, less than its focal length is known to,
+    # for the corners of seven boards in 400 pixels; the shape is right to a fifteenth of a millimetre.
+    assert found.focal_deviation is not None
+    assert rms(off) < min(0.6, 840 * found.focal_deviation[0])
     points = scanned.points.points[scanned.kept]
     rays = RIG.camera.rays()[scanned.kept]
     hits = RayCaster.of(head_of_stage()).nearest(RIG.camera.position, rays)

@@ -3,10 +3,11 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
-from math import ceil, floor, log
+from math import ceil, floor, log, log2
 
 import numpy as np
 
+from relume.capture.exposure.exposures import marked_shutter, true_shutter
 from relume.capture.merging import log_deviation
 from relume.capture.scale.absolute import scale_from_exposure
 from relume.errors import NotABracket
@@ -34,8 +35,10 @@ FASTEST = 1 / 8000
 class BracketAdvice:
     """Which photographs cover a place.
 
-    stops : of each photograph beside the one that was looked at, shortest first, to thirds
-    exposures : the same as exposures, with its f-number and ISO; none where its exposure is unknown
+    stops : of each photograph beside the one that was looked at, shortest first: to thirds, or, beside one whose time
+        no dial has, to where a dial's thirds are
+    exposures : the same as exposures, with its f-number and ISO, and the times that cameras mark: 1/50 s, not 1/47.6;
+        none where its exposure is unknown
     scene : stops from the darkest to the brightest that is to be measured, R of the paper
     working : stops that one photograph measures, F
     fewest : ⌈R / F⌉, with nothing in common between neighbours
@@ -68,7 +71,8 @@ def advise_brackets(
     response : of the camera, as a bracket of it or its profile gives; that of the photograph's colour space unless
         given. Where it knows the camera's noise, values whose exposure is known to 10 % are the working range; else
         those from 20 to 240 of 255, the middle of the curve
-    step : stops between neighbours; the working range less one unless given, so that neighbours show a stop in common
+    step : stops between neighbours, rounded down to thirds; the working range less one unless given, so that neighbours
+        show a stop in common
     brightest : cd/m² of the brightest that is to be measured, where the photograph is white: a frosted bulb has 1e5, a
         bare filament 1e7, the sun 1.6e9. Unless given, one working range above white is covered
     Where the photograph is black, one working range below black is covered.
@@ -87,6 +91,7 @@ def advise_brackets(
         step = max(floor((working - OVERLAP) / THIRD) * THIRD, THIRD)
     if not 0 < step <= working:
         raise ValueError(f"step is {step:g} stops; expected above 0 and at most the working range, {working:.1f}")
+    step = max(floor(step / THIRD + 1e-9), 1) * THIRD
 
     # What the photograph shows: ln exposure of each pixel's brightest channel.
     pixels = photograph.pixels if photograph.outside is None else photograph.pixels[~photograph.outside]
@@ -107,14 +112,15 @@ def advise_brackets(
         open_above = False
     elif open_above:
         top = high + (high - low)
-    # The shortest holds the brightest, the longest the darkest.
+    # The shortest holds the brightest, the longest the darkest, each at a mark of the dial.
     scene, shortest, longest = (top - bottom) / log(2), (high - top) / log(2), (low - bottom) / log(2)
-    first = floor(shortest / THIRD + 1e-9) * THIRD
+    given = photograph.exposure
+    own = 0.0 if given is None else log2(true_shutter(given.seconds))
+    first = floor((own + shortest) / THIRD + 1e-9) * THIRD - own
     more = max(ceil((longest - first) / step - 1e-9), 0)
     stops = tuple(first + k * step for k in range(more + 1))
-    given = photograph.exposure
     exposures = () if given is None else tuple(
-        replace(given, seconds=given.seconds * 2.0**each, source="given") for each in stops
+        replace(given, seconds=marked_shutter(2.0 ** (own + each)), source="given") for each in stops
     )  # fmt: skip
     fewest = max(ceil(scene / working - 1e-9), 1)
     return BracketAdvice(stops, exposures, scene, working, fewest, white, dark, open_above, open_below)

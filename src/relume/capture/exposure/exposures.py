@@ -9,6 +9,7 @@ from __future__ import annotations
 import os
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
+from math import log2
 from pathlib import Path
 
 import numpy as np
@@ -34,6 +35,8 @@ _MARKS = (
     *((seconds, step + 1 / 2) for step, seconds in enumerate(_HALVES_SLOW)),
     *((1 / speed, -step - 1 / 2) for step, speed in enumerate(_HALVES_FAST)),
 )
+_ELECTRONIC = (10000, 12500, 16000, 20000, 25000, 32000)
+"""Marks in 1/s beyond the fastest mechanical shutters'."""
 _EXACT = 2e-3
 """How near a time must come to a mark: EXIF holds 1/60 as a fraction, lists print it with three or four digits."""
 Times = Sequence[float] | str | os.PathLike[str] | None
@@ -217,3 +220,16 @@ def true_shutter(seconds: float, shutter_speed: float | None = None) -> float:
     if shutter_speed is None:
         return 2.0 ** steps[0]
     return 2.0 ** min(steps, key=lambda step: abs(step + shutter_speed))
+
+
+def marked_shutter(seconds: float) -> float:
+    """The time as cameras mark it that stands for this one: 1/50 s for 1/50.8, the nearest third of a stop.
+
+    seconds : that a shutter is open, as `true_shutter` gives it
+    Longer than 30 s, where no dial has marks, whole seconds; shorter than 1/32 000 s it is returned as it is.
+    """
+    step = round(3 * log2(seconds))
+    fast = (*_THIRDS_FAST, *_ELECTRONIC)
+    if step < 0:
+        return 1 / fast[-step] if -step < len(fast) else seconds
+    return float(_THIRDS_SLOW[step]) if step < len(_THIRDS_SLOW) else float(round(seconds))

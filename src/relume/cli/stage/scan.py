@@ -48,6 +48,9 @@ def scan(
             help="With --stage: maps.exr of `relume stage separate`, which fine detail is from; again for each folder.",
         ),
     ] = None,
+    register: Annotated[
+        bool, Parameter(help="Lay several views on each other where they show the same; or leave them as placed.")
+    ] = True,
     output: OutputOptions = OutputOptions(),
 ) -> None:
     """Scan a subject's shape by structured light (Debevec et al. 2000, §4.5), in metres."""
@@ -80,11 +83,11 @@ def scan(
             rl.lightstage.scan(folder, found, camera=own, normals=given)
             for folder, own, given in zip(photographs, cameras, maps, strict=True)
         ]
+        laid = rl.lightstage.register_scans(scans) if register and len(scans) > 1 else None
+        scans = scans if laid is None else laid.scans
         scanned = scans[0] if len(scans) == 1 else rl.lightstage.merge_scans(scans)
         rl.lightstage.write_scan(out, scanned)
         if boards is not None and rig is not None:
             rl.lightstage.write_rig(rig, found)
-        facts = {"written": str(out), **scanned.facts()}
-        if found.residual is not None:
-            facts["rig's residual, camera and projector, pixels"] = [float(f"{each:.2g}") for each in found.residual]
+        facts = {"written": str(out), **scanned.facts(), **({} if laid is None else laid.facts()), **found.facts()}
         print_facts(output, facts)

@@ -42,7 +42,9 @@ def calibrate_rig(
     square : side of a square, metres
     The rig's frame is the camera's: it stands at the origin and looks along −Z. Both lenses have one focal length, a
     principal point of their own and k1; the camera's principal point is the picture's middle, the projector's is
-    not, since projectors throw upward.
+    not, since projectors throw upward. How far a subject is, is known as well as the focal lengths are, which the rig
+    says: some tenths of a percent from seven boards at 20° in pictures of 400 pixels, a tenth of that from ten boards
+    at 40°, near and far, in pictures of 2000. The shape itself is known much better.
     Raises ValueError for too few boards or squares, or photographs of unlike sizes or patterns, and GridNotFound where
     a board is not seen or lies in the projector's shade.
     Source: Moreno & Taubin 2012, "Simple, accurate, and robust projector-camera calibration".
@@ -63,22 +65,26 @@ def calibrate_rig(
             raise ValueError(f"{name}: photographs of {_kind(*kinds[-1])}, but {names[0]} of {_kind(*kinds[0])}; all "
                              "boards are one camera's and one projector's")  # fmt: skip
         corners, pixels = _board(photographs, squares, name)
-        known = np.isfinite(pixels[:, 0])
-        world.append(_plane(squares, square)[known])
-        seen.append(corners[known])
-        shown.append(pixels[known])
+        reached = np.isfinite(pixels[:, 0])
+        world.append(_plane(squares, square)[reached])
+        seen.append(corners[reached])
+        shown.append(pixels[reached])
     height, width = photographs.light.shape
     sizes = (width, height), (photographs.patterns.width, photographs.patterns.height)
     # Each by itself, then both together.
     flags = cv2.CALIB_FIX_ASPECT_RATIO | cv2.CALIB_ZERO_TANGENT_DIST | cv2.CALIB_FIX_K2 | cv2.CALIB_FIX_K3
     points = [np.ascontiguousarray(each, np.float32) for each in world]
-    lenses = []
+    lenses, known = [], []
     for places, size, middle in zip((seen, shown), sizes, (cv2.CALIB_FIX_PRINCIPAL_POINT, 0), strict=True):
         places = [np.ascontiguousarray(each - 0.5, np.float32) for each in places]
         guess = np.array([[size[0], 0, size[0] / 2 - 0.5], [0, size[0], size[1] / 2 - 0.5], [0, 0, 1]], np.float64)
         start = flags | middle | cv2.CALIB_USE_INTRINSIC_GUESS
-        _, matrix, lens, *_ = cv2.calibrateCamera(points, places, size, guess, np.zeros(5), flags=start)
+        _, matrix, lens, _, _, spread, *_ = cv2.calibrateCameraExtended(
+            points, places, size, guess, np.zeros(5), flags=start
+        )
         lenses.append((places, matrix, lens))
+        # The height's focal length is the one that is free.
+        known.append(float(spread[1, 0] / matrix[1, 1]))
     (first, matrix, lens), (second, throw, beam) = lenses
     found = cv2.stereoCalibrateExtended(
         points, first, second, matrix, lens, throw, beam, sizes[0], np.eye(3), np.zeros((3, 1)),
@@ -91,7 +97,7 @@ def calibrate_rig(
     position = _FLIP @ (-turn.T @ shift[:, 0])
     camera = _camera(sizes[0], matrix, lens, np.zeros(3), np.eye(3))
     projector = _camera(sizes[1], throw, beam, position, rotation)
-    return ScannerRig(camera, projector, (float(residual[0]), float(residual[1])))
+    return ScannerRig(camera, projector, (float(residual[0]), float(residual[1])), (known[0], known[1]))
 
 
 def _board(photographs: PatternPhotographs, squares: tuple[int, int], name: str) -> tuple[np.ndarray, np.ndarray]:

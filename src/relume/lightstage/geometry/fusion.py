@@ -45,8 +45,8 @@ def corrected_normals(
     there = np.isfinite(of_points[..., 0])
     given = np.nan_to_num(normals)
     both = there & (np.linalg.norm(given, axis=-1) > 0.5)
-    smooth_given = _smoothed(given, both, settings.smoothing)
-    smooth_points = _smoothed(np.nan_to_num(of_points), both, settings.smoothing)
+    smooth_given = smoothed_normals(given, both, settings.smoothing)
+    smooth_points = smoothed_normals(np.nan_to_num(of_points), both, settings.smoothing)
     turned = _turned(given, smooth_given, smooth_points)
     return np.where(both[..., None], turned, of_points)
 
@@ -98,8 +98,8 @@ def fused_points(
     return points
 
 
-def _smoothed(normals: np.ndarray, where: np.ndarray, width: float) -> np.ndarray:
-    """Normals averaged over a Gaussian of known pixels, unit."""
+def smoothed_normals(normals: np.ndarray, where: np.ndarray, width: float) -> np.ndarray:
+    """Normals (H, W, 3) averaged over a Gaussian of known pixels (H, W), unit; width : its deviation, pixels."""
     total = ndimage.gaussian_filter(np.where(where[..., None], normals, 0), (width, width, 0))
     return total / np.maximum(np.linalg.norm(total, axis=-1, keepdims=True), 1e-30)
 

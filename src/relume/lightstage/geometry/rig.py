@@ -22,11 +22,24 @@ class ScannerRig:
 
     residual : root mean square of the board's corners about what the rig explains, in camera and projector pixels;
         None for a rig that was given
+    focal_deviation : relative standard deviation of both focal lengths, by the corners' scatter: that of a subject's
+        distance is about the same; None where it is not known
     """
 
     camera: Camera
     projector: Camera
     residual: tuple[float, float] | None = None
+    focal_deviation: tuple[float, float] | None = None
+
+    def facts(self) -> dict[str, object]:
+        """What a user should know of a calibrated rig; nothing of one that was given."""
+        facts: dict[str, object] = {}
+        if self.residual is not None:
+            facts["rig's residual, camera and projector, pixels"] = [float(f"{each:.2g}") for each in self.residual]
+        if self.focal_deviation is not None:
+            known = [float(f"{100 * each:.2g}") for each in self.focal_deviation]
+            facts["focal lengths, and so the distance, known within, %"] = known
+        return facts
 
     def placed(self, camera: Camera) -> ScannerRig:
         """The same rig in the frame in which its camera stands as `camera` does; the lens stays the rig's own."""
@@ -41,7 +54,10 @@ class ScannerRig:
 
 def write_rig(path: str | os.PathLike[str], rig: ScannerRig) -> None:
     """Write a rig as JSON, whole or not at all; raises OutputNotWritten."""
-    table = {"camera": _table(rig.camera), "projector": _table(rig.projector), "residual": rig.residual}
+    table = {
+        "camera": _table(rig.camera), "projector": _table(rig.projector), "residual": rig.residual,
+        "focal_deviation": rig.focal_deviation,
+    }  # fmt: skip
     files.write_text(path, json.dumps(table, indent=1) + "\n")
 
 
@@ -49,11 +65,11 @@ def read_rig(path: str | os.PathLike[str]) -> ScannerRig:
     """The rig of a file that `write_rig` wrote; raises UnreadableFile."""
     try:
         table = json.loads(Path(path).read_text("utf-8"))
-        residual = table.get("residual")
         return ScannerRig(
             _camera(table["camera"]),
             _camera(table["projector"]),
-            None if residual is None else (float(residual[0]), float(residual[1])),
+            _pair(table.get("residual")),
+            _pair(table.get("focal_deviation")),
         )
     except FileNotFoundError:
         raise UnreadableFile(
@@ -63,6 +79,10 @@ def read_rig(path: str | os.PathLike[str]) -> ScannerRig:
         raise UnreadableFile(f"{path}: the key {error} is missing; `relume stage scan --boards` writes it") from None
     except (OSError, AttributeError, IndexError, TypeError, ValueError) as error:
         raise UnreadableFile(f"{path}: not a rig ({error}); `relume stage scan --boards` writes one") from None
+
+
+def _pair(values: Any) -> tuple[float, float] | None:
+    return None if values is None else (float(values[0]), float(values[1]))
 
 
 def _table(camera: Camera) -> dict[str, Any]:

@@ -31,6 +31,8 @@ LEAST_ANGLE = 0.05
 """Radians between the body's and the light's chromaticity below which colour separates nothing."""
 ROUGHNESSES = np.geomspace(0.05, 0.7, 7)
 """Radians from which the fit starts; the best of all stays, for a wrong lobe can be a local minimum."""
+LEAST_SHARE = 1e-3
+"""Of the errors' mean square, that is taken to be each channel's own: rounding, where a lamp's flicker is all."""
 _ANGLES = np.linspace(0, np.pi / 2, 401)
 
 
@@ -131,7 +133,7 @@ def fit_patch(samples: PatchSamples, light: tuple[float, float, float] = (1.0, 1
         found = _of(numbers, colour)
         predicted = found.diffuse_part(samples.incidence, samples.viewing)
         predicted = predicted + found.specular_part(samples.light, samples.view)
-        return ((predicted - samples.values) / samples.deviation).ravel()
+        return (predicted - samples.values) / samples.deviation
 
     # Both at once, from lobes of several widths.
     low = [*np.full(3, -12.0), LOWEST, -12.0, np.log(0.01)]
@@ -139,8 +141,14 @@ def fit_patch(samples: PatchSamples, light: tuple[float, float, float] = (1.0, 1
     minima = []
     for roughness in ROUGHNESSES:
         start = np.array([*np.log(albedo), -0.1, np.log(0.3), np.log(roughness)])
-        minima.append(optimize.least_squares(left_over, np.clip(start, low, high), bounds=(low, high)))
+        minima.append(
+            optimize.least_squares(lambda x: left_over(x).ravel(), np.clip(start, low, high), bounds=(low, high))
+        )
     best = min(minima, key=lambda each: each.cost)
+    # What the channels' errors have in common, as a lamp that flickers, says nothing of colour: weighed by the
+    # correlation of what is left over, the samples' ratios count for what they are.
+    apart = _uncorrelated(left_over(best.x))
+    best = optimize.least_squares(lambda x: (left_over(x) @ apart).ravel(), best.x, bounds=(low, high))
     if best.x[5] > high[5] - 1e-3 or best.x[4] < low[4] + 1e-3:
         raise ValueError(
             "the samples show no highlight: its width or strength has no bound; take some near the mirror angle"
@@ -150,11 +158,19 @@ def fit_patch(samples: PatchSamples, light: tuple[float, float, float] = (1.0, 1
     covariance = np.linalg.pinv(best.jac.T @ best.jac) * 2 * best.cost / freedom
     found = _of(best.x, colour)
     scale = np.array([*found.albedo, 1.0, found.specular, found.roughness])
-    left = left_over(best.x).reshape(-1, 3) * samples.deviation
+    left = left_over(best.x) * samples.deviation
     return PatchReflectance(
         found.albedo, found.ramp, found.specular, found.roughness, np.sqrt(np.diag(covariance)) * scale,
         float(np.sqrt((left**2).mean() / (samples.values**2).mean())), colour,
     )  # fmt: skip
+
+
+def _uncorrelated(errors: np.ndarray) -> np.ndarray:
+    """The matrix (3, 3) that, from the right, makes errors (N, 3) uncorrelated, of the mean square they had."""
+    square = errors.T @ errors / len(errors)
+    # What the channels' correlation leaves is at least what rounding does.
+    square += LEAST_SHARE * np.trace(square) / 3 * np.eye(3)
+    return np.linalg.cholesky(np.linalg.inv(square)) * np.sqrt(np.trace(square) / 3)
 
 
 def _of(numbers: np.ndarray, colour: np.ndarray) -> PatchReflectance:

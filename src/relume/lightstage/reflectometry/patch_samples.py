@@ -7,22 +7,12 @@ surface that faces it: f cos θi.
 
 from __future__ import annotations
 
-import json
-import os
 from dataclasses import dataclass
-from pathlib import Path
-from typing import Any
 
 import numpy as np
 
-from relume.errors import UnreadableFile, warn
-from relume.lightstage.matting.gray_code import linear_picture
-
-LIST = "patch.json"
 FEWEST = 20
 """Samples: a fit has six parameters, and noise wants some more."""
-ROUNDING = 0.002
-"""Of the brightest sample: a deviation below which no camera's average of some pixels is believed."""
 NORMAL = np.array([0.0, 0.0, 1.0])
 
 
@@ -71,57 +61,3 @@ class PatchSamples:
 def in_plane(angles: np.ndarray) -> np.ndarray:
     """Unit directions (…, 3) at signed angles from +Z towards +X."""
     return np.stack([np.sin(angles), np.zeros_like(angles), np.cos(angles)], axis=-1)
-
-
-def read_patch(folder: str | os.PathLike[str]) -> PatchSamples:
-    """The samples of a folder of photographs and its patch.json.
-
-    patch.json is {"irradiance": 3.1, "area": [LEFT, TOP, WIDTH, HEIGHT], "pictures": [{"file": "a.exr", "incidence":
-    -30, "view": 22.5}, …]}: degrees; the irradiance of the lamp on a surface that faces it, in the pictures' unit, a
-    number or R, G, B, 1 unless given; the pixels of the patch, of all pictures or of one. Pictures in which the lamp
-    hides the patch are left out of the list. Photographs (JPEG, PNG, TIFF) are taken as sRGB.
-    Raises UnreadableFile, in one line.
-    """
-    path = Path(folder) / LIST
-    try:
-        table = json.loads(path.read_text("utf-8"))
-        entries, irradiance = list(table["pictures"]), np.asarray(table.get("irradiance", 1.0), np.float64)
-        if irradiance.shape not in ((), (3,)) or not np.all(irradiance > 0):
-            raise ValueError("irradiance is one number above 0, or three")
-        measured = [_sample(Path(folder), entry, table.get("area")) for entry in entries]
-        angles = np.radians([[float(entry[name]) for name in ("incidence", "view")] for entry in entries])
-    except FileNotFoundError:
-        raise UnreadableFile(f"{path}: is missing; it lists the photographs of the patch and their angles") from None
-    except KeyError as error:
-        raise UnreadableFile(f"{path}: the key {error} is missing; add it") from None
-    except (OSError, AttributeError, TypeError, ValueError) as error:
-        raise UnreadableFile(f"{path}: not a list of photographs of a patch ({error})") from None
-    encoded = sum(each[2] for each in measured)
-    if encoded:
-        warn(f"{folder}: {encoded} photographs, taken as sRGB, or as their profiles say; EXR files would be exact")
-    try:
-        values = np.array([each[0] for each in measured]).reshape(-1, 3) / irradiance
-        spread = np.array([each[1] for each in measured]).reshape(-1, 3) / irradiance
-        least = ROUNDING * np.abs(values).max(initial=1e-30)
-        incidence, viewing = angles.reshape(-1, 2).T
-        return PatchSamples(incidence, viewing, values, np.hypot(spread, least))
-    except ValueError as error:
-        raise UnreadableFile(f"{path}: {error}") from None
-
-
-def _sample(folder: Path, entry: dict[str, Any], area: list[int] | None) -> tuple[np.ndarray, np.ndarray, bool]:
-    """Mean and its deviation (3,) of a picture's pixels of the patch, and whether it is a photograph."""
-    place = entry.get("area", area)
-    if place is None:
-        raise KeyError("area")
-    left, top, width, height = (int(value) for value in place)
-    picture, encoded = linear_picture(folder / entry["file"])
-    pixels = picture[top : top + height, left : left + width]
-    if min(left, top) < 0 or min(width, height) < 1 or pixels.shape[:2] != (height, width):
-        raise ValueError(
-            f"{entry['file']}: the area {place} is not within its {picture.shape[1]}×{picture.shape[0]} pixels"
-        )
-    flat = pixels.reshape(-1, 3).astype(np.float64)
-    if encoded and (flat >= 0.999).any():
-        raise ValueError(f"{entry['file']}: the patch is saturated; expose shorter")
-    return flat.mean(axis=0), flat.std(axis=0) / np.sqrt(len(flat)), encoded

@@ -90,10 +90,7 @@ def features_of(view: PanoramaView, method: Matching = Matching()) -> Features:
         light = cv2.resize(light, None, fx=shrink, fy=shrink, interpolation=cv2.INTER_AREA)
     shrinks = np.array([light.shape[1], light.shape[0]]) / view.picture.size
     focal_length = view.focal_length * shrinks[0]
-    lit = light[light > 0]
-    faintest = float(np.median(lit)) if lit.size else 1.0
-    stops = np.log2(np.maximum(light, faintest * 2.0 ** (-STOPS))) - np.log2(faintest)
-    values = np.clip(127.5 + 255 / STOPS * stops, 0, 255).astype(np.float32)
+    values = in_stops(light)
     # Every pixel of the stereographic picture looked up in the perspective one.
     corner = view.rays(np.array([[0.0, 0.0]]))[0]
     reach = 2 * np.tan(np.arctan2(np.hypot(corner[0], corner[1]), -corner[2]) / 2) / np.hypot(corner[0], corner[1])
@@ -113,13 +110,31 @@ def features_of(view: PanoramaView, method: Matching = Matching()) -> Features:
     picture = cv2.remap(values, place[..., 0], place[..., 1], cv2.INTER_LINEAR, borderMode=cv2.BORDER_REPLICATE)
     inside = (place >= BORDER) & (place <= np.array(light.shape[::-1]) - 1 - BORDER)
     mask = np.where(inside.all(-1), 255, 0).astype(np.uint8)
+    found, descriptors = described(picture, mask, method.features)
+    return Features(bent((found - np.array(half)) / focal_length), descriptors, float(1 / shrinks[0]))
+
+
+def in_stops(light: np.ndarray) -> np.ndarray:
+    """Luminance (H, W) as values from 0 to 255, linear in stops about its median."""
+    lit = light[light > 0]
+    middle = float(np.median(lit)) if lit.size else 1.0
+    stops = np.log2(np.maximum(light, middle * 2.0 ** (-STOPS))) - np.log2(middle)
+    return np.clip(127.5 + 255 / STOPS * stops, 0, 255).astype(np.float32)
+
+
+def described(picture: np.ndarray, mask: np.ndarray, count: int) -> tuple[np.ndarray, np.ndarray]:
+    """Places (N, 2) of a picture's features, x and y from the middle of its first pixel, and descriptors (N, 128).
+
+    picture : (H, W) from 0 to 255; mask : (H, W) uint8, 255 where features are looked for; count : at most
+    """
+    import cv2
+
     # Without the last word OpenCV gives places a quarter of a pixel beside.
-    finder = cv2.SIFT.create(nfeatures=method.features, contrastThreshold=0.02, enable_precise_upscale=True)
+    finder = cv2.SIFT.create(nfeatures=count, contrastThreshold=0.02, enable_precise_upscale=True)
     found, descriptors = finder.detectAndCompute(np.rint(picture).astype(np.uint8), mask)
     if descriptors is None or not found:
-        return Features(np.zeros((0, 2)), np.zeros((0, 128), np.float32), float(1 / shrinks[0]))
-    points = bent((np.array([point.pt for point in found]) - np.array(half)) / focal_length)
-    return Features(points, np.asarray(descriptors, np.float32), float(1 / shrinks[0]))
+        return np.zeros((0, 2)), np.zeros((0, 128), np.float32)
+    return np.array([point.pt for point in found]), np.asarray(descriptors, np.float32)
 
 
 def _perspective(flat: np.ndarray) -> np.ndarray:
