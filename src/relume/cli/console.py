@@ -10,7 +10,6 @@ import warnings
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import ExitStack, contextmanager
 from dataclasses import dataclass
-from importlib.metadata import version as _version
 from pathlib import Path
 from typing import Annotated, Any
 
@@ -38,7 +37,9 @@ class OutputOptions:
 
 def version() -> str:
     """relume's version."""
-    return _version("relume")
+    from importlib.metadata import version as of_package
+
+    return of_package("relume")
 
 
 def refuse(message: str, code: int, hint: str = "") -> int:

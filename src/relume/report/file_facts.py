@@ -5,15 +5,13 @@ from __future__ import annotations
 import os
 import platform
 from collections.abc import Mapping as MappingOf
-from importlib.metadata import version
 from pathlib import Path
 from typing import Any
 
 from relume.image import files
 from relume.image.files.description import describe as facts_of
 from relume.image.files.read_options import ReadOptions
-from relume.scene.shapes.meshes import SUFFIXES as MESHES
-from relume.scene.shapes.meshes import read_meshes
+from relume.scene.shapes.suffixes import SUFFIXES as MESHES
 from relume.sphere.environment_map import EnvironmentMap
 
 
@@ -36,6 +34,8 @@ def describe(path: str | os.PathLike[str], options: ReadOptions = ReadOptions())
 def _mesh_facts(path: Path) -> dict[str, Any]:
     import numpy as np
 
+    from relume.scene.shapes.meshes import read_meshes
+
     meshes = read_meshes(path)
     low, high = (
         edge([edge(mesh.vertices, axis=0) for mesh in meshes], axis=0).astype(float).tolist()
@@ -52,6 +52,8 @@ def _mesh_facts(path: Path) -> dict[str, Any]:
 
 def describe_system() -> dict[str, Any]:
     """What this machine renders with, and why: versions, Mitsuba's variant, cores; in plain values."""
+    from importlib.metadata import version
+
     from relume.renderers.mitsuba.variant import choose_variant
 
     choice = choose_variant()

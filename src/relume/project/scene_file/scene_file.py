@@ -42,9 +42,10 @@ from relume.scene.motion.moving_objects import ObjectOrbit
 from relume.scene.scene import Scene
 from relume.scene.shapes.meshes import read_meshes
 from relume.scene.shapes.shapes import AnyMaterial
+from relume.scene.shapes.suffixes import SUFFIXES as MESHES
 from relume.sphere.environment_map import EnvironmentMap
 
-SUFFIXES = (".toml", ".glb", ".gltf", ".obj", ".ply", ".stl", ".usd", ".usda", ".usdc", ".usdz")
+SUFFIXES = (".toml", *MESHES)
 MARGIN = 1.1
 """A framed object's bounding sphere fits the picture this much enlarged."""
 ELEVATION = np.radians(15)

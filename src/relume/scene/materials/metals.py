@@ -16,7 +16,6 @@ from functools import lru_cache
 from types import MappingProxyType
 
 import numpy as np
-from scipy.optimize import least_squares
 
 from relume.light.spectra.reflectance import colour_of
 from relume.light.spectra.spectrum import visible
@@ -94,6 +93,8 @@ def fresnel(cosine: np.ndarray, n: np.ndarray, k: np.ndarray) -> np.ndarray:
 
 @lru_cache(maxsize=64)
 def _fitted(metal: Metal) -> tuple[Colour, Colour]:
+    from scipy.optimize import least_squares
+
     wanted = np.clip(metal.colour(FITTED_AT), 0, 1)
     # Angles count as the light that an even sky sends from there.
     weights = np.sqrt(FITTED_AT * np.sqrt(1 - FITTED_AT**2))

@@ -24,8 +24,6 @@ from relume.scene.shapes.vertex_colours import with_face_colours, with_vertex_co
 from relume.scene.usd.meshes import read_usd_meshes
 from relume.scene.usd.stage import SUFFIXES as USD_SUFFIXES
 
-SUFFIXES = (".glb", ".gltf", ".obj", ".ply", ".stl", *USD_SUFFIXES)
-"""Of the files that are read here."""
 GREY = Material((0.5, 0.5, 0.5), roughness=1.0, name="grey")
 """What a mesh without a material is made of."""
 WHITE = Material(roughness=1.0, name="vertex colours")

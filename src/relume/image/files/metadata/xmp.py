@@ -9,7 +9,6 @@ from __future__ import annotations
 import re
 from collections.abc import Mapping
 from xml.parsers import expat
-from xml.sax.saxutils import quoteattr
 
 from relume.image.files.read_options import ReadOptions
 
@@ -28,6 +27,8 @@ _BREAKS = {"\n": "&#10;", "\r": "&#13;", "\t": "&#9;"}  # else XML reads them as
 
 def packet(attributes: Mapping[str, str]) -> bytes:
     """An XMP packet that holds `attributes` under "relume:", every name and value as it is."""
+    from xml.sax.saxutils import quoteattr  # brings http.client
+
     ours = "".join(
         f"\n   relume:{_escaped(_NAME, name) or '_x_'}={quoteattr(_escaped(_VALUE, value), _BREAKS)}"
         for name, value in attributes.items()
