@@ -6,7 +6,6 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.optimize import nnls
 
 from relume.capture.response.sampling import Observations
 
@@ -50,6 +49,8 @@ def fit_noise(log_exposure: np.ndarray, still: Sequence[Sequence[Observations]])
     Returns the noise, None where too few values are seen to fit it, and the table (3, levels) of the standard
     deviation of every pixel value, 1/√12 from rounding where nothing is known.
     """
+    from scipy.optimize import nnls
+
     levels = log_exposure.shape[1]
     shot, read = np.zeros(3), np.zeros(3)
     table = np.full(log_exposure.shape, ROUNDING**0.5)

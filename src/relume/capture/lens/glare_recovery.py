@@ -5,7 +5,6 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.optimize import least_squares
 
 from relume.capture.lens.glare import BOUND, MOST, Glare, scatter, without_glare
 from relume.capture.lens.vignetting import robust_deviation
@@ -69,6 +68,8 @@ def recover_glare_from_lamp(picture: RadianceMap, lamp: np.ndarray) -> Glare:
     Rings' medians of luminance about the lamp's middle are fitted with all four numbers of `Glare`.
     Raises ValueError for a lamp that is clipped, NotABracket when too little of the picture lies about it.
     """
+    from scipy.optimize import least_squares
+
     patch = measured_patch(picture, lamp)
     rings = _rings(picture, lamp)
     best = None

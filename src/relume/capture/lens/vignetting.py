@@ -8,7 +8,6 @@ from pathlib import Path
 from typing import Any, cast
 
 import numpy as np
-from scipy.optimize import least_squares
 
 from relume.errors import NotABracket, warn
 from relume.image import files
@@ -117,6 +116,8 @@ def recover_vignetting(
     Raises NotABracket for pictures of different sizes, mostly clipped, or of no even surface; warns where they are
     doubtful.
     """
+    from scipy.optimize import least_squares
+
     pictures = [pictures] if isinstance(pictures, RadianceMap) else list(pictures)
     if not pictures:
         raise ValueError("no radiance maps were given; give one of an evenly lit surface")

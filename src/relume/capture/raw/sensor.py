@@ -7,7 +7,6 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-from scipy.optimize import nnls
 
 _BINS = 24
 _FEWEST = 200
@@ -84,6 +83,8 @@ def fitted_noise(rows: np.ndarray, iso: float) -> SensorNoise | None:
 
     Bins that stand out, by motion or texture, lose their weight round by round.
     """
+    from scipy.optimize import nnls
+
     if len(rows) < 2 or not rows[:, 2].any():
         return None
     factors, variance = np.maximum(rows[:, :2], 0), rows[:, 2]

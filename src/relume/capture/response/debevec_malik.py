@@ -6,8 +6,6 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.linalg import cho_factor, cho_solve
-from scipy.optimize import nnls
 from scipy.sparse import csr_array
 
 from relume.capture.merging import hat
@@ -69,6 +67,8 @@ class DebevecMalik:
         self, observed: Sequence[Observations], levels: int, weight: np.ndarray
     ) -> tuple[np.ndarray, Equations, tuple[np.ndarray, bool]]:
         """The curve of the knots, the equations it solves, and their matrix factored."""
+        from scipy.linalg import cho_solve
+
         equations = Equations.of(observed, levels, weight)
         smoothness = self.smoothness
         if smoothness is None:
@@ -182,6 +182,8 @@ class Equations:
 
     def standard_error(self, solution: np.ndarray, factor: tuple[np.ndarray, bool]) -> np.ndarray:
         """(K,) standard error of the solution about its middle: H⁻¹ scatter H⁻¹, H factored by `cho_factor`."""
+        from scipy.linalg import cho_solve
+
         half = cho_solve(factor, self.scatter(solution))
         covariance = cho_solve(factor, half.T)
         middle = covariance[MIDDLE]
@@ -259,6 +261,8 @@ def _summed(rows: csr_array, frames: int, unknowns: int) -> csr_array:
 
 def factored(matrix: np.ndarray) -> tuple[np.ndarray, bool]:
     """Cholesky's factor; values that neither pixels nor smoothness reach are held near the middle by a hair."""
+    from scipy.linalg import cho_factor
+
     try:
         return cho_factor(matrix, lower=True)
     except np.linalg.LinAlgError:
@@ -267,6 +271,8 @@ def factored(matrix: np.ndarray) -> tuple[np.ndarray, bool]:
 
 def _not_negative(normal: np.ndarray, right: np.ndarray) -> np.ndarray:
     """The least squares curve whose increments are not negative, by non-negative least squares."""
+    from scipy.optimize import nnls
+
     # g = g₀ + Σ increments up to z; g₀ may have either sign, so it enters twice.
     steps = np.tril(np.ones((KNOTS, KNOTS)))
     # The square root of the quadratic form, without the directions that nothing is known of.

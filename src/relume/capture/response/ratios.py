@@ -6,8 +6,6 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.linalg import cho_solve
-from scipy.optimize import linprog
 
 from relume.capture.response.debevec_malik import KNOTS, MIDDLE, Equations, factored, roughness, smoothness_for
 from relume.capture.response.sampling import Observations
@@ -146,6 +144,8 @@ def _reduced(
     observed: Sequence[Sequence[Observations]], corrections: np.ndarray, levels: int
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Curvature, gradient and the gradient's covariance of more corrections alone, the curves eliminated."""
+    from scipy.linalg import cho_solve
+
     count = len(corrections)
     curvature, gradient, scatter = np.zeros((count, count)), np.zeros(count), np.zeros((count, count))
     for each in (_moved(channel, corrections) for channel in observed):
@@ -189,6 +189,8 @@ def _solved(
 
 def _agreed(stated: np.ndarray, found: np.ndarray, owner: np.ndarray, usable: np.ndarray) -> tuple[np.ndarray, float]:
     """Corrections (F,) of the stated exposures after `found` is stretched and shifted to agree with most of them."""
+    from scipy.optimize import linprog
+
     places = np.flatnonzero(usable)
     brackets = np.unique(owner[places])
     shifts = (owner[places][:, None] == brackets).astype(float)

@@ -12,7 +12,6 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 
 import numpy as np
-from scipy.optimize import nnls
 
 from relume.errors import SunNotRecovered, warn
 from relume.image.colour import LUMINANCE_WEIGHTS
@@ -240,6 +239,8 @@ def _cosines(directions: np.ndarray, flux: np.ndarray, normals: np.ndarray) -> n
 
 def _fitted(readings: MatteReadings, before: np.ndarray, lit: np.ndarray) -> tuple[np.ndarray, np.ndarray, float]:
     """Missing irradiance (K, 3) of the sources, its standard deviation (K, 3), and the relative residual."""
+    from scipy.optimize import nnls
+
     missing, spread = np.empty((lit.shape[1], 3)), np.empty((lit.shape[1], 3))
     for c in range(3):
         weight = _weights(readings)[:, c]

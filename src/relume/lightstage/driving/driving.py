@@ -13,10 +13,6 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import ArrayLike
-from scipy.linalg import cho_factor, cho_solve
-from scipy.optimize import nnls
-from scipy.sparse import csr_array
-from scipy.sparse.csgraph import connected_components
 
 from relume.errors import warn
 from relume.lightstage.driving.subjects import MeasuredSubject, SurfaceSubject
@@ -79,6 +75,8 @@ class LampPrimaries:
 
         Nearest in the sum of squares, by non-negative least squares (Lawson & Hanson 1974, chapter 23).
         """
+        from scipy.optimize import nnls
+
         wanted = np.asarray(colours, np.float64)
         flat = wanted.reshape(-1, 3)
         found = np.array([nnls(self.irradiance.T, colour)[0] for colour in flat]).reshape(len(flat), len(self))
@@ -210,6 +208,10 @@ def bounded_least_squares(gram: np.ndarray, rhs: np.ndarray, maximum: float, sta
     Newton's step in what is free, shortened until the function falls on the way back into the box (projected Newton,
     Bertsekas 1982). Deterministic; ends where no free gradient is left, to rounding.
     """
+    from scipy.linalg import cho_factor, cho_solve
+    from scipy.sparse import csr_array
+    from scipy.sparse.csgraph import connected_components
+
     count, part = connected_components(csr_array(gram != 0), directed=False)
     if count > 1:
         # Lamps of pure red, green and blue are three problems, each a ninth as large.

@@ -13,7 +13,6 @@ from dataclasses import dataclass
 from itertools import combinations
 
 import numpy as np
-from scipy.optimize import nnls
 
 from relume.errors import warn
 from relume.image import files
@@ -141,6 +140,8 @@ def match_patches(patches: PrimaryPatches, wanted: np.ndarray, *, others: float 
         `drive` does, and `errors` is what that costs. 1 is the mix for a whole chart, which four and more LEDs need
     Raises ValueError for another number of surfaces.
     """
+    from scipy.optimize import nnls
+
     target = np.asarray(wanted, np.float64)
     if target.shape != patches.values.shape[1:]:
         raise ValueError(f"wanted is {target.shape}; expected {patches.values.shape[1:]}, a colour a surface")

@@ -12,7 +12,6 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 from scipy import ndimage
-from scipy.optimize import nnls
 
 from relume.lightstage.field.fall_off import FlatField, NearLights
 from relume.lightstage.field.field import Derived, Noise, ReflectanceField
@@ -172,6 +171,8 @@ def _smooth_pixels(mean: np.ndarray) -> np.ndarray:
 
 def _fitted(levels: np.ndarray, deviations: np.ndarray) -> Noise:
     """Constant and slope, neither below 0, of the variance over levels of brightness."""
+    from scipy.optimize import nnls
+
     edges = np.unique(np.quantile(levels, np.linspace(0, 1, _LEVELS + 1)))
     if len(edges) < 2:
         return Noise(float((_MEDIAN_TO_DEVIATION * np.median(np.abs(deviations))) ** 2))

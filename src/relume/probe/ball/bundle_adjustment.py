@@ -14,7 +14,6 @@ from typing import Any
 
 import numpy as np
 from scipy.ndimage import gaussian_filter
-from scipy.optimize import least_squares
 
 from relume.image.bilinear import bilinear
 from relume.image.colour import luminance
@@ -115,6 +114,8 @@ class Bundle:
 
     def solved(self, limit: float) -> Adjustment:
         """The adjustment that lays the views on one another; `limit` is the most a view is turned, radians."""
+        from scipy.optimize import least_squares
+
         count, free = len(self.views), 3 * (len(self.views) - 1)
         rims = np.repeat([RIM_LIMIT * view.outline.radius for view in self.views], 3 if self.adjusting else 0)
         upper = np.array([*[limit] * free, *rims, NEAREST])

@@ -12,7 +12,6 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 from scipy.ndimage import distance_transform_edt
-from scipy.optimize import brentq
 
 from relume.errors import BallNotFound, warn
 from relume.image.bilinear import bilinear
@@ -254,6 +253,8 @@ def _lenses(
     measured: bool, name: str,
 ) -> list[float | None]:  # fmt: skip
     """The focal lengths by which the rim is placed, the picture's first: as known, by tape measure, or None, fitted."""
+    from scipy.optimize import brentq
+
     if focal_length is not None:
         return [focal_length]
     if found.focal_length is not None and not (measured and radius is not None):

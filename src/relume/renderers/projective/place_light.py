@@ -12,7 +12,6 @@ from dataclasses import dataclass, replace
 import cv2
 import numpy as np
 from scipy.ndimage import binary_dilation, label
-from scipy.stats import qmc
 
 from relume.errors import warn
 from relume.image.colour import luminance
@@ -190,6 +189,8 @@ def place_irradiance(
     rays : of each point for the glow, by a low-discrepancy sequence; lamps are looked at on their own
     leave_out : names of meshes whose bright spots are glow as well, as in `place_lights`
     """
+    from scipy.stats import qmc
+
     lamps = place_lights(place, leave_out=leave_out)
     glow, total = Arriving(lamps.residual), np.zeros((len(points), 3))
     sample = qmc.Sobol(2, rng=0).random(rays)
@@ -207,6 +208,8 @@ def place_irradiance(
 
 def _from_rectangle(light: RectangleLight, caster: RayCaster, points: np.ndarray, normals: np.ndarray) -> np.ndarray:
     """What a rectangle gives: Σ L cos θ cos θ' A / d² over its spots, where nothing stands between."""
+    from scipy.stats import qmc
+
     spots = (qmc.Sobol(2, rng=1).random(SPOTS) - 0.5) * light.size
     total = np.zeros(len(points))
     for spot in np.array(light.position) + spots @ light.frame[:, :2].T:

@@ -10,7 +10,6 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.optimize import minimize
 
 from relume.image.colour import luminance
 from relume.scene.cameras.camera import Camera
@@ -169,6 +168,8 @@ def horizon_of(segments: np.ndarray, lens: Camera) -> Horizon | None:
 
     lens : its pose does not matter
     """
+    from scipy.optimize import minimize
+
     edges = _Edges.of(segments, lens)
     # Every turn of a coarse grid, whose steps are within reach of the tolerance.
     pitches, rolls = np.arange(LOWEST, HIGHEST, np.radians(1.5)), np.arange(-LEAN, LEAN + 1e-9, np.radians(2))
