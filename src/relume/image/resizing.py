@@ -3,12 +3,15 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from typing import TYPE_CHECKING
 
 import numpy as np
-from scipy import sparse
 
 from relume.image.filtering import Spread, spread_through
 from relume.image.radiance import RadianceMap
+
+if TYPE_CHECKING:
+    from scipy import sparse
 
 
 def cropped(picture: RadianceMap, left: int, top: int, width: int, height: int) -> RadianceMap:
@@ -60,6 +63,8 @@ def _separable(down: sparse.csr_array, across: sparse.csr_array) -> Spread:
 
 def _weights(old: int, new: int) -> sparse.csr_array:
     """(new, old) weights along one axis: rows sum to 1, columns to new/old, the axis reflected at its ends."""
+    from scipy import sparse
+
     pixel = old / new
     smoothing = min(1.0, max(0.0, 2 * (1 - pixel)))
     begin = np.arange(new) * pixel

@@ -8,7 +8,6 @@ in a deep shadow several times as strong as beside it. Light that is added may b
 from __future__ import annotations
 
 import numpy as np
-from scipy.ndimage import convolve1d, gaussian_filter
 
 DARK, AROUND = 0.01, 8.0
 """Share of what is seen about a pixel, and σ in pixels, that counts beside what it shows: so black has a ratio too."""
@@ -25,6 +24,8 @@ def texture(picture: np.ndarray, textured: np.ndarray | None = None, *, rendered
         light on them knows nothing of the picture, and one even value stands, the mean of the texture. All unless given
     rendered : as such surfaces look: a little softer
     """
+    from scipy.ndimage import gaussian_filter
+
     least, reach = max(1e-6 * float(picture.max()), 1e-30), round(4 * AROUND)
     result = np.empty(picture.shape, np.float32)
     # By rows, so that a large picture takes no more memory than the result.
@@ -43,4 +44,6 @@ def texture(picture: np.ndarray, textured: np.ndarray | None = None, *, rendered
 
 def as_rendered(picture: np.ndarray) -> np.ndarray:
     """A texture (H, W, …) of the picture's own pixels as the picture shows it: bilinear, averaged over each pixel."""
+    from scipy.ndimage import convolve1d
+
     return convolve1d(convolve1d(picture, TENT, axis=0, mode="nearest"), TENT, axis=1, mode="nearest")

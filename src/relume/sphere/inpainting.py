@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import numpy as np
-from scipy.ndimage import binary_dilation
 
 from relume.sphere.mappings.mapping import LatLong, continued_round, pixel_points
 
@@ -40,6 +39,8 @@ def continued(radiance: np.ndarray, known: np.ndarray) -> np.ndarray:
     integral, which stereographic projection carries to the sphere): without streaks, level with the rim, nowhere
     beyond its extremes.
     """
+    from scipy.ndimage import binary_dilation
+
     if known.all() or not known.any():
         return radiance
     # The rows beside the poles touch each other across them.

@@ -6,8 +6,6 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
-from scipy.fft import irfft2, next_fast_len, rfft2
-from scipy.ndimage import gaussian_filter
 
 from relume.capture.alignment.kernel import _look_up
 from relume.capture.alignment.pyramid import HIGH, LOW, Level
@@ -131,6 +129,9 @@ def coarse_motion(fixed: Level, moving: Level, prior: Motion, turn: float = 0.0)
 
     Exposure keeps the order of brightness: clipped to the ranks that both frames measure, their pictures are alike.
     """
+    from scipy.fft import irfft2, next_fast_len, rfft2
+    from scipy.ndimage import gaussian_filter
+
     moving = _turned(moving, turn) if turn else moving
     (a, low_a, high_a), (b, low_b, high_b) = _ranks(fixed), _ranks(moving)
     low, high = max(low_a, low_b), min(high_a, high_b)

@@ -6,7 +6,6 @@ from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
-from scipy.ndimage import correlate1d
 
 from relume.capture.alignment.kernel import _features, _reduce
 from relume.image.kernel import in_threads
@@ -79,6 +78,8 @@ class Level:
 
 def pyramid(photograph: Photograph) -> tuple[Level, ...]:
     """Levels of a photograph from the finest to the coarsest."""
+    from scipy.ndimage import correlate1d
+
     pixels = photograph.pixels
     (width, height), most = photograph.size, int(np.iinfo(pixels.dtype).max)
     factor = max(1, -(-max(width, height) // LONGEST))

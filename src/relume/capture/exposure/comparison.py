@@ -10,7 +10,6 @@ from dataclasses import dataclass
 from itertools import pairwise
 
 import numpy as np
-from scipy.ndimage import uniform_filter
 
 from relume.errors import NotABracket
 from relume.image.colour import decode_srgb
@@ -144,6 +143,8 @@ def structure(picture: Reduced) -> np.ndarray:
 
     They are 0 outside the picture.
     """
+    from scipy.ndimage import uniform_filter
+
     grey, inside = coarse_blocks(picture)
     height, width = inside.shape
     share = np.maximum(uniform_filter(inside.astype(np.float64), _SURROUND, mode="constant"), 1e-6)

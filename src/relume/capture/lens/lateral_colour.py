@@ -10,7 +10,6 @@ from dataclasses import dataclass, replace
 
 import cv2
 import numpy as np
-from scipy.ndimage import gaussian_filter
 
 from relume.image.radiance import OUTSIDE, RadianceMap
 
@@ -165,6 +164,8 @@ def _tied(values: np.ndarray, green: np.ndarray, index: np.ndarray) -> tuple[np.
 
 def _compressed(plane: np.ndarray) -> np.ndarray:
     """Even below the median and logarithmic above: lamps count as edges, and dark sides of edges not for more."""
+    from scipy.ndimage import gaussian_filter
+
     plane = plane.astype(np.float64)
     middle = max(float(np.median(plane)), DARKEST * float(plane.max(initial=0)), 1e-30)
     return gaussian_filter(np.log1p(np.maximum(plane, 0) / middle), SMOOTH, mode="nearest")

@@ -8,7 +8,6 @@ surroundings brighten always, and a cloud just below white says nothing of the s
 from __future__ import annotations
 
 import numpy as np
-from scipy.ndimage import maximum_filter, minimum_filter, uniform_filter
 
 from relume.capture.exposure.bracket import Bracket
 from relume.capture.response.sampling import levels_of
@@ -69,6 +68,8 @@ def below_white(bracket: Bracket) -> np.ndarray | None:
 
 def _below(shorter: np.ndarray, longer: np.ndarray) -> np.ndarray:
     """(h, w) where the shorter exposure's values (h, w) are below white, by the longer one's."""
+    from scipy.ndimage import maximum_filter, minimum_filter, uniform_filter
+
     light = shorter >= DARK
     inside = minimum_filter(light, 3)
     brightens = uniform_filter(longer.astype(np.float32) - shorter, 3) > BRIGHTER
@@ -89,4 +90,6 @@ def _below(shorter: np.ndarray, longer: np.ndarray) -> np.ndarray:
 
 
 def _mean(mask: np.ndarray, size: int) -> np.ndarray:
+    from scipy.ndimage import uniform_filter
+
     return uniform_filter(mask.astype(np.float32), size)

@@ -5,7 +5,6 @@ from __future__ import annotations
 from typing import NamedTuple
 
 import numpy as np
-from scipy.ndimage import maximum_filter
 
 from relume.capture.exposure.bracket import Bracket
 
@@ -136,6 +135,8 @@ def _believed(bracket: Bracket, index: int, channel: int, chosen: np.ndarray) ->
 
 def _near_white(image: np.ndarray, rows: np.ndarray, columns: np.ndarray, asked: np.ndarray, levels: int) -> np.ndarray:
     """Whether a saturated pixel is near each of the places for which it is asked."""
+    from scipy.ndimage import maximum_filter
+
     height, width = image.shape
     near = np.zeros(len(rows), bool)
     white = levels - levels / 512

@@ -10,7 +10,6 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
-from scipy.ndimage import minimum_filter
 
 from relume.capture.exposure.bracket import Bracket
 from relume.capture.response.sampling import levels_of
@@ -49,6 +48,8 @@ def whitened(bracket: Bracket) -> tuple[Bracket, tuple[White, ...]]:
 
     bracket : aligned, so that a place is the same in all frames
     """
+    from scipy.ndimage import minimum_filter
+
     photographs = list(bracket.photographs)
     levels = levels_of(bracket)
     width, height = photographs[0].size

@@ -12,7 +12,6 @@ from __future__ import annotations
 from dataclasses import replace
 
 import numpy as np
-from scipy.ndimage import binary_dilation, find_objects, label
 
 from relume.capture.exposure.bracket import Bracket
 from relume.image.colour import luminance
@@ -55,6 +54,8 @@ def with_small_lamps(picture: RadianceMap, bracket: Bracket, response: Response)
     The shortest photograph is asked that shows a lamp below white. Unchanged where there is no such lamp, and of
     photographs that are no JPEGs, or were turned, resampled or edited since they were.
     """
+    from scipy.ndimage import binary_dilation
+
     if response.levels != 256:
         return picture
     radiance, done = picture.radiance, np.zeros(picture.radiance.shape[:2], bool)
@@ -84,6 +85,8 @@ def with_small_lamps(picture: RadianceMap, bracket: Bracket, response: Response)
 
 def _lamps(pixels: np.ndarray) -> list[tuple[np.ndarray, np.ndarray]]:
     """Rows and columns of lamps that are small, alone in the dark and below white, the brightest first."""
+    from scipy.ndimage import find_objects, label
+
     light = pixels.max(-1) > DARK
     if light.mean() > LIGHT:
         return []

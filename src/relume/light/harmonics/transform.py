@@ -10,8 +10,6 @@ from collections.abc import Iterator
 from itertools import islice
 
 import numpy as np
-from scipy.fft import ifft, rfft
-from scipy.special import gammaln
 
 from relume.sphere.directions import required_rotation, rotation_about
 
@@ -48,6 +46,8 @@ def wigner(orders: np.ndarray, spin: int | np.ndarray, angles: float | np.ndarra
 
 def _first_values(m: np.ndarray, k: np.ndarray, angles: np.ndarray) -> np.ndarray:
     """d^l_mk at its lowest degree l = max(|m|, |k|), in closed form."""
+    from scipy.special import gammaln
+
     # Symmetries turn every case into d^l_{l,j} = √C(2l, l+j) cos^{l+j}(θ/2) (−sin(θ/2))^{l−j}.
     l = np.maximum(np.abs(m), np.abs(k))  # noqa: E741
     highest = np.abs(m) == l
@@ -65,6 +65,8 @@ def analysed(flux: np.ndarray, degree: int) -> np.ndarray:
 
     flux : (H, 2H, C), radiance × solid angle of each pixel, taken at its centre
     """
+    from scipy.fft import rfft
+
     rows, columns = flux.shape[:2]
     orders = np.arange(degree + 1)
     waves = np.moveaxis(np.asarray(rfft(flux, axis=1, workers=-1)), 1, 0)
@@ -89,6 +91,8 @@ def synthesised(coefficients: np.ndarray, kernels: np.ndarray, spin: int, rows: 
     coefficients : (L + 1, L + 1, C) of `analysed`
     kernels : (K, L + 1), 2π ∫ g(γ) λ_{l,spin}(γ) sin γ dγ, where Y_lm = λ_lm(θ) e^{imφ}
     """
+    from scipy.fft import ifft
+
     degree, channels = len(coefficients) - 1, coefficients.shape[2]
     columns = 2 * rows
     angles = np.pi * (np.arange(rows) + 0.5) / rows

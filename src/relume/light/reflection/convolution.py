@@ -9,7 +9,6 @@ from __future__ import annotations
 from concurrent.futures import ThreadPoolExecutor
 
 import numpy as np
-from scipy.fft import irfft, rfft
 
 from relume.light.harmonics.transform import analysed, synthesised, wigner
 from relume.light.reflection.lobes import Lambert, Lobe, SelfLuminous, quadrature
@@ -80,6 +79,8 @@ def _relative(error: np.ndarray, lowest: np.ndarray) -> float:
 
 def _by_longitude(flux: np.ndarray, lobe: Lobe, rows: int) -> np.ndarray:
     """Circular convolution along the longitude for every pair of rows; exact for any f."""
+    from scipy.fft import irfft, rfft
+
     size, columns = flux.shape[:2]
     waves = np.asarray(rfft(flux, axis=1, workers=-1))
     phases = 2 * rows // np.gcd(2 * rows, columns)

@@ -6,7 +6,6 @@ from dataclasses import dataclass
 from typing import Protocol
 
 import numpy as np
-from scipy.ndimage import label
 
 from relume.errors import SunNotRecovered
 from relume.image.colour import luminance
@@ -99,6 +98,8 @@ def sources(light: EnvironmentMap, directions: np.ndarray, mask: np.ndarray, apa
 
     apart : radians; what is nearer to a stronger source belongs to it
     """
+    from scipy.ndimage import label
+
     labelled = np.empty(mask.shape, np.int32)
     label(mask, np.ones((3, 3)), labelled)
     count = int(labelled.max())

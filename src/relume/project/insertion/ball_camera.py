@@ -13,7 +13,6 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
-from scipy.ndimage import gaussian_filter
 
 from relume.errors import InvalidShot, warn
 from relume.image import files
@@ -199,6 +198,8 @@ def foot_of_stand(plate: RadianceMap, picture: RadianceMap, rim: np.ndarray) -> 
     plate, picture : from one place, without and with the ball
     rim : (N, 2) pixels of the ball's rim
     """
+    from scipy.ndimage import gaussian_filter
+
     middle, radius = rim.mean(0), float(np.ptp(rim, axis=0).max()) / 2
     first, second = (np.log(np.maximum(luminance(each.radiance), 1e-9)) for each in (plate, picture))
     change = gaussian_filter(second - first, max(0.7, radius / 40))

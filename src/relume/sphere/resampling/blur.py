@@ -17,7 +17,6 @@ from concurrent.futures import ThreadPoolExecutor
 from dataclasses import replace
 
 import numpy as np
-from scipy.fft import irfft, rfft
 
 from relume.image.blurring import streak_kernel
 from relume.image.filtering import Spread, spread_clipped
@@ -104,6 +103,8 @@ def _on(light: EnvironmentMap, of_latlong: Callable[[int], Spread]) -> Spread:
 
 def _turning(rows: int, angle: float) -> Spread:
     """The circular streak of fields (rows, 2·rows, C) along the longitude."""
+    from scipy.fft import irfft, rfft
+
     columns = 2 * rows
     streak = streak_kernel(angle / (2 * np.pi) * columns, 0.0).sum(0)
     turn = np.zeros(columns)
@@ -114,6 +115,8 @@ def _turning(rows: int, angle: float) -> Spread:
 
 def _spherical(rows: int, sigma: float) -> Spread:
     """The balanced convolution of fields (rows, 2·rows, C) on pixel centres."""
+    from scipy.fft import irfft, rfft
+
     columns = 2 * rows
     angles = np.pi * (np.arange(rows) + 0.5) / rows
     areas = LatLong().solid_angles(rows)[:, 0]

@@ -11,7 +11,6 @@ as high.
 from __future__ import annotations
 
 import numpy as np
-from scipy.ndimage import uniform_filter1d
 
 from relume.image.kernel import in_threads
 from relume.sphere.mappings.kernels import found, grain, toward, turned
@@ -150,6 +149,8 @@ def _even_poles(radiance: np.ndarray) -> None:
 
     Pushed light lands in some of the narrow pixels there and not in their neighbours; a row keeps its total.
     """
+    from scipy.ndimage import uniform_filter1d
+
     rows = len(radiance)
     widths = np.minimum(1 / np.sin(np.pi * (np.arange(rows) + 0.5) / rows), 2 * rows - 1)
     for row in np.flatnonzero(widths >= _UNEVEN):

@@ -5,7 +5,6 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.special import ive
 
 from relume.image.kernel import in_threads, kernel
 
@@ -69,6 +68,8 @@ def blurred_rows(pixels: np.ndarray, variance: float, begin: int, end: int) -> n
 
     variance : t, in areas of a pixel; exact for small ones too, where samples of a Gaussian are not
     """
+    from scipy.special import ive
+
     reach = int(np.ceil(4.5 * np.sqrt(variance)))
     if reach == 0:
         return pixels[begin:end]
