@@ -14,7 +14,7 @@ from typing import Protocol
 import numpy as np
 
 from relume.errors import warn
-from relume.light.harmonics.transform import analysed, as_complex, as_real, synthesised, turned
+from relume.light.harmonics.transform import Flux, analysed, as_complex, as_real, synthesised, turned
 from relume.sphere.environment_map import EnvironmentMap
 from relume.sphere.mappings.mapping import LatLong, Mapping, pixel_directions
 
@@ -136,11 +136,13 @@ def project_sh(light: EnvironmentMap, degree: int = 2) -> SphericalHarmonics:
     Raises ValueError for a degree below 0 or above 1000.
     """
     _check_degree(degree)
-    flux = light.radiance * light.mapping.solid_angles(light.size)[..., None]
+    areas = light.mapping.solid_angles(light.size)
     if isinstance(light.mapping, LatLong):
+        flux = Flux(light.radiance, areas)
         # Clockwise about +Y, as in `as_map`.
         coefficients = turned(as_real(np.conj(analysed(flux, degree))), _UPRIGHT.T)
         return SphericalHarmonics(coefficients, light.unit)
+    flux = light.radiance * areas[..., None]
     lit = flux.any(-1)
     directions, flux = pixel_directions(light.mapping, light.size)[lit], flux[lit]
     coefficients = np.zeros(((degree + 1) ** 2, 3))

@@ -7,6 +7,7 @@ those of the complex harmonics Y_lm = √((2l+1)/4π) d^l_m0(θ) e^{imφ} with t
 from __future__ import annotations
 
 from collections.abc import Iterator
+from dataclasses import dataclass
 from itertools import islice
 
 import numpy as np
@@ -15,6 +16,31 @@ from relume.sphere.directions import required_rotation, rotation_about
 
 _BLOCK = 16
 """Degrees summed in one product of matrices."""
+_BAND = 64
+"""Rows of a map that are transformed at once: all at once would take twice a large map's own memory, and more."""
+
+
+@dataclass(frozen=True)
+class Flux:
+    """Radiance × solid angle of a map's pixels, float64, made for the rows that are asked for.
+
+    radiance : (H, W, C)
+    areas : (H, W), steradians
+    """
+
+    radiance: np.ndarray
+    areas: np.ndarray
+
+    @property
+    def shape(self) -> tuple[int, ...]:
+        return self.radiance.shape
+
+    def __getitem__(self, rows: slice) -> np.ndarray:
+        return self.radiance[rows] * self.areas[rows][..., None]
+
+    def sum(self) -> np.ndarray:
+        """(C,) over all pixels."""
+        return np.sum([self[begin : begin + _BAND].sum((0, 1)) for begin in range(0, self.shape[0], _BAND)], axis=0)
 
 
 def wigner(orders: np.ndarray, spin: int | np.ndarray, angles: float | np.ndarray, degree: int) -> Iterator[np.ndarray]:
@@ -60,7 +86,7 @@ def _first_values(m: np.ndarray, k: np.ndarray, angles: np.ndarray) -> np.ndarra
     return sign * (-1.0) ** down * np.exp(logarithm + powers)
 
 
-def analysed(flux: np.ndarray, degree: int) -> np.ndarray:
+def analysed(flux: np.ndarray | Flux, degree: int) -> np.ndarray:
     """Coefficients a_lm = Σ flux · Y*_lm over the pixels of a lat-long map, m ≥ 0: (degree + 1, degree + 1, C) complex.
 
     flux : (H, 2H, C), radiance × solid angle of each pixel, taken at its centre
@@ -69,11 +95,15 @@ def analysed(flux: np.ndarray, degree: int) -> np.ndarray:
 
     rows, columns = flux.shape[:2]
     orders = np.arange(degree + 1)
-    waves = np.moveaxis(np.asarray(rfft(flux, axis=1, workers=-1)), 1, 0)
     # Beyond the map's own frequencies the sum over its columns repeats itself.
     folded = orders % columns
     mirrored = (folded > columns // 2)[:, None, None]
-    along = np.where(mirrored, np.conj(waves[(columns - folded) % columns % len(waves)]), waves[folded % len(waves)])
+    along = np.empty((degree + 1, rows, flux.shape[2]), complex)
+    for begin in range(0, rows, _BAND):
+        band = slice(begin, begin + _BAND)
+        waves = np.moveaxis(np.asarray(rfft(flux[band], axis=1, workers=-1)), 1, 0)
+        back = np.conj(waves[(columns - folded) % columns % len(waves)])
+        along[:, band] = np.where(mirrored, back, waves[folded % len(waves)])
     along *= np.exp(-1j * np.pi * orders / columns)[:, None, None]
     angles = np.pi * (np.arange(rows) + 0.5) / rows
     coefficients = np.zeros((degree + 1, degree + 1, flux.shape[2]), complex)

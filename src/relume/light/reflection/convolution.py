@@ -10,7 +10,7 @@ from concurrent.futures import ThreadPoolExecutor
 
 import numpy as np
 
-from relume.light.harmonics.transform import analysed, synthesised, wigner
+from relume.light.harmonics.transform import Flux, analysed, synthesised, wigner
 from relume.light.reflection.lobes import Lambert, Lobe, SelfLuminous, quadrature
 from relume.sphere.environment_map import EnvironmentMap
 from relume.sphere.mappings.mapping import LatLong
@@ -34,9 +34,9 @@ def convolved(light: EnvironmentMap, lobe: Lobe, rows: int) -> tuple[np.ndarray,
 
     The bound is on the largest error of any entry against the sum itself; 0 for the exact ways.
     """
-    flux = light.radiance * light.mapping.solid_angles(light.size)[..., None]
+    flux = Flux(light.radiance, light.mapping.solid_angles(light.size))
     if isinstance(lobe, SelfLuminous):
-        return np.broadcast_to(lobe.k * flux.sum((0, 1)), (rows, 2 * rows, 3)).copy(), 0.0
+        return np.broadcast_to(lobe.k * flux.sum(), (rows, 2 * rows, 3)).copy(), 0.0
     if isinstance(lobe, Lambert):
         # Numba is imported only where the kernel is used.
         from relume.light.reflection.hemisphere import hemisphere_sums
@@ -52,7 +52,7 @@ def zonal_coefficients(lobe: Lobe, degree: int) -> np.ndarray:
     return np.array([legendre[0] @ values for legendre in wigner(np.zeros(1), 0, theta, degree)])
 
 
-def _by_zonal_harmonics(flux: np.ndarray, lobe: Lobe, rows: int) -> tuple[np.ndarray, float] | None:
+def _by_zonal_harmonics(flux: Flux, lobe: Lobe, rows: int) -> tuple[np.ndarray, float] | None:
     """The table and its bound, or None where the lobe needs more degrees than are worth it."""
     coefficients = zonal_coefficients(lobe, 2 * HIGHEST_DEGREE)
     coefficients[np.abs(coefficients) < ROUNDING * np.abs(coefficients[0])] = 0
@@ -60,7 +60,7 @@ def _by_zonal_harmonics(flux: np.ndarray, lobe: Lobe, rows: int) -> tuple[np.nda
     degrees = np.arange(len(coefficients))
     held = np.cumsum(((2 * degrees + 1) / (4 * np.pi) * np.abs(coefficients))[::-1])[::-1]
     missed = np.append(held[1:], 0.0)[: HIGHEST_DEGREE + 1] + ROUNDING * held[0]
-    kernel, total = coefficients * np.sqrt((2 * degrees + 1) / (4 * np.pi)), flux.sum((0, 1))
+    kernel, total = coefficients * np.sqrt((2 * degrees + 1) / (4 * np.pi)), flux.sum()
     for wanted in (1e-7, 1e-11):
         enough = np.flatnonzero(missed <= wanted * max(float(lobe(np.array([1.0]))[0]), 1e-300))
         if not enough.size:
@@ -77,12 +77,12 @@ def _relative(error: np.ndarray, lowest: np.ndarray) -> float:
     return float(np.where(error == 0, 0, np.where(lowest > 0, error / np.maximum(lowest, 1e-300), np.inf)).max())
 
 
-def _by_longitude(flux: np.ndarray, lobe: Lobe, rows: int) -> np.ndarray:
+def _by_longitude(flux: Flux, lobe: Lobe, rows: int) -> np.ndarray:
     """Circular convolution along the longitude for every pair of rows; exact for any f."""
     from scipy.fft import irfft, rfft
 
     size, columns = flux.shape[:2]
-    waves = np.asarray(rfft(flux, axis=1, workers=-1))
+    waves = np.asarray(rfft(flux[:], axis=1, workers=-1))
     phases = 2 * rows // np.gcd(2 * rows, columns)
     longitudes = (np.arange(columns) + 0.5) * 2 * np.pi / columns
     angles = np.pi * (np.arange(size) + 0.5) / size

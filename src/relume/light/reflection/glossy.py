@@ -12,7 +12,7 @@ from functools import cached_property
 
 import numpy as np
 
-from relume.light.harmonics.transform import analysed, synthesised, wigner
+from relume.light.harmonics.transform import Flux, analysed, synthesised, wigner
 from relume.light.reflection.brdf import Reflectance
 from relume.light.reflection.convolution import as_latlong, cut_up
 from relume.light.reflection.lobes import quadrature
@@ -94,7 +94,7 @@ def glossy_map(
     angles = np.minimum(np.linspace(0, np.pi / 2, views), np.pi / 2 - 1e-3)
     tilts, albedos, kernels = zip(*(_kernels(brdf, angle, degree, azimuths) for angle in angles), strict=True)
     source = cut_up(as_latlong(light), brdf.width / 2)
-    coefficients = analysed(source.radiance * source.mapping.solid_angles(source.size)[..., None], degree)
+    coefficients = analysed(Flux(source.radiance, source.mapping.solid_angles(source.size)), degree)
     tables = np.empty((views, rows, 2 * rows, 2 * azimuths + 1, 3), np.float32)
     for k in range(azimuths + 1):
         part = synthesised(coefficients, np.stack([kernel[k] for kernel in kernels]), k, rows)

@@ -9,35 +9,39 @@ from __future__ import annotations
 import numpy as np
 
 from relume.image.kernel import in_threads, kernel
+from relume.light.harmonics.transform import Flux
 
 _ROWS = 32
 """Rows summed by one call: the sum over calls is in one order, whatever the threads."""
 
 
-def hemisphere_sums(flux: np.ndarray, rows: int) -> np.ndarray:
+def hemisphere_sums(flux: np.ndarray | Flux, rows: int) -> np.ndarray:
     """Σ flux · max(0, N·L) over the pixels of a lat-long map, (rows, 2·rows, 3) float64, at every table entry N.
 
     flux : (H, 2H, 3), radiance × solid angle
     """
     size = flux.shape[0]
-    flux = np.ascontiguousarray(flux, np.float64)
-    parts = in_threads(lambda begin, end: _sums(flux, begin, end, rows), size, chunk=_ROWS)
+
+    def work(begin: int, end: int) -> np.ndarray:
+        return _sums(np.ascontiguousarray(flux[begin:end], np.float64), begin, size, rows)
+
+    parts = in_threads(work, size, chunk=_ROWS)
     # At grazing angles rounding leaves a little less than nothing.
     return np.maximum(np.sum(parts, axis=0), 0)
 
 
 @kernel
-def _sums(flux, begin, end, rows):
-    size, columns = flux.shape[0], flux.shape[1]
+def _sums(band, begin, size, rows):
+    columns = band.shape[1]
     step = 2 * np.pi / columns
     table = np.zeros((rows, 2 * rows, 3))
     running = np.empty((columns + 1, 9))
     cosines, sines = np.cos(step * (np.arange(columns) + 0.5)), np.sin(step * (np.arange(columns) + 0.5))
-    for i in range(begin, end):
+    for i in range(begin, begin + band.shape[0]):
         running[0] = 0
         for k in range(columns):
             for c in range(3):
-                value = flux[i, k, c]
+                value = band[i - begin, k, c]
                 running[k + 1, 3 * c] = running[k, 3 * c] + value
                 running[k + 1, 3 * c + 1] = running[k, 3 * c + 1] + value * cosines[k]
                 running[k + 1, 3 * c + 2] = running[k, 3 * c + 2] + value * sines[k]
