@@ -6,7 +6,7 @@ from scipy.special import sph_harm_y
 
 import naive
 from lights import lone, spiky
-from relume.light.harmonics.transform import analysed, synthesised, wigner
+from relume.light.harmonics.transform import Flux, analysed, synthesised, wigner
 from relume.light.reflection.lobes import quadrature
 from relume.sphere.mappings.mapping import LatLong
 
@@ -167,3 +167,13 @@ def test_several_kernels_at_once_are_each_alone():
     together = synthesised(coefficients, kernels, 2, 5)
     for k in range(2):
         np.testing.assert_allclose(together[k], synthesised(coefficients, kernels[k : k + 1], 2, 5)[0], rtol=1e-12)
+
+
+def test_rows_that_are_made_as_they_are_asked_for_give_the_same_bits():
+    radiance = np.random.default_rng(3).random((100, 200, 3)).astype(np.float32)
+    areas = LatLong().solid_angles(100)
+    flux = Flux(radiance, areas)
+    whole = radiance * areas[..., None]
+    assert flux.shape == (100, 200, 3) and np.array_equal(flux[90:], whole[90:])
+    assert flux.sum() == pytest.approx(whole.sum((0, 1)), rel=1e-13)
+    assert np.array_equal(analysed(flux, 12), analysed(whole, 12))

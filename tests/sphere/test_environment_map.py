@@ -11,7 +11,7 @@ from relume.sphere.directions import normalised, rotation_about
 from relume.sphere.environment_files import as_environment, as_radiance_map
 from relume.sphere.environment_map import EnvironmentMap
 from relume.sphere.mappings.discs import Angular, Fisheye, MirrorBall
-from relume.sphere.mappings.mapping import LatLong, pixel_points
+from relume.sphere.mappings.mapping import LatLong, pixel_directions, pixel_points
 
 EVERY = pytest.mark.parametrize("mapping", SIMPLE, ids=[m.name for m in SIMPLE])
 X, Y, Z = np.eye(3)
@@ -324,3 +324,14 @@ def test_light_that_is_negative_or_not_finite_is_refused(value):
     radiance[1, 2, 0] = value
     with pytest.raises(ValueError, match="negative or non-finite"):
         EnvironmentMap(radiance)
+
+
+@pytest.mark.parametrize("mapping", [LatLong(), MirrorBall()])
+def test_sums_over_bands_of_rows_are_those_over_all(mapping, monkeypatch: pytest.MonkeyPatch):
+    radiance = np.random.default_rng(5).random((*mapping.shape(50), 3)).astype(np.float32)
+    light, normals = EnvironmentMap(radiance, mapping), normalised([[0.0, 1, 0], [1, -1, 2]])
+    whole = light.total(), light.irradiance(normals)
+    monkeypatch.setattr("relume.sphere.environment_map._BAND", 7 * radiance.shape[1])
+    assert light.total() == pytest.approx(whole[0], rel=1e-13)
+    assert light.irradiance(normals) == pytest.approx(whole[1], rel=1e-13)
+    assert pixel_directions(mapping, 50, slice(7, 14)).tobytes() == pixel_directions(mapping, 50)[7:14].tobytes()

@@ -15,6 +15,9 @@ from relume.sphere.mappings.mapping import LatLong, Mapping, continued_round, ma
 if TYPE_CHECKING:
     from relume.sphere.audit import Audit
 
+_BAND = 2**20
+"""Pixels that are summed at once."""
+
 
 @dataclass(frozen=True, eq=False)
 class EnvironmentMap:
@@ -78,15 +81,25 @@ class EnvironmentMap:
 
     def total(self) -> np.ndarray:
         """∫ L dω over the whole sphere, (3,): the sum of radiance × solid angle."""
-        return np.einsum("hwc,hw->c", self.radiance.astype(np.float64), self.mapping.solid_angles(self.size))
+        areas = self.mapping.solid_angles(self.size)
+        parts = [np.einsum("hwc,hw->c", self.radiance[rows].astype(np.float64), areas[rows]) for rows in self._bands()]
+        return np.sum(parts, axis=0)
 
     def irradiance(self, normals: np.ndarray) -> np.ndarray:
         """E = ∫ L max(0, ω·n) dω on surfaces of unit normals (…, 3): (…, 3), π·L under constant light."""
-        directions = pixel_directions(self.mapping, self.size).reshape(-1, 3)
-        flux = self.radiance.reshape(-1, 3) * self.mapping.solid_angles(self.size).reshape(-1, 1)
+        areas = self.mapping.solid_angles(self.size)
         flat = np.atleast_2d(np.asarray(normals, np.float64).reshape(-1, 3))
-        result = np.stack([np.maximum(directions @ n, 0) @ flux for n in flat])
-        return result.reshape(np.shape(normals))
+        parts = []
+        for rows in self._bands():
+            directions = pixel_directions(self.mapping, self.size, rows).reshape(-1, 3)
+            flux = self.radiance[rows].reshape(-1, 3) * areas[rows].reshape(-1, 1)
+            parts.append(np.stack([np.maximum(directions @ n, 0) @ flux for n in flat]))
+        return np.sum(parts, axis=0).reshape(np.shape(normals))
+
+    def _bands(self) -> list[slice]:
+        """The rows in bands of `_BAND` pixels: a large map's directions would take four times its own memory."""
+        step = max(1, _BAND // self.radiance.shape[1])
+        return [slice(begin, begin + step) for begin in range(0, self.size, step)]
 
     def _repr_html_(self) -> str:
         """What a notebook shows: the map at a fair exposure, and its energy."""

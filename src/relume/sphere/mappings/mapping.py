@@ -78,20 +78,23 @@ def continued_round(pixels: np.ndarray) -> np.ndarray:
     return np.concatenate([tall[:, -1:], tall, tall[:, :1]], axis=1)
 
 
-def pixel_points(mapping: Mapping, size: int, subdivision: int = 1) -> np.ndarray:
-    """Image points of pixel centres, or of subdivision² cells in each pixel: (rows·s, columns·s, 2)."""
-    rows, columns = (subdivision * count for count in mapping.shape(size))
-    v, u = (np.arange(rows) + 0.5) / rows, (np.arange(columns) + 0.5) / columns
+def pixel_points(mapping: Mapping, size: int, subdivision: int = 1, rows: slice = slice(None)) -> np.ndarray:
+    """Image points of pixel centres, or of subdivision² cells in each pixel: (rows·s, columns·s, 2).
+
+    rows : those of the cells that are wanted
+    """
+    height, columns = (subdivision * count for count in mapping.shape(size))
+    v, u = (np.arange(height)[rows] + 0.5) / height, (np.arange(columns) + 0.5) / columns
     return np.stack(np.broadcast_arrays(u[None, :], v[:, None]), axis=-1)
 
 
-def pixel_directions(mapping: Mapping, size: int) -> np.ndarray:
-    """The unit directions of the middles of all pixels, (rows, columns, 3), finite everywhere.
+def pixel_directions(mapping: Mapping, size: int, rows: slice = slice(None)) -> np.ndarray:
+    """The unit directions of the middles of all pixels, or of some rows, (rows, columns, 3), finite everywhere.
 
     Where a rim cuts a pixel it is the nearest direction shown; where the image shows none, and the pixel's solid
     angle is 0, it is straight ahead.
     """
-    directions = mapping.directions(mapping.shown(pixel_points(mapping, size)))
+    directions = mapping.directions(mapping.shown(pixel_points(mapping, size, rows=rows)))
     return np.where(np.isnan(directions), (0.0, 0.0, -1.0), directions)
 
 
