@@ -44,7 +44,7 @@ class Server:
         self, path: str, *, method: str = "GET", body: bytes | str | None = None, **headers: str
     ) -> tuple[int, dict[str, str], bytes]:
         """Status, headers in small letters, body; the path goes out as it is written, the Host as given."""
-        speaking = http.client.HTTPConnection("127.0.0.1", self.port, timeout=30)
+        speaking = http.client.HTTPConnection("127.0.0.1", self.port, timeout=LIMIT)
         try:
             speaking.putrequest(method, path, skip_host=True)
             for name, value in {"Host": f"127.0.0.1:{self.port}", **headers}.items():
