@@ -17,7 +17,7 @@ from relume.light.constellations.local_lamps import free_lamp
 from relume.renderers.environment_probe import environment
 from relume.scene.lights import RectangleLight, SphereLight
 from relume.scene.scene import Infinite
-from relume.scene.shapes.shapes import Shape
+from relume.scene.shapes.shapes import Solid
 
 ROOM = rl.scene.Box((-2.0, -0.001, -1.5), (2.0, 2.6, 1.5))
 LEFT, RIGHT, BETWEEN = (-1.0, 0.7, 0.4), (1.0, 0.7, 0.4), (0.0, 0.7, 0.4)
@@ -34,7 +34,7 @@ SAMPLES, ROWS, CELL = 512, 96, 6
 BLACK = rl.EnvironmentMap(np.zeros((4, 8, 3), np.float32))
 
 
-def room(objects: Sequence[Shape] = ()) -> rl.Scene:
+def room(objects: Sequence[Solid] = ()) -> rl.Scene:
     """The true room."""
     walls = box_mesh((-2.0, 0.0, -1.5), (2.0, 2.6, 1.5), PAINT, "room")
     window = RectangleLight((1.99, 1.4, 0.2), (-1.0, 0.0, 0.0), (1.2, 1.0), (4.0, 5.0, 7.0))
