@@ -309,7 +309,7 @@ def test_brackets_are_advised_for_a_photograph(tmp_path, capsys):
     write(tmp_path / "a.png", Photograph(pixels, exposure=Exposure(1 / 60, 8.0, 100.0)))
     text = printed(["info", tmp_path / "a.png", "--brackets"], capsys).out
     assert "25 % white" in text and "7.0 stops, so 2 photographs at least" in text
-    assert "1/7680 s" in text and "while any of it is white" in text
+    assert "1/8000 s" in text and "while any of it is white" in text
     told = reported(["info", tmp_path / "a.png", "--brackets", "--brightest", "1.6e9"], capsys)["brackets"]
     assert told["fewest"] == 4 and len(told["stops"]) == len(told["exposures"]) > 3
     words = refused(["info", tmp_path / "a.png", "--brightest", "100"], capsys)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass
 from math import radians
 from pathlib import Path
 from typing import Annotated
@@ -12,6 +13,28 @@ import relume as rl
 from relume.cli.arguments import Accept, DryRun, LatLongOut, require_suffix
 from relume.cli.console import OutputOptions, finish, note, print_facts, warnings_as_notes
 from relume.cli.option_types import numbers
+
+
+@Parameter(name="*")
+@dataclass(frozen=True)
+class FisheyeOptions:
+    """What a user says of round views."""
+
+    fisheye: Annotated[
+        float | None,
+        Parameter(help="The views are round: of a fisheye of about so many degrees across; their turns are found."),
+    ] = None
+    equisolid: Annotated[bool, Parameter(negative="", help="Such a fisheye has r ∝ sin(θ/2), not r ∝ θ.")] = False
+    rim: Annotated[
+        tuple[float, float, float] | None,
+        numbers("X,Y,RADIUS", like="960,960,940", help="Of the round picture, pixels; in the middle unless given."),
+    ] = None
+
+    def lens(self) -> rl.probe.FisheyeLens | None:
+        """The lens, None for perspective views; raises ValueError that names the option."""
+        if self.fisheye is None and (self.equisolid or self.rim is not None):
+            raise ValueError(f"--{'equisolid' if self.equisolid else 'rim'} is for --fisheye; give that too")
+        return None if self.fisheye is None else rl.probe.FisheyeLens(radians(self.fisheye), self.equisolid)
 
 
 def panorama(
@@ -53,15 +76,7 @@ def panorama(
         float | None,
         Parameter(help="Field of view across, degrees; where the files hold none, or instead of what they hold."),
     ] = None,
-    fisheye: Annotated[
-        float | None,
-        Parameter(help="The views are round: of a fisheye of about so many degrees across; their turns are found."),
-    ] = None,
-    equisolid: Annotated[bool, Parameter(negative="", help="Such a fisheye has r ∝ sin(θ/2), not r ∝ θ.")] = False,
-    rim: Annotated[
-        tuple[float, float, float] | None,
-        numbers("X,Y,RADIUS", like="960,960,940", help="Of the round picture, pixels; in the middle unless given."),
-    ] = None,
+    fisheye: FisheyeOptions = FisheyeOptions(),
     size: Annotated[
         int | None, Parameter(help="Rows of the map; as fine as the views unless given, 4096 at most.")
     ] = None,
@@ -99,9 +114,8 @@ def panorama(
             matching=rl.probe.Matching(distortion=distortion, level=level), balance=balance, colours=colours,
         )  # fmt: skip
         known = settings.known(photographs)
-        if fisheye is None and (equisolid or rim is not None):
-            raise ValueError(f"--{'equisolid' if equisolid else 'rim'} is for --fisheye; give that too")
-        if fisheye is not None and (field is not None or colours or faces):
+        lens = fisheye.lens()
+        if lens is not None and (field is not None or colours or faces):
             raise ValueError("--fisheye has no use for --field, --faces and --colours; leave them out")
         if dry_run:
             found = "matched" if match else "matched, where the views do not hold it"
@@ -111,13 +125,12 @@ def panorama(
             return
         # The work.
         camera = None if profile is None else rl.capture.read_profile(profile)
-        if fisheye is None:
+        if lens is None:
             result = rl.probe.panorama_from_files(photographs, profile=camera, settings=settings)
         else:
-            lens = rl.probe.FisheyeLens(radians(fisheye), equisolid)
             result = rl.probe.fisheyes_from_files(
-                photographs, lens, rim=rim, orientations=known, profile=camera, size=size or 512,
-                balance=balance is not False,
+                photographs, lens, rim=fisheye.rim, turn=turn, orientations=orientations, profile=camera,
+                size=size or 512, balance=balance is not False,
             )  # fmt: skip
         rl.write(out, rl.as_radiance_map(result.light))
         # What came of it.

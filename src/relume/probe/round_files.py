@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 import os
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 
@@ -14,7 +14,7 @@ from relume.capture.response.camera_profile import CameraProfile
 from relume.errors import GatheredDoubts, NotAPanorama
 from relume.probe.panorama.files_to_map import HOLE
 from relume.probe.panorama.matching import Matching
-from relume.probe.panorama.view_files import KnownOrientation, read_sources
+from relume.probe.panorama.view_files import KnownOrientation, known_orientations, read_sources
 from relume.probe.panorama.views import angles_of, orientation
 from relume.probe.round_matching import ROUND, OrientedViews, orient_round_views
 from relume.probe.round_views import FisheyeLens, ParabolicMirror, RoundLens, RoundView, join_round_views
@@ -69,7 +69,8 @@ def fisheyes_from_files(
     lens: RoundLens = FisheyeLens(),
     *,
     rim: tuple[float, float, float] | None = None,
-    orientations: Mapping[Path, KnownOrientation] | None = None,
+    turn: float | None = None,
+    orientations: str | os.PathLike[str] | None = None,
     profile: CameraProfile | None = None,
     size: int = 512,
     balance: bool = True,
@@ -81,14 +82,15 @@ def fisheyes_from_files(
     lens : that drew all of them; its field is found with the turns, within some per cent of what is given
     rim : x, y and radius of the round picture, pixels from the upper left corner; unless given it is centred and
         touches the nearer borders
-    orientations : of views, where they are known: all, and none is matched; or some, and the first of these says how
-        the others, which are matched, lie in the world. Where none is known the first view looks level towards −Z
+    turn, orientations : where views looked, as in `known_orientations`: all, and none is matched; or a table of some,
+        and the first of these says how the others, which are matched, lie in the world. Where none is known the first
+        view looks level towards −Z
     profile : of the camera; recovered from brackets unless given, sRGB for single photographs
     size : rows of the map; balance, matching : as in `join_round_views` and `orient_round_views`
     Raises UnreadableFile, NotABracket, NotAPanorama, ValueError.
     """
     places = [Path(path) for path in paths]
-    known = {} if orientations is None else orientations
+    known = known_orientations(places, turn=turn, table=orientations)
     with GatheredDoubts() as gathered:
         views = []
         for source, path in zip(read_sources(places, profile=profile), places, strict=True):
@@ -103,8 +105,8 @@ def fisheyes_from_files(
         oriented = orient_round_views(views, matching) if missing else None
         if oriented is not None:
             given = next((index for index in range(len(views)) if index not in missing), 0)
-            turn = views[given].rotation @ oriented.views[given].rotation.T
-            views = [replace(view, rotation=turn @ view.rotation) for view in oriented.views]
+            turned = views[given].rotation @ oriented.views[given].rotation.T
+            views = [replace(view, rotation=turned @ view.rotation) for view in oriented.views]
         probe = join_round_views(views, size, balance=balance)
     notes = tuple(doubt.line for doubt in gathered.doubts)
     angles = probe.light.mapping.solid_angles(size)

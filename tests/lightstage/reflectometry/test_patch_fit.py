@@ -69,7 +69,8 @@ def least_deviations(samples: PatchSamples) -> np.ndarray:
     for step in 1e-5 * np.eye(6):
         ends = []
         for numbers in (truth + step, truth - step):
-            patch = PatchReflectance(numbers[:3], *numbers[3:], np.zeros(6), 0.0, LIGHT)
+            end, share, roughness = (float(each) for each in numbers[3:])
+            patch = PatchReflectance(numbers[:3], end, share, roughness, np.zeros(6), 0.0, LIGHT)
             ends.append(
                 patch.diffuse_part(samples.incidence, samples.viewing)
                 + patch.specular_part(samples.light, samples.view)

@@ -13,7 +13,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from scipy import ndimage
 from scipy.sparse import csgraph
-from scipy.spatial import cKDTree
+from scipy.spatial import KDTree
 
 from relume.lightstage.geometry.fusion import smoothed_normals
 from relume.lightstage.geometry.meshing import surface_normals
@@ -90,7 +90,7 @@ class _Cloud:
 
     points: np.ndarray
     normals: np.ndarray
-    tree: cKDTree
+    tree: KDTree
     chosen: np.ndarray
 
 
@@ -168,7 +168,7 @@ def _cloud(scanned: Scan, count: int) -> _Cloud:
     if len(points) < 100:
         raise ValueError(f"a scan has {len(points)} points inside its rim; too few to be laid on another")
     chosen = np.arange(0, len(points), max(1, len(points) // count))
-    return _Cloud(points, smooth[inner], cKDTree(points), chosen)
+    return _Cloud(points, smooth[inner], KDTree(points), chosen)
 
 
 def _spacing(clouds: Sequence[_Cloud]) -> float:

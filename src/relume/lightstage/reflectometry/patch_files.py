@@ -95,9 +95,10 @@ def read_patch(folder: str | os.PathLike[str]) -> PatchSamples:
     values = np.array([each.mean for each in measured]).reshape(-1, 3) / given.irradiance
     spread = np.array([each.deviation for each in measured]).reshape(-1, 3) / given.irradiance
     least = ROUNDING * np.abs(values).max(initial=1e-30)
-    angles = [np.radians([getattr(each, name) for each in given.pictures]) for name in ("incidence", "view")]
+    incidence = np.radians([each.incidence for each in given.pictures])
+    viewing = np.radians([each.view for each in given.pictures])
     try:
-        return PatchSamples(*angles, values, np.hypot(spread, least))
+        return PatchSamples(incidence, viewing, values, np.hypot(spread, least))
     except ValueError as error:
         raise UnreadableFile(f"{path}: {error}") from None
 
