@@ -9,6 +9,7 @@ tan α = sin γ / (D − cos γ).
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
+from functools import lru_cache
 
 import numpy as np
 from scipy.ndimage import distance_transform_edt
@@ -176,10 +177,17 @@ class BallView:
         sideways = directions - cosine[..., None] * back
         length = np.linalg.norm(sideways, axis=-1, keepdims=True)
         sideways = np.divide(sideways, length, out=np.zeros_like(sideways), where=length > 0)
-        gamma = np.linspace(0, np.arccos(1 / self.distance), 8192)
-        beta = gamma + np.arctan2(self.distance * np.sin(gamma), self.distance * np.cos(gamma) - 1)
-        angle = np.interp(np.arctan2(length[..., 0], cosine), beta, gamma)
+        angle = np.interp(np.arctan2(length[..., 0], cosine), *_reflections(self.distance))
         return angle, np.cos(angle)[..., None] * back + np.sin(angle)[..., None] * sideways
+
+
+@lru_cache(16)
+def _reflections(distance: float) -> tuple[np.ndarray, np.ndarray]:
+    """β of the light that reaches the camera and the γ of its normals, both rising; many look-ups share a table."""
+    gamma = np.linspace(0, np.arccos(1 / distance), 8192)
+    beta = gamma + np.arctan2(distance * np.sin(gamma), distance * np.cos(gamma) - 1)
+    gamma.flags.writeable = beta.flags.writeable = False
+    return beta, gamma
 
 
 def unwrap_ball(
