@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from functools import cache
 
 import numpy as np
 import pytest
@@ -14,8 +15,12 @@ SIZE = (240, 160)
 LENS = LateralColour(red=(0.003, 0.004), blue=(-0.002, -0.003))
 
 
+@cache
 def drawn(lateral: LateralColour, seed: int = 0, fine: int = 4) -> np.ndarray:
-    """A picture (H, W, 3) of discs of many greys and hues, each channel at its own scale, in boxes of fine pixels."""
+    """A picture (H, W, 3) of discs of many greys and hues, each channel at its own scale, in boxes of fine pixels.
+
+    Not to be written to: every test gets the same.
+    """
     width, height = SIZE
     random = np.random.default_rng(seed)
     discs = [(random.uniform(-130, 130), random.uniform(-90, 90), random.uniform(4, 22), random.uniform(0.05, 3),
@@ -30,8 +35,14 @@ def drawn(lateral: LateralColour, seed: int = 0, fine: int = 4) -> np.ndarray:
             shrink = 1 / (1 + a + b * shrink**2 * (x**2 + y**2) / (np.hypot(width, height) / 2) ** 2)
         plane = np.full(shrink.shape, 0.3)
         for across, down, radius, grey, hue in discs:
-            plane[np.hypot(x * shrink - across, y * shrink - down) < radius] = grey * hue[channel]
+            # Only where the disc can be: a few pixels more on each side than the channel's scale moves it.
+            rows = slice(*np.searchsorted(y[:, 0], (down - radius - 3, down + radius + 3)))
+            columns = slice(*np.searchsorted(x, (across - radius - 3, across + radius + 3)))
+            near = shrink[rows, columns]
+            inside = np.hypot(x[columns] * near - across, y[rows] * near - down) < radius
+            plane[rows, columns][inside] = grey * hue[channel]
         picture[..., channel] = plane.reshape(height, fine, width, fine).mean((1, 3))
+    picture.flags.writeable = False
     return picture
 
 
