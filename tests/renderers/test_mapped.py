@@ -561,3 +561,14 @@ def test_a_g_buffer_is_shaded_as_the_renderer_shades_what_it_sees():
     shaded = Shading.of([material], light, Plain()).shade(buffer)
     np.testing.assert_allclose(shaded[inside], seen.radiance[inside], rtol=1e-4, atol=1e-5)
     assert not shaded[~inside].any()
+
+
+def test_a_picture_in_bands_of_rows_is_the_same(monkeypatch: pytest.MonkeyPatch):
+    light = EnvironmentMap(np.random.default_rng(7).random((32, 64, 3)).astype(np.float32))
+    scene = Scene(light, objects=(ball(GREY), ball(WHITE, (0.7, 0.4, 1.5), 0.4)))
+    whole, shares = Prefiltered().render(scene, FAR), []
+    monkeypatch.setattr("relume.renderers.prefiltered.prefiltered._BAND", 64 * 7)
+    banded = Prefiltered().render(scene, FAR, progress=lambda stage: shares.append(stage))
+    for name in ("radiance", "variance", "matte", "depth", "normal", "albedo"):
+        assert np.array_equal(getattr(banded, name), getattr(whole, name)), name
+    assert len(shares) == 11 and shares[-1] == 1.0

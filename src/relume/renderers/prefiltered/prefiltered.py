@@ -39,6 +39,8 @@ from relume.scene.shapes.shapes import Patches, Polygon, Solid, Sphere
 from relume.sphere.bilinear_kernels import padded
 from relume.sphere.environment_map import EnvironmentMap
 
+_BAND = 2**19
+"""Pixels of a picture that are shaded at once: each takes 400 bytes until it is done."""
 LOOK_UPS = 8
 """Look-ups in a glossy map along each side of a pixel, at most, where the normal turns within it."""
 
@@ -200,7 +202,29 @@ class Prepared:
         turn : (3, 3) rotation of everything but the light and the camera; none unless given
         about : the point that it leaves where it is, metres
         """
-        seen = self.stage.seen(camera, np.eye(3) if turn is None else turn, np.asarray(about), self.renderer.threads)
+        turned, height = np.eye(3) if turn is None else turn, camera.height
+        step = max(1, _BAND // camera.width)
+        if step >= height:
+            whole = self._rows(camera, turned, np.asarray(about))
+        else:
+            shape = (height, camera.width)
+            planes = {name: np.empty((*shape, 3), np.float32) for name in ("radiance", "variance", "normal", "albedo")}
+            whole = Render(**planes, matte=np.empty(shape, np.float32), depth=np.empty(shape, np.float32))
+            for top in range(0, height, step):
+                # An edge is found by the rows on both of its sides.
+                first, last = max(top - 1, 0), min(top + step + 1, height)
+                part = self._rows(camera.window(0, first, camera.width, last - first), turned, np.asarray(about))
+                for name in (*planes, "matte", "depth"):
+                    getattr(whole, name)[top : top + step] = getattr(part, name)[top - first : top - first + step]
+                if progress:
+                    progress(top / height)
+        if progress:
+            progress(1.0)
+        return whole
+
+    def _rows(self, camera: Camera, turn: np.ndarray, about: np.ndarray) -> Render:
+        """One picture at once."""
+        seen = self.stage.seen(camera, turn, about, self.renderer.threads)
         light = self.shading.light(seen.samples, seen.uv)
         if self.renderer.background:
             missed = np.flatnonzero(seen.samples.surface < 0)
@@ -208,8 +232,6 @@ class Prepared:
         else:
             # What is not an object is the plate's: it would be there twice.
             light[seen.samples.surface < len(self.scene.local)] = 0
-        if progress:
-            progress(1.0)
         return self._render(seen, light, camera)
 
     def _render(self, seen: Seen, light: np.ndarray, camera: Camera) -> Render:
