@@ -6,13 +6,15 @@ import os
 import platform
 from collections.abc import Mapping as MappingOf
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from relume.image import files
 from relume.image.files.description import describe as facts_of
 from relume.image.files.read_options import ReadOptions
 from relume.scene.shapes.suffixes import SUFFIXES as MESHES
-from relume.sphere.environment_map import EnvironmentMap
+
+if TYPE_CHECKING:
+    from relume.sphere.environment_map import EnvironmentMap
 
 
 def describe(path: str | os.PathLike[str], options: ReadOptions = ReadOptions()) -> dict[str, Any]:
