@@ -89,8 +89,9 @@ def file_in_store(store: Path, number: int) -> Path:
     return store / RADIANCE / f"{number}.0.0.0"
 
 
-def number_in_store(path: Path) -> int | None:
+def number_in_store(path: str | os.PathLike[str]) -> int | None:
     """Which map of a store a file stands for, counted from 0; None for a file of no store."""
+    path = Path(path)
     found = _CHUNK.fullmatch(path.name)
     return int(found[1]) if found and path.parent.name == RADIANCE and is_map_store(path.parent.parent) else None
 

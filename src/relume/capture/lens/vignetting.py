@@ -134,6 +134,7 @@ def recover_vignetting(
     clean = problem.without(np.abs(rough.fun[: problem.values]) > MARK * scatter)
     fit = least_squares(clean.misfit, rough.x, x_scale="jac", kwargs={"scatter": scatter})
     unevenness = max(robust_deviation(fit.fun[: clean.values]), 1e-6)
+    # What no falloff explains is the surface's, or its light's.
     if unevenness > UNUSABLE:
         raise NotABracket(
             f"the flat field varies by {100 * unevenness:.0f} % beyond any vignetting; photograph an evenly lit, "

@@ -207,9 +207,9 @@ class Prepared:
         if step >= height:
             whole = self._rows(camera, turned, np.asarray(about))
         else:
-            shape = (height, camera.width)
-            planes = {name: np.empty((*shape, 3), np.float32) for name in ("radiance", "variance", "normal", "albedo")}
-            whole = Render(**planes, matte=np.empty(shape, np.float32), depth=np.empty(shape, np.float32))
+            colour, plain = (height, camera.width, 3), (height, camera.width)
+            planes = [np.empty(shape, np.float32) for shape in (colour, colour, plain, plain, colour, colour)]
+            whole = Render(planes[0], planes[1], planes[2], planes[3], planes[4], planes[5])
             for top in range(0, height, step):
                 # An edge is found by the rows on both of its sides.
                 first, last = max(top - 1, 0), min(top + step + 1, height)
