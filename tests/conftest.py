@@ -73,6 +73,11 @@ LONG = (
         "test_readme.py",
     ),
     *("lightstage/*/test_measured_view.py", "lightstage/*/test_environment_matte.py"),
+    *("lightstage/geometry/test_calibration.py", "lightstage/geometry/test_scan.py"),
+    *("lightstage/geometry/test_merging.py", "lightstage/*/test_patch_fit.py", "lightstage/test_object_storage.py"),
+    *("composite/test_varying_gloss.py", "probe/video/test_probe_films.py", "probe/test_mirror_edge.py"),
+    *("renderers/test_inside_bodies.py", "cluster/test_files.py", "cluster/test_stills.py"),
+    "studio/test_dropped_meshes.py",
     *("lightstage/*/test_control_variate.py", "lightstage/*/test_head_truth.py", "lightstage/*/test_read_stage.py"),
 )
 SHARED = Path(__file__).resolve().parents[2] / "shared"

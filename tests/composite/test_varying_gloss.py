@@ -83,8 +83,13 @@ def seen() -> np.ndarray:
 
 
 @pytest.fixture(scope="module")
-def found(seen) -> VaryingGloss:
-    return fit_varying_gloss(Observations(seen, (0.01 * seen) ** 2, GROUPS), lights(4))
+def four_lights() -> list[Callable[[Gloss], tuple[np.ndarray, np.ndarray]]]:
+    return lights(4)
+
+
+@pytest.fixture(scope="module")
+def found(seen, four_lights) -> VaryingGloss:
+    return fit_varying_gloss(Observations(seen, (0.01 * seen) ** 2, GROUPS), four_lights)
 
 
 def test_each_gloss_is_found_where_it_is(found):
@@ -108,10 +113,10 @@ def test_the_metal_is_a_metal_of_its_colour(found):
     assert not found.diffuse[THIRD == 2].any()
 
 
-def test_what_is_hardly_seen_has_the_usual_gloss_and_wide_errors(seen):
+def test_what_is_hardly_seen_has_the_usual_gloss_and_wide_errors(seen, four_lights):
     few = seen.copy()
     few[1:, GROUPS == 0] = np.nan
-    few = fit_varying_gloss(Observations(few, (0.01 * seen) ** 2, GROUPS), lights(4))
+    few = fit_varying_gloss(Observations(few, (0.01 * seen) ** 2, GROUPS), four_lights)
     assert not few.metal[0] and not few.determined[0]
     assert few.f0_error[0, 0] > 0.012
 

@@ -95,8 +95,10 @@ def test_a_rough_mesh_still_helps() -> None:
 
 
 def test_in_its_own_lights_the_field_is_what_was_measured() -> None:
-    found = upsampled(FIELD, LIGHTS, MESHES, DirectLightSettings(alpha=0.2, side=2, remainder=Smooth()))
-    np.testing.assert_allclose(found, FIELD.values, atol=2e-4)
+    # A third of them, from all sides.
+    some = StageLights.towards(LIGHTS.directions[::3])
+    found = upsampled(FIELD, some, MESHES, DirectLightSettings(alpha=0.2, side=2, remainder=Smooth()))
+    np.testing.assert_allclose(found, FIELD.values[::3], atol=2e-4)
 
 
 def test_a_map_is_the_sum_over_its_directions() -> None:
