@@ -57,9 +57,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
         sys.stdout.flush()
     except CycloptsError as error:
         return console.refuse(
-            str(error).strip() or "wrong arguments",
-            2,
-            hint=f"see {' '.join(('relume', *_command(words)))} --help",
+            str(error).strip() or "wrong arguments", 2, hint=f"see {' '.join(('relume', *_command(words)))} --help"
         )
     except BrokenPipeError:  # of a reader that has seen enough, like head
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())

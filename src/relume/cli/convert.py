@@ -114,7 +114,7 @@ class MapOptions:
         Angles | None,
         Parameter(
             help="Turn the light by YAW[,PITCH[,ROLL]] degrees, about +Y, then +X, then +Z, right-handed: yaw 90 "
-            "moves what lies ahead to the left.",
+            "moves what lies ahead to the left."
         ),
     ] = None
     mirror: Annotated[
@@ -149,7 +149,7 @@ class ViewOptions:
         Angles | None,
         Parameter(
             help="Crop a perspective picture out of the map, from a camera turned by YAW[,PITCH[,ROLL]] degrees, "
-            "to the right, up and clockwise, as panorama's --orientations.",
+            "to the right, up and clockwise, as panorama's --orientations."
         ),
     ] = None
     field: Annotated[float | None, Parameter(help="Horizontal field of view of --view, degrees; 90 unless given.")] = (
@@ -182,9 +182,7 @@ class PaintingOptions:
     hot: Annotated[
         list[tuple[Path, float]] | None,
         numbers(
-            "MASK=STOPS",
-            like="sun.png=12",
-            help="Brighten a painting where a picture is white; again for each mask.",
+            "MASK=STOPS", like="sun.png=12", help="Brighten a painting where a picture is white; again for each mask."
         ),
     ] = None
 

@@ -254,8 +254,7 @@ class PaintOptions:
         ),
     ] = False
     tolerance: Annotated[
-        int,
-        Parameter(group=PAINTER, help="Difference of pixel values that counts as none, 8 or more for a JPEG."),
+        int, Parameter(group=PAINTER, help="Difference of pixel values that counts as none, 8 or more for a JPEG.")
     ] = 0
     accept: Annotated[bool, Parameter(group=PAINTER, negative="", help="Exit with 0 although most pixels changed.")] = (
         False

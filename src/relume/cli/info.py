@@ -317,8 +317,7 @@ def info(
         bool, Parameter(negative="", help="Show what this machine renders with, and what is missing.")
     ] = False,
     draw: Annotated[
-        Path | None,
-        Parameter(help="Draw a light map at three exposures with its axes, as this .png."),
+        Path | None, Parameter(help="Draw a light map at three exposures with its axes, as this .png.")
     ] = None,
     from_: Annotated[
         str | None, Parameter(name="--from", help="Mapping of the map to draw, where the file does not remember it.")

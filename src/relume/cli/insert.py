@@ -315,8 +315,7 @@ def _prepare(shot: rl.Shot, out: Path, output: OutputOptions, farm: FarmOptions)
     with farm.watching(output) as report:
         prepared = rl.prepare_shot(shot, out, frame=first, progress=report)
     print_facts(
-        output,
-        {"prepared": str(out / "stages"), "camera": [round(float(v), 4) for v in prepared.camera.position]},
+        output, {"prepared": str(out / "stages"), "camera": [round(float(v), 4) for v in prepared.camera.position]}
     )
     return ()
 

@@ -11,14 +11,7 @@ from typing import Annotated, Any
 from cyclopts import Group, Parameter
 
 import relume as rl
-from relume.cli.arguments import (
-    Accept,
-    ClusterWord,
-    DryRun,
-    refuse_file_for_folder,
-    require_files,
-    require_suffix,
-)
+from relume.cli.arguments import Accept, ClusterWord, DryRun, refuse_file_for_folder, require_files, require_suffix
 from relume.cli.console import (
     OutputOptions,
     finish,

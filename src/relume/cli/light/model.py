@@ -28,10 +28,7 @@ def model(
     /,
     *,
     out: Annotated[
-        Path | None,
-        Parameter(
-            alias="-o", help="The place file to write, with what was found; beside the one that is read, or the same."
-        ),
+        Path | None, Parameter(alias="-o", help="The place file to write, with what was found; it may be the one read.")
     ] = None,
     export: Annotated[
         Path | None,
@@ -43,8 +40,9 @@ def model(
             group=ON_IT,
             consume_multiple=True,
             negative=(),
-            help="Radiance maps to lay on it, or photographs with --profile, each named as one of its photographs.",
-        ),
+            help="Radiance maps of its photographs to lay on it, "
+            "or photographs with --profile, each named as the one that it is of.",
+        ),  # fmt: skip
     ] = (),
     profile: Annotated[
         Path | None, Parameter(group=ON_IT, help="The camera's, from `relume merge --save-profile`.")

@@ -25,8 +25,7 @@ def studio(
     host: Annotated[str, Parameter(help="The address to listen at.")] = "127.0.0.1",
     port: Annotated[int, Parameter(help="The port to listen at; 0 takes a free one.")] = 0,
     allow_remote: Annotated[
-        bool,
-        Parameter(negative="", help="Let --host be one that other machines reach; they can edit the shot then."),
+        bool, Parameter(negative="", help="Let --host be one that other machines reach; they can edit the shot then.")
     ] = False,
     browser: Annotated[bool, Parameter(help="Open the page in the browser.")] = True,
     output: OutputOptions = OutputOptions(),

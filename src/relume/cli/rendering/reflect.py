@@ -9,14 +9,7 @@ from typing import Annotated, Literal
 from cyclopts import Parameter
 
 import relume as rl
-from relume.cli.arguments import (
-    ClusterWord,
-    DryRun,
-    MapsOptions,
-    made_folder,
-    require_files,
-    require_output_folder,
-)
+from relume.cli.arguments import ClusterWord, DryRun, MapsOptions, made_folder, require_files, require_output_folder
 from relume.cli.console import (
     OutputOptions,
     finish_each,

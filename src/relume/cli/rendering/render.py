@@ -61,8 +61,7 @@ class TracingOptions:
         int | None, Parameter(help="whitted: how often a pixel's square is halved; 3 unless the file says.")
     ] = None
     tolerance: Annotated[
-        float | None,
-        Parameter(help="whitted: corners that differ by this share are halved; 0.1 unless the file says."),
+        float | None, Parameter(help="whitted: corners that differ by this share are halved; 0.1 unless the file says.")
     ] = None
     region: Annotated[
         tuple[int, int, int, int] | None,

@@ -208,13 +208,16 @@ class Prepared:
             whole = self._rows(camera, turned, np.asarray(about))
         else:
             colour, plain = (height, camera.width, 3), (height, camera.width)
-            planes = [np.empty(shape, np.float32) for shape in (colour, colour, plain, plain, colour, colour)]
-            whole = Render(planes[0], planes[1], planes[2], planes[3], planes[4], planes[5])
+            whole = Render(
+                radiance=np.empty(colour, np.float32), variance=np.empty(colour, np.float32),
+                matte=np.empty(plain, np.float32), depth=np.empty(plain, np.float32),
+                normal=np.empty(colour, np.float32), albedo=np.empty(colour, np.float32),
+            )  # fmt: skip
             for top in range(0, height, step):
                 # An edge is found by the rows on both of its sides.
                 first, last = max(top - 1, 0), min(top + step + 1, height)
                 part = self._rows(camera.window(0, first, camera.width, last - first), turned, np.asarray(about))
-                for name in (*planes, "matte", "depth"):
+                for name in ("radiance", "variance", "normal", "albedo", "matte", "depth"):
                     getattr(whole, name)[top : top + step] = getattr(part, name)[top - first : top - first + step]
                 if progress:
                     progress(top / height)
