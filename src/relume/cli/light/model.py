@@ -37,12 +37,11 @@ def model(
     textures: Annotated[
         tuple[Path, ...],
         Parameter(
+            help="Radiance maps of its photographs to lay on it, or photographs with --profile; by their names.",
             group=ON_IT,
             consume_multiple=True,
             negative=(),
-            help="Radiance maps of its photographs to lay on it, "
-            "or photographs with --profile, each named as the one that it is of.",
-        ),  # fmt: skip
+        ),
     ] = (),
     profile: Annotated[
         Path | None, Parameter(group=ON_IT, help="The camera's, from `relume merge --save-profile`.")
