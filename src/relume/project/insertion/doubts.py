@@ -12,7 +12,7 @@ from relume.image.colour import luminance
 from relume.image.radiance import BLACK, SATURATED
 from relume.project.insertion.photographs import Calibrated
 from relume.project.insertion.place import Place
-from relume.project.schema import GreyOrColour
+from relume.project.schema import Vector
 from relume.renderers.projective.place_light import CLEAR, Arriving
 from relume.renderers.projective.shining_meshes import place_of
 from relume.renderers.raytrace.raycast import RayCaster
@@ -37,7 +37,7 @@ TWO_CAMERAS = 0.2
 
 
 def doubts_on(
-    calibrated: Calibrated, place: Place, matte_of_objects: np.ndarray | None, scale: GreyOrColour | None
+    calibrated: Calibrated, place: Place, matte_of_objects: np.ndarray | None, scale: float | Vector | None
 ) -> tuple[Doubt, ...]:
     """What the user should know of the measurements.
 
@@ -116,7 +116,7 @@ def _of_surfaces(place: Place) -> Iterator[Doubt]:
             )
 
 
-def _of_shining(calibrated: Calibrated, place: Place, scale: GreyOrColour) -> Iterator[Doubt]:
+def _of_shining(calibrated: Calibrated, place: Place, scale: float | Vector) -> Iterator[Doubt]:
     """Whether a place of its own radiance is as bright as the plate where the camera sees it."""
     shining = [shape for shape in place.bare.local if isinstance(shape, Mesh) and _shines(shape)]
     if not shining:
