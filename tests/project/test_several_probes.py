@@ -14,6 +14,7 @@ from relume.image.files import write
 from relume.probe.ball.blending import Probe
 from relume.project.insertion.photographs import Calibrated, finished_light, joined_light
 from relume.project.insertion.place import bare_place
+from relume.project.probe_tables import without_hanging
 from relume.scene.lights import SphereLight
 from relume.scene.scene import Box, Infinite
 from relume.sphere.environment_files import as_radiance_map
@@ -105,6 +106,19 @@ def test_a_lamp_that_the_joined_map_does_not_show_lights_the_scene_all_the_same(
     np.testing.assert_allclose(
         np.array(lamp.radiance) * np.pi * lamp.radius**2, 2 * RADIANCE * np.pi * RADIUS**2, rtol=0.06
     )
+
+
+def test_a_half_hidden_lamp_that_stays_in_the_map_gives_no_more_than_all_of_its_light(folder):
+    joined = joined_light(shot_of(folder, SHOT + PROBES + ROOM))
+    assert joined is not None and joined.lamps_seen.tolist() == [1.0]
+    # The map shows so much of it that it stands out from the wall, or so little that it does not.
+    joined = replace(joined, lamps_seen=np.array([0.75]))
+    whole = joined.lamps.intensity[0]
+    faint = replace(joined.light, radiance=np.minimum(joined.light.radiance, 1.5))
+    for light, free in ((joined.light, 1.0), (faint, 0.25)):
+        rest, (lamp,) = without_hanging(light, joined, np.ones(3))
+        np.testing.assert_allclose(np.array(lamp.radiance) * np.pi * lamp.radius**2, free * whole, rtol=1e-6)
+        assert (rest.radiance.max() > 1) == (free < 1)
 
 
 def probe_of(light: EnvironmentMap, like: Probe) -> Probe:

@@ -95,6 +95,8 @@ def test_a_place_gives_light_and_takes_shadows(tmp_path: Path):
     assert np.mean(abs(ratio - 1)) < 0.01 and ratio[open_[bare] < 0.85].mean() == pytest.approx(1, abs=0.015)
     # Elsewhere the plate stays, and the ball is black.
     assert composite[matte > 0.999].max() < 0.01
+    # The floor takes light: the plate's is not compared with the wall below it.
+    assert not any("light.scale" in each.line for each in made.doubts)
 
 
 def test_in_even_light_a_matte_ball_is_as_bright_as_it_reflects(tmp_path: Path):
@@ -105,7 +107,26 @@ def test_in_even_light_a_matte_ball_is_as_bright_as_it_reflects(tmp_path: Path):
     assert np.mean(abs(shown / 0.3 - 1)) < 0.05
     (doubt,) = [each.line for each in made.doubts if "light.scale" in each.line]
     assert doubt.startswith("the plate is 2 times as bright as light.distant where both show one place;")
-    assert doubt.endswith("give light.scale = 2")
+    # It stands beside the present scale; the room that is as bright as the plate again needs none.
+    assert doubt.endswith("give light.scale = 1")
+    again = insert(shot(tmp_path, 0.6, light="scale = 1"), tmp_path / "again")
+    assert not any("light.scale" in each.line for each in again.doubts)
+    assert again.change.objects[again.change.matte > 0.999].mean() == pytest.approx(0.6, rel=0.01)
+
+
+def test_a_scale_of_each_channel_is_corrected_channel_by_channel(tmp_path: Path):
+    made = insert(shot(even(tmp_path, 1.0), 0.6, light="scale = [0.5, 0.5, 0.5]"), tmp_path / "out")
+    (doubt,) = [each.line for each in made.doubts if "light.scale" in each.line]
+    assert doubt.endswith("give light.scale = [1, 1, 1]")
+
+
+def test_what_hides_the_shining_walls_is_not_compared_with_them(tmp_path: Path):
+    even(tmp_path, 0.3)
+    walls = place.painted(place.box((-3, 0, -2.5), (3, 3, 2.5), "walls", inward=True), lambda at: np.ones(len(at)))
+    rl.report.write_place(tmp_path / "hall.glb", place_of([walls]))
+    floor = '[[local]]\nshape = "plane"\nsize = [6, 5]\nheight = 0.01'
+    made = insert(shot(tmp_path, 0.0, light=floor), tmp_path / "out")
+    assert on_floor().mean() > 0.5 and not any("light.scale" in each.line for each in made.doubts)
 
 
 def test_a_ball_in_a_photographed_room_has_the_rooms_light(tmp_path: Path):

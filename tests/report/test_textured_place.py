@@ -89,10 +89,22 @@ def test_what_does_not_go_together_is_refused_in_one_line(folder: Path, tmp_path
         ([cropped], "18×18 pixels; 'photo1' was marked in 1600×1200, another shape"),
     ):
         with pytest.raises(InvalidPlace, match=words) as caught:
-            rl.report.texture_place(marks, pictures, tmp_path / "place.glb")
+            rl.report.texture_place(marks, pictures, tmp_path / "place.glb", out=folder / "refused.toml")
         assert "\n" not in str(caught.value)
     with pytest.raises(ValueError, match=r"written as \.glb or \.usda"):
         rl.report.texture_place(marks, [first], tmp_path / "place.obj")
     with pytest.raises(ValueError, match="there are no photographs to lay"):
         rl.report.texture_place(marks, [], tmp_path / "place.glb")
+    # Finer texels than a texture has are refused with their number, and so are those of no width.
+    for texel, words in (
+        (0.0, r"texel is 0\.0; expected its width in metres"),
+        (-0.1, r"texel is -0\.1; expected its width"),
+        (
+            1e-5,
+            r"texel is 1e-05 m, of which 'house' with its \d+ m² has 2\.\de\+12; a texture has 2\.7e\+08 at most: give",
+        ),
+    ):
+        with pytest.raises(InvalidPlace, match=words):
+            rl.report.texture_place(marks, [first], tmp_path / "place.glb", out=folder / "refused.toml", texel=texel)
     assert sorted(path.name for path in tmp_path.iterdir()) == ["north.exr", "photo1.exr"]
+    assert not (folder / "refused.toml").exists()

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from contextlib import suppress
 from pathlib import Path
 
 import numpy as np
@@ -85,24 +86,23 @@ def without_hanging(
     """A joined map without the lamps that were found to hang in the place, and the lamps.
 
     gain : (3,) by which the map was made brighter since it was joined
-    One that does not stand out from what is behind it, as beside another lamp, stays in the map. One that the map does
-    not show, or a part of, is what the probes that see it say.
+    One that does not stand out from what is behind it, as beside another lamp, stays in the map as far as it shows it.
+    What the map does not show of it is what the probes that see it say.
     """
-    lamps = []
+    lamps: list[SphereLight] = []
     found = joined.lamps
     for index, (position, share) in enumerate(zip(found.positions, joined.lamps_seen, strict=True)):
-        hidden = share < 1
-        if hidden:
-            radii = None if found.radii is None else found.radii[index : index + 1]
-            lamps.append(_sphere(PlacedLights(position[None], gain * found.intensity[index : index + 1], radii)))
-        if share == 0:
+        shown = None
+        if share > 0:
+            with suppress(ValueError):
+                light, shown = lamp_out_of(light, position, joined.position)
+        if share >= 1:
+            lamps += [] if shown is None else [shown]
             continue
-        try:
-            light, lamp = lamp_out_of(light, position, joined.position)
-        except ValueError:
-            continue
-        if not hidden:
-            lamps.append(lamp)
+        # The part that stays in the map gives its light from there.
+        free = 1.0 if share == 0 or shown is not None else 1 - share
+        radii = None if found.radii is None else found.radii[index : index + 1]
+        lamps.append(_sphere(PlacedLights(position[None], free * gain * found.intensity[index : index + 1], radii)))
     return light, lamps
 
 

@@ -33,6 +33,11 @@ def test_photographs_are_laid_on_the_place(tmp_path, capsys):
     assert found["brightness"]["photo3"].endswith(" of the middle one")
     line = refused(["model", tmp_path / "marks.toml", "--textures", *maps], capsys)
     assert "--textures go into --export place.glb" in line
+    # No width is a width that was given; a file that is not there is none to try with.
+    assert "--texel are theirs" in refused(["model", tmp_path / "marks.toml", "--texel", 0], capsys)
+    assert "texel is 0.0" in refused([*command[:2], "--texel", 0, *command[4:]], capsys)
+    line = refused(["model", tmp_path / "marks.toml", "--export", glb, "--textures", "none.exr", "--dry-run"], capsys)
+    assert "none.exr" in line
 
 
 def test_a_folder_of_photographs_begins_a_place_file(tmp_path, capsys):

@@ -7,6 +7,7 @@ from pathlib import Path
 from typing import Annotated
 
 from cyclopts import Group, Parameter
+from cyclopts.validators import Path as FileThere
 
 import relume as rl
 from relume.cli.arguments import DryRun, require_suffix
@@ -15,6 +16,8 @@ from relume.cli.option_types import numbers
 
 ELSEWHERE = Group("Photogrammetry made elsewhere")
 ON_IT = Group("Its photographs on it")
+THERE = FileThere(exists=True, dir_okay=False)
+OF_PHOTOGRAPHS = "Radiance maps of its photographs to lay on it, or photographs with --profile; by their names."
 
 
 def model(
@@ -36,15 +39,10 @@ def model(
     ] = None,
     textures: Annotated[
         tuple[Path, ...],
-        Parameter(
-            help="Radiance maps of its photographs to lay on it, or photographs with --profile; by their names.",
-            group=ON_IT,
-            consume_multiple=True,
-            negative=(),
-        ),
+        Parameter(group=ON_IT, consume_multiple=True, negative=(), validator=THERE, help=OF_PHOTOGRAPHS),
     ] = (),
     profile: Annotated[
-        Path | None, Parameter(group=ON_IT, help="The camera's, from `relume merge --save-profile`.")
+        Path | None, Parameter(group=ON_IT, validator=THERE, help="The camera's, from `relume merge --save-profile`.")
     ] = None,
     texel: Annotated[float | None, Parameter(group=ON_IT, help="Metres a texel; as fine as they show it.")] = None,
     scale: Annotated[float | None, Parameter(group=ELSEWHERE, help="Metres to a unit of its model.")] = None,
@@ -71,7 +69,7 @@ def model(
         if export is not None:
             kinds = (".glb", ".usda") if textures else (".glb", ".obj", ".usda", ".usd")
             require_suffix(export, *kinds, option="--export")
-        if (textures and export is None) or (not textures and (profile or texel)):
+        if (textures and export is None) or (not textures and (profile is not None or texel is not None)):
             raise ValueError("--textures go into --export place.glb; --profile and --texel are theirs")
         beginning = place.is_dir() or place.suffix.lower() != ".toml"
         if beginning and (out is None or export is not None):
@@ -81,21 +79,16 @@ def model(
         # Without a file to write nothing is begun; what is solved may only be looked at.
         written = [str(path) for path in (out, export) if path is not None]
         if dry_run:
-            print_facts(output, {"would write": written})
-            return
+            return print_facts(output, {"would write": written})
         if beginning and out is not None:
             known = scale if between is None or metres is None else rl.scene.KnownDistance(*between, metres)
             begun = rl.scene.new_place_file(place, out, scale=known, up=up, mesh=mesh, photographs=photographs)
             if not begun.solved:
-                by_pointer = f"(by the pointer: `relume studio {out}`)"
-                solve = f"then run `relume model {out} -o {out}`"
-                note(output, f"name blocks and mark their edges in {out} {by_pointer}, {solve}")
-            print_facts(output, {"written": written, **asdict(begun)})
-            return
+                where = f"in {out} (by the pointer: `relume studio {out}`)"
+                note(output, f"name blocks and mark their edges {where}, then run `relume model {out} -o {out}`")
+            return print_facts(output, {"written": written, **asdict(begun)})
         # Cameras and sizes, and the photographs laid on them.
         if textures and export is not None:
             textured = rl.report.texture_place(place, textures, export, out=out, profile=profile, texel=texel)
-            print_facts(output, {"written": written, **textured.place.facts(), **textured.facts()})
-            return
-        found = rl.model_place(place, out=out, export=export)
-        print_facts(output, {"written": written, **found.facts()})
+            return print_facts(output, {"written": written, **textured.place.facts(), **textured.facts()})
+        print_facts(output, {"written": written, **rl.model_place(place, out=out, export=export).facts()})

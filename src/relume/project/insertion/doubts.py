@@ -12,8 +12,10 @@ from relume.image.colour import luminance
 from relume.image.radiance import BLACK, SATURATED
 from relume.project.insertion.photographs import Calibrated
 from relume.project.insertion.place import Place
-from relume.renderers.projective.place_light import Arriving
+from relume.project.schema import Vector
+from relume.renderers.projective.place_light import CLEAR, Arriving
 from relume.renderers.projective.shining_meshes import place_of
+from relume.renderers.raytrace.raycast import RayCaster
 from relume.renderers.results import Change
 from relume.scene.materials.materials import Material, is_image
 from relume.scene.shapes.shapes import Mesh, Shape
@@ -34,14 +36,17 @@ TWO_CAMERAS = 0.2
 """By what share two cameras' scales differ, usually: their ISO and aperture are true to a quarter of a stop or so."""
 
 
-def doubts_on(calibrated: Calibrated, place: Place, matte_of_objects: np.ndarray | None) -> tuple[Doubt, ...]:
+def doubts_on(
+    calibrated: Calibrated, place: Place, matte_of_objects: np.ndarray | None, scale: float | Vector | None
+) -> tuple[Doubt, ...]:
     """What the user should know of the measurements.
 
     matte_of_objects : None where there are no objects
+    scale : by which the light was multiplied already; None where the shot gives none
     """
     return (
         *calibrated.probe.notes, *_of_clipping(calibrated), *_of_surfaces(place), *_of_cameras(calibrated),
-        *_of_shining(calibrated, place),
+        *_of_shining(calibrated, place, 1.0 if scale is None else scale),
         *([_unseen()] if matte_of_objects is not None and not matte_of_objects.any() else []),
     )  # fmt: skip
 
@@ -111,30 +116,37 @@ def _of_surfaces(place: Place) -> Iterator[Doubt]:
             )
 
 
-def _of_shining(calibrated: Calibrated, place: Place) -> Iterator[Doubt]:
+def _of_shining(calibrated: Calibrated, place: Place, scale: float | Vector) -> Iterator[Doubt]:
     """Whether a place of its own radiance is as bright as the plate where the camera sees it."""
-    shining = [
-        shape for shape in place.bare.local
-        if isinstance(shape, Mesh) and isinstance(shape.material, Material) and is_image(shape.material.emission)
-    ]  # fmt: skip
+    shining = [shape for shape in place.bare.local if isinstance(shape, Mesh) and _shines(shape)]
     if not shining:
         return
     plate, camera = calibrated.plate.radiance, place.camera
     step = max(1, round((plate.shape[0] * plate.shape[1] / COMPARED) ** 0.5))
     rays = camera.rays()[step // 2 :: step, step // 2 :: step].reshape(-1, 3)
     eyes = camera.eyes(camera.middles())[step // 2 :: step, step // 2 :: step].reshape(-1, 3)
-    shown = luminance(Arriving(place_of(shining)).along(eyes, rays))
+    light = Arriving(place_of(shining))
+    shown = luminance(light.along(eyes, rays))
     seen = luminance(plate[step // 2 :: step, step // 2 :: step].reshape(-1, 3))
-    both = (shown > 0) & (seen > 0)
+    # What takes light may hide what shines, or lie on it: the plate shows that, which this place does not know.
+    others = RayCaster.of([shape for shape in place.bare.local if not (isinstance(shape, Mesh) and _shines(shape))])
+    behind = light.caster.nearest(eyes, rays, beyond=CLEAR).distance
+    both = (shown > 0) & (seen > 0) & (others.nearest(eyes, rays).distance > behind + CLEAR)
     if both.mean() < COMMON:
         return
     ratio = float(np.median(seen[both] / shown[both]))
     if abs(np.log2(ratio)) > APART:
+        # The place was multiplied by the present scale before it was compared.
+        wanted = ", ".join(f"{ratio * each:.3g}" for each in np.atleast_1d(scale))
         yield Doubt(
             f"the plate is {ratio:.2g} times as bright as light.distant where both show one place; if the photographs "
-            f"on it are of another exposure, give light.scale = {ratio:.3g}",
+            f"on it are of another exposure, give light.scale = {wanted if np.ndim(scale) == 0 else f'[{wanted}]'}",
             abs(float(np.log2(ratio))),
         )
+
+
+def _shines(mesh: Mesh) -> bool:
+    return isinstance(mesh.material, Material) and is_image(mesh.material.emission)
 
 
 def _of_cameras(calibrated: Calibrated) -> Iterator[Doubt]:

@@ -117,7 +117,7 @@ def insert(
         # What the user should know.
         doubts = (
             *doubts_about(meshes, place.camera, place.bare.local),
-            *doubts_on(calibrated, place, composite.change.matte if meshes else None),
+            *doubts_on(calibrated, place, composite.change.matte if meshes else None, shot.light.scale),
             *doubts_at_borders(calibrated, place, composite.change, meshes),
         )
     # Nothing but kept stages was written until here.
@@ -213,7 +213,8 @@ def prepare_shot(
     development = development_of(shot, calibrated)
     if frame is not None:
         plate_look(shot, calibrated, development, steps)
-    for doubt in (*doubts_about(meshes, place.camera, place.bare.local), *doubts_on(calibrated, place, None)):
+    own = doubts_on(calibrated, place, None, shot.light.scale)
+    for doubt in (*doubts_about(meshes, place.camera, place.bare.local), *own):
         warn(doubt.line, doubt.effect)
     scene = place.relit(shot).adding(*meshes)
     return PreparedShot(

@@ -24,6 +24,9 @@ NEIGHBOURS = 24
 FINEST = 0.25
 """Of the mesh's parts, the share that the photographs show more finely than the texels are."""
 
+MOST = 16384**2
+"""Texels of one mesh, at most, that may be asked for: a picture as large as graphics cards take, 3 GB of colour."""
+
 
 @dataclass(frozen=True, eq=False)
 class BakedMesh:
@@ -109,16 +112,19 @@ def bake(
     views : photographs that a texel is blended of at most
 
     Holes are filled from the nearest known texels of the same mesh, by inverse squared distance (Shepard 1968).
-    Raises ValueError for no meshes, no photographs, units that differ, and photographs that show none of the meshes.
+    Raises ValueError for no meshes, no photographs, units that differ, photographs that show none of the meshes, and a
+    texel of no width or of which a mesh has more than 16384².
     """
     if not meshes:
         raise ValueError("there are no meshes to bake; give the place's")
+    if texel is not None:
+        _require_texel(texel, meshes)
     units = {photograph.radiance.unit for photograph in photographs}
     if len(units) > 1:
         raise ValueError("some photographs are calibrated (cd/m²) and some relative; bring them to one scale first")
     caster = RayCaster.of(meshes)
     among = projectors(photographs, caster)
-    atlases = [atlas_of(mesh, texel or _fineness(mesh, among), largest) for mesh in meshes]
+    atlases = [atlas_of(mesh, _fineness(mesh, among) if texel is None else texel, largest) for mesh in meshes]
     found = [_shown(atlas, among, views) for atlas in atlases]
     if not any(blend.seen.any() for blend, _ in found):
         raise ValueError("no photograph shows any of the meshes; are cameras and meshes of one place, in metres?")
@@ -127,6 +133,18 @@ def bake(
         _part(atlas, blend, turned, everywhere) for atlas, (blend, turned) in zip(atlases, found, strict=True)
     )
     return BakedPlace(parts, units.pop())
+
+
+def _require_texel(texel: float, meshes: Sequence[Mesh]) -> None:
+    if not 0 < texel < np.inf:
+        raise ValueError(f"texel is {texel}; expected its width in metres, like 0.01")
+    for mesh in meshes:
+        area = float(face_normals(mesh)[1].sum())
+        if not area / texel / texel <= MOST:
+            raise ValueError(
+                f"texel is {texel} m, of which {mesh.name!r} with its {area:.3g} m² has {area / texel / texel:.2g}; a "
+                f"texture has {MOST:.2g} at most: give {1.01 * (area / MOST) ** 0.5:.2g} or more"
+            )
 
 
 def _fineness(mesh: Mesh, among: Sequence[Projector]) -> float:

@@ -27,7 +27,8 @@ class Seams:
 
     shared : share of the seen surface that two or more photographs show
     typical, worst : the median and the 95th percentile of how far they lie apart there, as a share of their mean
-    gains : by name, how many times as bright as the middle one each photograph is; NaN where it shares too little
+    gains : by name, how many times as bright as the middle one each photograph is, of those that it shares places
+        with, itself or through others; NaN where it shares too little
     """
 
     shared: float
@@ -61,21 +62,26 @@ def seams(place: BakedPlace, photographs: Sequence[ProjectedPhotograph]) -> Seam
 
 
 def _gains(values: np.ndarray) -> np.ndarray:
-    """(K,) of logarithms (K, N): the gains that explain all pairs' ratios, least squares, over their median.
+    """(K,) of logarithms (K, N): the gains that explain all pairs' ratios, least squares, over their group's median.
 
-    NaN of what shares too little with any other.
+    A group shares places, from one photograph to the next; across groups nothing is known. NaN of what shares too
+    little with any other.
     """
+    from scipy.sparse.csgraph import connected_components
+
     count = len(values)
-    rows, ratios = [], []
+    rows, ratios, linked = [], [], np.zeros((count, count), bool)
     for i, j in combinations(range(count), 2):
         apart = values[i] - values[j]
         if (known := int(np.isfinite(apart).sum())) >= FEW:
             row = np.zeros(count)
             row[i], row[j] = np.sqrt(known), -np.sqrt(known)
             rows.append(row)
+            linked[i, j] = True
             ratios.append(np.sqrt(known) * np.nanmedian(apart))
     if not rows:
         return np.full(count, np.nan)
     logs = np.linalg.lstsq(np.array(rows), np.array(ratios), rcond=None)[0]
-    shares = np.any(np.array(rows) != 0, axis=0)
-    return np.where(shares, np.exp(logs - np.median(logs[shares])), np.nan)
+    groups = connected_components(linked, directed=False)[1]
+    middles = np.array([np.median(logs[groups == group]) for group in groups])
+    return np.where((linked | linked.T).any(axis=0), np.exp(logs - middles), np.nan)

@@ -18,7 +18,7 @@ from relume.renderers.projective.baking import BakedPlace, bake
 from relume.renderers.projective.photographs import ProjectedPhotograph
 from relume.renderers.projective.seams import Seams, seams
 from relume.report.shots.place_files import PlaceFiles, require_place_suffix, write_place
-from relume.scene.places.modelling import model_place
+from relume.scene.places.modelling import modelled
 from relume.scene.places.place import Place, PlacePhotograph
 
 UNEVEN = 0.15
@@ -70,13 +70,14 @@ def texture_place(
 ) -> TexturedPlace:
     """Find a place from its marked edges, lay its photographs' radiance on it, and write it as glTF or USD.
 
-    path, out : the place file and where to write it with what was found, as `model_place` takes them
+    path, out : the place file and where to write it with what was found, last, as `model_place` takes them
     photographs : radiance maps, or photographs of eight bits with a profile; each is named as a photograph of the place
         or as its file is, without the suffix, and may be of another size. Those of the place that are left out are not
         used
     export : .glb or .usda; textures of full precision and masks of the holes lie beside it, as `write_place` says
     profile : of the camera, as `relume merge --save-profile` writes it; their exposures are in the photographs' EXIF
-    texel : metres; as fine as the photographs show a quarter of the surface, unless given
+    texel : metres; as fine as the photographs show a quarter of the surface, unless given, and wider where a texture
+        would have more than 2048 along a side, as `rl.renderers.bake` says
 
     Raises InvalidPlace, one line: what `model_place` raises, a file that is no photograph of the place or of another
     shape, and a place that none of them shows; UnreadableFile, ValueError without a profile, OutputNotWritten.
@@ -85,7 +86,7 @@ def texture_place(
     if not photographs:
         raise ValueError("there are no photographs to lay on the place; give radiance maps, one of each photograph")
     known = None if profile is None else read_profile(Path(profile))
-    place = model_place(path, out=out)
+    place, text = modelled(Path(path), out)
     if not place.blocks:
         raise InvalidPlace(f"{path}: the place has no mesh to lay photographs on; name one in its file")
     taken = _projected(place, [Path(each) for each in photographs], known)
@@ -97,7 +98,10 @@ def texture_place(
     for name, gain in agreement.gains.items():
         if abs(np.log2(gain)) > UNEVEN:
             warn(f"{name} is {gain:.2f} times as bright as the others where they show one place; is it on their scale?")
-    return TexturedPlace(place, baked, agreement, write_place(export, baked))
+    written = write_place(export, baked)
+    if out is not None:
+        files.write_text(out, text)
+    return TexturedPlace(place, baked, agreement, written)
 
 
 def _projected(place: Place, paths: Sequence[Path], profile: CameraProfile | None) -> list[ProjectedPhotograph]:

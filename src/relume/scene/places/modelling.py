@@ -35,9 +35,24 @@ def model_place(
     Raises InvalidPlace, one line: a wrong key or name, a size or camera that the marks do not determine, a photograph
     of another place; UnreadableFile, OutputNotWritten.
     """
-    path = Path(path)
     if export is not None:
         require_mesh_suffix(Path(export))
+    place, text = modelled(Path(path), out)
+    if out is not None:
+        files.write_text(out, text)
+    if export is not None:
+        if not place.blocks:
+            raise InvalidPlace(f"{export}: the place has no mesh to export; name one in its file")
+        write_meshes(Path(export), place.meshes())
+    return place
+
+
+def modelled(path: Path, out: str | os.PathLike[str] | None) -> tuple[Place, str]:
+    """What `model_place` finds, and the place file's text with it, of which nothing is written yet.
+
+    out : where that is to be written, if anywhere
+    Raises what `model_place` raises but OutputNotWritten.
+    """
     if out is not None and Path(out).absolute().parent != path.absolute().parent:
         raise ValueError(f"{out}: files are named from the place file's folder; write it into {path.absolute().parent}")
     tables = read_tables(path)
@@ -46,7 +61,7 @@ def model_place(
             raise ValueError(
                 f"{path}: its cameras are those of {tables.photogrammetry.model}; there is nothing to find"
             )
-        return _exported(read_place(path), export)
+        return read_place(path), ""
     facts = tuple(_facts(path, table.file, table.size) for table in tables.photographs)
     try:
         solution = solved(tables, facts)
@@ -55,18 +70,8 @@ def model_place(
         raise InvalidPlace(f"{path}: {error}") from None
     for doubt in place.doubts:
         warn(f"{path}: {doubt}")
-    if out is not None:
-        text = without_found(path.read_text(encoding="utf-8"))
-        files.write_text(out, text + found_text(place, _found_blocks(tables, solution)))
-    return _exported(place, export)
-
-
-def _exported(place: Place, export: str | os.PathLike[str] | None) -> Place:
-    if export is not None:
-        if not place.blocks:
-            raise InvalidPlace(f"{export}: the place has no mesh to export; name one in its file")
-        write_meshes(Path(export), place.meshes())
-    return place
+    text = without_found(path.read_text(encoding="utf-8"))
+    return place, text + found_text(place, _found_blocks(tables, solution))
 
 
 def _facts(path: Path, file: str, size: tuple[int, int] | None) -> PhotographFacts:
