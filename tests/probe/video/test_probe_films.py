@@ -222,6 +222,13 @@ def test_films_that_did_not_run_together_are_refused(tmp_path, count, rate, word
     assert not (tmp_path / "maps").exists()
 
 
+@pytest.mark.parametrize("name", ["maps.exr", "maps.HDR"])
+def test_many_maps_are_not_written_under_the_name_of_one(moving, tmp_path, name):
+    with pytest.raises(ValueError, match="a film gives many maps.*name a folder or a .zarr"):
+        probe_film(moving, tmp_path / name, FACETS)
+    assert not (tmp_path / name).exists()
+
+
 def test_a_folder_that_holds_something_is_left_alone(moving, tmp_path):
     (tmp_path / "map_000009.exr").write_bytes(b"mine")
     with pytest.raises(OutputNotWritten, match="holds files already"):
