@@ -205,7 +205,7 @@ def test_pictures_before_a_cut_are_not_counted(tmp_path):
 
 def test_a_picture_is_decoded_for_the_size_alone(tmp_path, monkeypatch):
     path = encoded(tmp_path / "a.mp4")
-    monkeypatch.setattr("relume.image.files.video.read_video_frame", lambda *_: pytest.fail("a picture was decoded"))
+    monkeypatch.setattr("relume.image.files.video.reading.read_video_frame", lambda *_: pytest.fail("a picture was decoded"))
     assert (read_video(path).frames, read_video(path).rate) == (40, 25)
 
 
