@@ -21,6 +21,7 @@ import numpy as np
 
 from relume.errors import UnreadableFile, warn
 from relume.image.files.signatures import one_line
+from relume.image.files.video.wholeness import Wholeness, damaged, undamaged_pictures, warn_of_early_end
 from relume.image.photograph import Photograph
 
 _BT709 = 1  # ITU-T H.273: primaries, transfer and matrix of Rec. 709 all have the number 1
@@ -63,8 +64,12 @@ def is_video(path: str | os.PathLike[str]) -> bool:
 
 
 def read_video(path: str | os.PathLike[str]) -> Video:
-    """How many pictures a video has and at which rate; raises as `read_video_frame`."""
+    """How many pictures a video has and at which rate; raises as `read_video_frame`.
+
+    Warns where it ends before its container says it does.
+    """
     index = _index_of(Path(path))
+    warn_of_early_end(Path(path), index.early)
     return Video(Path(path), len(index.times), index.rate)
 
 
@@ -74,8 +79,8 @@ def read_video_frame(path: str | os.PathLike[str], number: int) -> Photograph:
     number : 1 for the first, as frames of films are numbered; it is the picture that `video_frames` gives at this place
     Colours are converted by the matrix and range that the video names; one that names none has Rec. 709's matrix from
     720 rows on and Rec. 601's below. Values keep the video's own curve. Containers other than .mp4, .mov, .mkv and
-    .webm are decoded once as a whole before the first picture. Raises UnreadableFile for a damaged video, for a number
-    that it has not and for one made for HDR screens; ValueError where PyAV is missing. Warns of fields.
+    .webm are decoded once as a whole before the first picture. Raises UnreadableFile for a damaged picture, for a
+    number that it has not and for one made for HDR screens; ValueError where PyAV is missing. Warns of fields.
     """
     path = Path(path)
     index = _index_of(path)
@@ -84,11 +89,14 @@ def read_video_frame(path: str | os.PathLike[str], number: int) -> Photograph:
     for start in index.starts(number):
         with _decoding(path) as (container, stream):
             container.seek(start, stream=stream, backward=True)
-            if (frame := _sought(container.decode(stream), index, number)) is not None:
+            frame = _sought(container.decode(stream), index, number)
+            if frame is not None and not frame.is_corrupt:
                 return _photograph(path, frame, number)
     # No place before the picture leads to it: all are counted, as `video_frames` does.
     with _decoding(path) as (container, stream):
         for frame in itertools.islice(container.decode(stream), number - 1, number):
+            if frame.is_corrupt:
+                raise damaged(path, number)
             return _photograph(path, frame, number)
     raise UnreadableFile(f"{path}: frame {number} cannot be decoded; convert the video to H.264 in .mp4")
 
@@ -101,12 +109,14 @@ class _Index:
     keys : times of the pictures that need no other, from which decoding can start
     prints : a checksum of each picture where several may have one time, else empty
     rate : a second
+    early : how it ends before its container says so, in words, else empty
     """
 
     times: tuple[int | None, ...]
     keys: tuple[int, ...]
     prints: tuple[int, ...]
     rate: Fraction
+    early: str
 
     def starts(self, number: int) -> Iterator[int]:
         """Key pictures from which to decode in search of a picture.
@@ -167,23 +177,31 @@ def _by_packets(container: Any, stream: Any, rate: Fraction) -> _Index | None:
     if container.format.name.split(",")[0] not in _TIMED or stream.codec_context.name in ("vp8", "libvpx"):
         return None
     # An edit list discards pictures before the first that is shown; they are there for decoding alone.
-    packets = [packet for packet in container.demux(stream) if packet.size and not packet.is_discard]
+    whole, packets = Wholeness(container, stream), []
+    for packet in container.demux(stream):
+        whole.take(packet)
+        if packet.size and not packet.is_discard:
+            packets.append(packet)
     times = [packet.pts for packet in packets]
     if None in times or len(set(times)) < len(times):
         return None
     keys = sorted(packet.pts for packet in packets if packet.is_keyframe)
-    return _Index(tuple(sorted(times)), tuple(keys), (), rate)
+    return _Index(tuple(sorted(times)), tuple(keys), (), rate, whole.early())
 
 
 def _by_pictures(container: Any, stream: Any, rate: Fraction) -> _Index:
     """The index of any video: every picture is decoded, as `video_frames` does."""
     times, keys, prints = list[int | None](), list[int](), list[int]()
-    for frame in container.decode(stream):
-        times.append(frame.pts)
-        prints.append(_print(frame))
-        if frame.key_frame and frame.pts is not None:
-            keys.append(frame.pts)
-    return _Index(tuple(times), tuple(sorted(keys)), tuple(prints), rate)
+    whole = Wholeness(container, stream)
+    for packet in container.demux(stream):
+        whole.take(packet)
+        for frame in packet.decode():
+            whole.show(frame)
+            times.append(frame.pts)
+            prints.append(_print(frame))
+            if frame.key_frame and frame.pts is not None:
+                keys.append(frame.pts)
+    return _Index(tuple(times), tuple(sorted(keys)), tuple(prints), rate, whole.early())
 
 
 def _print(frame: Any) -> int:
@@ -200,11 +218,12 @@ def _print(frame: Any) -> int:
 def video_frames(path: str | os.PathLike[str]) -> Iterator[np.ndarray]:
     """All frames of a video one after another, (H, W, 3) uint8, upright.
 
-    They are converted and refused as by `read_video_frame`.
+    They are converted and refused as by `read_video_frame`. Raises UnreadableFile at a damaged one too; warns at the
+    end where the video ends before its container says it does.
     """
     path = Path(path)
     with _decoding(path) as (container, stream):
-        for number, frame in enumerate(container.decode(stream), 1):
+        for number, frame in enumerate(undamaged_pictures(path, container, stream), 1):
             yield _photograph(path, frame, number, deep=False).pixels
 
 
