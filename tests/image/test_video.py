@@ -1,12 +1,13 @@
 """Movies read back by PyAV: their number of frames, size, colours and rate, and what failure leaves behind."""
 
 import sys
+import warnings
 from fractions import Fraction
 
 import numpy as np
 import pytest
 
-from relume.errors import OutputNotWritten, UnreadableFile
+from relume.errors import OutputNotWritten, UnreadableFile, doubt_of
 from relume.image.files.video import VIDEOS, Movie, read_video, read_video_frame, video_frames
 
 av = pytest.importorskip("av")
@@ -203,9 +204,74 @@ def test_pictures_before_a_cut_are_not_counted(tmp_path):
     assert np.array_equal(first, read_video_frame(tmp_path / "whole.mp4", 7).pixels)
 
 
+def noisy(path, codec, form, count, **options):
+    """A video of noise, of which each picture takes about as many bytes."""
+    rng = np.random.default_rng(1)
+    with av.open(str(path), "w", options=options) as container:
+        stream = container.add_stream(codec, rate=24)
+        stream.width, stream.height, stream.pix_fmt = 128, 64, form
+        for _ in range(count):
+            picture = av.VideoFrame.from_ndarray(rng.integers(0, 255, (64, 128, 3), np.uint8), format="rgb24")
+            container.mux(stream.encode(picture.reformat(format=form)))
+        container.mux(stream.encode())
+    return path
+
+
+def cut(path, share):
+    content = path.read_bytes()
+    path.write_bytes(content[: int(share * len(content))])
+    return path
+
+
+@pytest.mark.parametrize(
+    ("name", "codec", "form", "options", "line"),
+    [
+        ("a.avi", "ffv1", "bgr0", {}, "ends early: 2 of 6 frames"),
+        ("a.mkv", "ffv1", "bgr0", {}, "ends early: 2 of 6 frames"),
+        ("a.webm", "libvpx", "yuv420p", {}, "ends early: [12] of 6 frames"),
+        ("a.mp4", "mjpeg", "yuvj420p", {"movflags": "+faststart"}, "ends early: [12] of 6 frames"),
+    ],
+)
+def test_a_video_whose_end_is_missing_is_told(tmp_path, name, codec, form, options, line):
+    whole = noisy(tmp_path / name, codec, form, 6, **options)
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        assert len([*video_frames(whole)]) == read_video(whole).frames == 6
+    short = cut(whole, 0.7 if codec == "libvpx" else 0.42)
+    with pytest.warns(UserWarning, match=f"{name} {line}; copy it again"):
+        read_video(short)
+    if codec != "mjpeg":
+        with pytest.warns(UserWarning, match=f"{name} {line}; copy it again") as caught:
+            assert len([*video_frames(short)]) in (1, 2)
+        assert doubt_of(caught[0].message).wrong
+
+
+@pytest.mark.parametrize("name", ["a.avi", "a.mp4"])
+def test_a_picture_of_which_a_part_is_missing_is_named(tmp_path, name):
+    short = cut(noisy(tmp_path / name, "mjpeg", "yuvj420p", 6, movflags="+faststart"), 0.4)
+    frames = video_frames(short)
+    with pytest.raises(UnreadableFile, match=rf"{name}: frame [23] is damaged in the file; copy it again"):
+        list(frames)
+
+
+def test_a_video_that_begins_late_is_whole(tmp_path):
+    path = noisy(tmp_path / "a.mp4", "libx264", "yuv420p", 20)
+    with av.open(str(path)) as source, av.open(str(tmp_path / "later.mkv"), "w") as container:
+        stream = container.add_stream_from_template(source.streams.video[0])
+        for packet in source.demux(source.streams.video[0]):
+            if packet.dts is not None:
+                packet.pts, packet.dts, packet.stream = packet.pts + 24576, packet.dts + 24576, stream
+                container.mux(packet)
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        assert len([*video_frames(tmp_path / "later.mkv")]) == read_video(tmp_path / "later.mkv").frames == 20
+
+
 def test_a_picture_is_decoded_for_the_size_alone(tmp_path, monkeypatch):
     path = encoded(tmp_path / "a.mp4")
-    monkeypatch.setattr("relume.image.files.video.read_video_frame", lambda *_: pytest.fail("a picture was decoded"))
+    monkeypatch.setattr(
+        "relume.image.files.video.reading.read_video_frame", lambda *_: pytest.fail("a picture was decoded")
+    )
     assert (read_video(path).frames, read_video(path).rate) == (40, 25)
 
 

@@ -111,7 +111,8 @@ def _line(fault: Any, model: type[Table], table: dict[str, Any], what: str) -> s
         "model_attributes_type": "Input should be a table",
         "tuple_type": "Input should be a list of numbers",
     }.get(kind, said)
-    return f"{place}: {message[:1].lower()}{message[1:]} (got {fault['input']!r})"
+    # The whole file has no place in itself.
+    return ": ".join(filter(None, [place, f"{message[:1].lower()}{message[1:]} (got {fault['input']!r})"]))
 
 
 def _unknown_kind(got: str, expected: str) -> str:

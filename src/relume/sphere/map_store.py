@@ -69,9 +69,16 @@ class MapStore:
     def write(self, number: int, picture: RadianceMap) -> Path:
         """Write a map, counted from 0, and give its file; several threads may do so at once.
 
-        Raises ValueError for light that the store's halves cannot hold.
+        Raises ValueError for light that is not finite or that the store's halves cannot hold, and for variance that
+        is NaN; infinite variance says that nothing is known.
         """
         stored = self.arrays[RADIANCE]
+        unusable = {RADIANCE: ~np.isfinite(picture.radiance)}
+        if picture.variance is not None:
+            unusable["variance"] = np.isnan(picture.variance)
+        for name, bad in unusable.items():
+            if bad.any():
+                raise ValueError(f"map {number + 1}: {name} is not finite in {int(bad.sum())} values; mend them first")
         most = float(picture.radiance.max())
         if most > float(np.finfo(stored.dtype).max):
             raise ValueError(f"a map reaches {most:.3g}, beyond the largest half, 65504; keep the store as float")
@@ -112,13 +119,14 @@ def is_map_store(path: str | os.PathLike[str]) -> bool:
 
 
 def maps_in_store(path: str | os.PathLike[str]) -> tuple[Path, ...]:
-    """The files of a store's maps, in order; raises UnreadableFile where one is missing."""
+    """The files of a store's maps, in order; raises UnreadableFile where one is missing, or a part of one."""
     path = Path(path)
-    array, _ = _opened(path)
+    array, root = _opened(path)
     paths = tuple(file_in_store(path, number) for number in range(array.shape[0]))
     for number, each in enumerate(paths):
         if not each.is_file():
             raise UnreadableFile(f"{path}: map {number + 1} of {len(paths)} is missing; make the maps again")
+        _require_parts(path, root, number)
     return paths
 
 
@@ -131,6 +139,7 @@ def read_stored_map(path: str | os.PathLike[str]) -> RadianceMap:
     array, root = _opened(store)
     if number >= array.shape[0] or not path.is_file():
         raise UnreadableFile(f"{store}: has no map {number + 1}; it has {array.shape[0]}")
+    _require_parts(store, root, number)
     try:
         radiance = np.asarray(array[number]).astype(np.float32)
         clipped = np.asarray(root["clipped"][number])
@@ -165,6 +174,14 @@ def _opened(path: Path) -> tuple[Any, Any]:
     if version > VERSION:
         raise UnreadableFile(f"{path}: a store of version {version}, and {VERSION} is known; update relume")
     return array, root
+
+
+def _require_parts(store: Path, root: Any, number: int) -> None:
+    """Refuse a map of which an array has no file: zarr would read it as 0, which for variance is certainty."""
+    for name, dimensions in (("clipped", 3), ("variance", 4)):
+        part = store / name / ".".join([str(number), *["0"] * (dimensions - 1)])
+        if (name == "clipped" or name in root) and not part.is_file():
+            raise UnreadableFile(f"{store}: {name} of map {number + 1} is missing; make the maps again")
 
 
 def _words(error: Exception) -> str:

@@ -198,6 +198,9 @@ def test_all_that_is_wrong_in_the_list_is_named_at_once(tmp_path):
     (tmp_path / "patch.json").write_text(json.dumps(table))
     with pytest.raises(UnreadableFile, match=r"; and 18\d more$"):
         read_patch(tmp_path)
+    (tmp_path / "patch.json").write_text("[1]")
+    with pytest.raises(UnreadableFile, match=r"patch.json: input should be a table \(got \[1\]\)$"):
+        read_patch(tmp_path)
 
 
 def test_a_saturated_patch_names_its_photographs(tmp_path):

@@ -116,6 +116,36 @@ def test_damaged_stores_are_told_in_one_line(tmp_path):
         maps_in_store(tmp_path / "maps.zarr")
 
 
+@pytest.mark.parametrize("part", ["clipped/1.0.0", "variance/1.0.0.0"])
+def test_a_lost_part_of_a_map_is_not_read_as_nothing(tmp_path, part):
+    light = np.full((8, 16, 3), 0.5, np.float32)
+    store = MapStore.begun(tmp_path / "maps.zarr", 2, 8, variance=True)
+    for number in range(2):
+        store.write(number, RadianceMap(light, light / 4))
+    files = maps_in_store(tmp_path / "maps.zarr")
+    assert float(read_stored_map(files[1]).variance.max()) == 0.125
+    (tmp_path / "maps.zarr" / part).unlink()
+    said = f"maps.zarr: {part.split('/')[0]} of map 2 is missing; make the maps again"
+    for reading in (lambda: read_stored_map(files[1]), lambda: maps_in_store(tmp_path / "maps.zarr")):
+        with pytest.raises(UnreadableFile, match=said):
+            reading()
+    read_stored_map(files[0])
+
+
+def test_a_store_takes_no_light_that_is_not_finite(tmp_path):
+    light = np.full((8, 16, 3), 0.5, np.float32)
+    store = MapStore.begun(tmp_path / "maps.zarr", 1, 8, np.float32, variance=True)
+    for value in (np.nan, np.inf):
+        damaged = light.copy()
+        damaged[2, 3, 1] = value
+        with pytest.raises(ValueError, match="map 1: radiance is not finite in 1 values"):
+            store.write(0, RadianceMap(damaged))
+    damaged[2, 3, 1] = np.nan
+    with pytest.raises(ValueError, match="map 1: variance is not finite in 1 values"):
+        store.write(0, RadianceMap(light, damaged))
+    store.write(0, RadianceMap(light, np.full_like(light, np.inf)))
+
+
 @pytest.mark.parametrize("name", ["maps", "maps.zarr"])
 def test_nothing_is_left_where_making_maps_fails(film, tmp_path, name, monkeypatch):
     monkeypatch.setattr("relume.probe.video.filming._clipped_share", lambda each: 1 / 0)

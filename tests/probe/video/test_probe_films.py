@@ -222,6 +222,23 @@ def test_films_that_did_not_run_together_are_refused(tmp_path, count, rate, word
     assert not (tmp_path / "maps").exists()
 
 
+def test_a_film_whose_end_is_missing_is_doubted_once(tmp_path):
+    noise = np.random.default_rng(2).integers(60, 200, (2 * ROWS, 4 * ROWS, 3), np.uint8)
+    film = write_video(tmp_path / "film.avi", [noise] * 6)
+    film.write_bytes(film.read_bytes()[: int(0.55 * film.stat().st_size)])
+    made = probe_film(film, tmp_path / "maps", SphericalFilm(), FilmSettings(ROWS))
+    told = [doubt for doubt in made.doubts if "ends early" in doubt.line]
+    assert [doubt.line for doubt in told] == [f"{film} ends early: {len(made.paths)} of 6 frames; copy it again"]
+    assert told[0].wrong and len(made.paths) < 6
+
+
+@pytest.mark.parametrize("name", ["maps.exr", "maps.HDR"])
+def test_many_maps_are_not_written_under_the_name_of_one(moving, tmp_path, name):
+    with pytest.raises(ValueError, match=r"a film gives many maps.*name a folder or a \.zarr"):
+        probe_film(moving, tmp_path / name, FACETS)
+    assert not (tmp_path / name).exists()
+
+
 def test_a_folder_that_holds_something_is_left_alone(moving, tmp_path):
     (tmp_path / "map_000009.exr").write_bytes(b"mine")
     with pytest.raises(OutputNotWritten, match="holds files already"):

@@ -218,6 +218,18 @@ def test_a_size_that_is_not_determined_is_one_line(tmp_path: Path):
         assert status == 422 and "the place file is not sound" in answer["error"]
 
 
+@pytest.mark.parametrize("photographs", ["3", '"a.jpg"', '["a.jpg", 3]', "{ file = 3 }"])
+def test_photographs_that_are_no_tables_are_a_fault_and_the_page_goes_on(tmp_path: Path, photographs: str):
+    (tmp_path / "place.toml").write_text(place_shoot.toml(), encoding="utf-8")
+    with serving([tmp_path / "place.toml"], "studio") as server:
+        text = re.sub(r"(?ms)^\[\[photographs\]\].*?(?=^\[(?!\[photographs))", "", place_shoot.toml())
+        (tmp_path / "place.toml").write_text(f"photographs = {photographs}\n{text}", encoding="utf-8")
+        state = server.json("/place")
+        assert "photographs" in state["fault"] and not any(state["there"])
+        assert server.ask("/photographs/0", **server.cookie)[0] == 404
+        assert server.json("/photographs") == {"files": []}
+
+
 def test_what_is_no_place_to_mark_is_refused_before_a_page_opens(tmp_path: Path):
     path = tmp_path / "place.toml"
     path.write_text(place_shoot.toml(), encoding="utf-8")

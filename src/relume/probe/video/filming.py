@@ -130,7 +130,7 @@ def probe_film(
     darkest exposure is saturated, and 3 where nothing shows the light and it is continued from beside. A folder
     or store of them is what `LightSequence` takes (Waese & Debevec 2001, "A Real Time High Dynamic Range Light Probe").
     Raises UnreadableFile, BallNotFound, NotABracket for exposures that cannot be found or that jump, and for films that
-    did not run together; OutputNotWritten; ValueError.
+    did not run together; OutputNotWritten; ValueError, also where `out` has the suffix of one picture.
     """
     paths = [Path(films)] if isinstance(films, str | os.PathLike) else [Path(film) for film in films]
     if not paths:

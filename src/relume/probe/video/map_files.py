@@ -15,7 +15,7 @@ import numpy as np
 
 from relume.errors import Doubt, OutputNotWritten, doubt_of, warn
 from relume.image import files
-from relume.image.files.encodings import OpenEXR
+from relume.image.files.encodings import SUFFIXES, OpenEXR
 from relume.image.radiance import RadianceMap
 from relume.probe.video.calibrating import FilmCalibration
 from relume.probe.video.merging import MomentMap, gains_darkest
@@ -32,7 +32,9 @@ def is_store_name(out: Path) -> bool:
 
 
 def require_bare(out: Path) -> None:
-    """Refuse a folder that holds anything, a file in its place, and a store where zarr is missing."""
+    """Refuse a folder that holds anything, a file in its place, a name of one map, a store where zarr is missing."""
+    if out.suffix.lower() in SUFFIXES:
+        raise ValueError(f"{out}: a film gives many maps, and this names one; name a folder or a .zarr")
     if is_store_name(out):
         required_zarr()
     if out.is_dir() and any(out.iterdir()):

@@ -76,6 +76,7 @@ class PlaceStudio:
     def _photographs(self) -> list[Path | None]:
         """The photographs' files in the order of the place file; None of one that is not there."""
         tables = self.document.table.get("photographs", [])
+        tables = tables if isinstance(tables, list) else []
         names = [each.get("file") if isinstance(each, dict) else None for each in tables]
         paths = [self.folder.root / name if isinstance(name, str) and name else None for name in names]
         return [path if path is not None and path.is_file() else None for path in paths]

@@ -1,4 +1,4 @@
-"""Movies: 8-bit sRGB frames as H.264 in .mp4, which every browser and player shows; and frames of anyone's videos.
+"""Frames of anyone's videos, one after another or by their number.
 
 PyAV is imported at first use.
 """
@@ -15,20 +15,16 @@ from dataclasses import dataclass
 from fractions import Fraction
 from functools import lru_cache
 from pathlib import Path
-from types import TracebackType
 from typing import Any
 
 import numpy as np
 
-from relume.errors import OutputNotWritten, UnreadableFile, warn
-from relume.image.files.atomic import replacing
+from relume.errors import UnreadableFile, warn
 from relume.image.files.signatures import one_line
+from relume.image.files.video.wholeness import Wholeness, damaged, undamaged_pictures, warn_of_early_end
 from relume.image.photograph import Photograph
 
-_QUALITY = "16"
-"""x264's constant rate factor: finer than what looks like the frames (18), so that an editor may cut it again."""
 _BT709 = 1  # ITU-T H.273: primaries, transfer and matrix of Rec. 709 all have the number 1
-_LIMITED = 1  # black 16, white 235, which players expect of H.264
 VIDEOS = (".mp4", ".mov", ".m4v", ".mkv", ".webm", ".avi", ".mxf", ".mpg", ".mpeg", ".mts")
 """Suffixes of the containers that video cameras and editors write."""
 _UNSPECIFIED, _BT601 = 2, 5
@@ -40,112 +36,6 @@ _TIMED = ("mov", "matroska")
 """Containers, by their first name of FFmpeg, that hold the time at which each picture is shown."""
 _ASTRAY = 16
 """Pictures by which times after a jump are off at most: H.264 holds back as many."""
-
-
-class Movie:
-    """A movie that takes frame after frame and becomes a file when its block ends well, and no file when it fails.
-
-        with Movie("turntable.mp4") as movie:
-            movie.add(frame)
-
-    path : ends in .mp4
-    frames_per_second : 24 unless given, cinema's, which every player shows without dropping or doubling frames
-
-    4:2:0 colour needs even sizes, so that the last row and column of an odd one are repeated once.
-
-    Raises ValueError for another suffix, a rate that is not above 0, a movie without frames, or where PyAV is missing;
-    OutputNotWritten.
-    """
-
-    def __init__(self, path: str | os.PathLike[str], frames_per_second: float | Fraction = 24) -> None:
-        try:
-            import av  # noqa: F401
-        except ImportError:
-            raise ValueError('a movie needs PyAV, which is not installed: pip install "relume[video]"') from None
-        self.path = Path(path)
-        if self.path.suffix.lower() != ".mp4":
-            raise ValueError(f'{path} ends in "{self.path.suffix}"; a movie is written to .mp4')
-        if not 0 < frames_per_second < 1000:
-            raise ValueError(f"frames_per_second is {frames_per_second}; expected above 0 and below 1000, as 24")
-        self.rate = Fraction(frames_per_second).limit_denominator(1001)  # 1001 is NTSC's: 24000/1001
-        self._shape: tuple[int, ...] | None = None
-        self._container: Any = None
-        self._stream: Any = None
-
-    def __enter__(self) -> Movie:
-        self._place = replacing(self.path)
-        self._temporary = self._place.__enter__()
-        return self
-
-    def add(self, frame: np.ndarray) -> None:
-        """Append a frame, (H, W, 3) uint8 sRGB; raises ValueError for another shape or kind, OutputNotWritten."""
-        import av
-
-        if frame.dtype != np.uint8 or frame.ndim != 3 or frame.shape[2] != 3 or 0 in frame.shape:
-            raise ValueError(f"a frame is {frame.shape} {frame.dtype}; expected (H, W, 3) uint8")
-        if self._shape not in (None, frame.shape):
-            raise ValueError(
-                f"a frame is {frame.shape}, those before it {self._shape}; frames of a movie have one size"
-            )
-        height, width = frame.shape[:2]
-        even = np.pad(frame, ((0, height % 2), (0, width % 2), (0, 0)), mode="edge")
-        with self._as_output_error():
-            if self._shape is None:
-                self._open(even.shape[1], even.shape[0])
-            self._shape = frame.shape
-            picture = av.VideoFrame.from_ndarray(np.ascontiguousarray(even), format="rgb24")
-            picture = picture.reformat(format="yuv420p", dst_colorspace=_BT709, dst_color_range=_LIMITED)
-            self._container.mux(self._stream.encode(picture))
-
-    def __exit__(
-        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
-    ) -> None:
-        try:
-            if error is None and self._container is None:
-                raise ValueError(f"{self.path}: a movie without frames; add at least one")
-            if error is None:
-                with self._as_output_error():
-                    self._container.mux(self._stream.encode())
-                    self._container.close()
-        except BaseException:
-            self._abandon()
-            raise
-        if error is None:
-            self._place.__exit__(None, None, None)
-        else:
-            self._abandon()
-
-    def _open(self, width: int, height: int) -> None:
-        import av
-
-        self._container = av.open(str(self._temporary), "w", format="mp4", options={"movflags": "+faststart"})
-        self._stream = self._container.add_stream("libx264", rate=self.rate, options={"crf": _QUALITY})
-        self._stream.width, self._stream.height, self._stream.pix_fmt = width, height, "yuv420p"
-        codec = self._stream.codec_context
-        codec.color_primaries = codec.color_trc = codec.colorspace = _BT709
-
-    def _abandon(self) -> None:
-        """Close and remove the temporary file; the block's own error, an OSError too, is not the file's."""
-        with contextlib.suppress(Exception):
-            if self._container is not None:
-                self._container.close()
-        with contextlib.suppress(_Abandoned):
-            self._place.__exit__(_Abandoned, _Abandoned(), None)
-
-    @contextlib.contextmanager
-    def _as_output_error(self) -> Any:
-        """What PyAV raises, as OutputNotWritten."""
-        from av.error import FFmpegError
-
-        try:
-            yield
-        except (OSError, FFmpegError) as error:
-            reason = one_line(getattr(error, "strerror", None) or error)
-            raise OutputNotWritten(f"{self.path}: cannot be written: {reason}; choose another place") from error
-
-
-class _Abandoned(Exception):
-    """Makes `replacing` remove its temporary file."""
 
 
 @dataclass(frozen=True)
@@ -174,8 +64,12 @@ def is_video(path: str | os.PathLike[str]) -> bool:
 
 
 def read_video(path: str | os.PathLike[str]) -> Video:
-    """How many pictures a video has and at which rate; raises as `read_video_frame`."""
+    """How many pictures a video has and at which rate; raises as `read_video_frame`.
+
+    Warns where it ends before its container says it does.
+    """
     index = _index_of(Path(path))
+    warn_of_early_end(Path(path), index.early)
     return Video(Path(path), len(index.times), index.rate)
 
 
@@ -185,8 +79,8 @@ def read_video_frame(path: str | os.PathLike[str], number: int) -> Photograph:
     number : 1 for the first, as frames of films are numbered; it is the picture that `video_frames` gives at this place
     Colours are converted by the matrix and range that the video names; one that names none has Rec. 709's matrix from
     720 rows on and Rec. 601's below. Values keep the video's own curve. Containers other than .mp4, .mov, .mkv and
-    .webm are decoded once as a whole before the first picture. Raises UnreadableFile for a damaged video, for a number
-    that it has not and for one made for HDR screens; ValueError where PyAV is missing. Warns of fields.
+    .webm are decoded once as a whole before the first picture. Raises UnreadableFile for a damaged picture, for a
+    number that it has not and for one made for HDR screens; ValueError where PyAV is missing. Warns of fields.
     """
     path = Path(path)
     index = _index_of(path)
@@ -195,11 +89,14 @@ def read_video_frame(path: str | os.PathLike[str], number: int) -> Photograph:
     for start in index.starts(number):
         with _decoding(path) as (container, stream):
             container.seek(start, stream=stream, backward=True)
-            if (frame := _sought(container.decode(stream), index, number)) is not None:
+            frame = _sought(container.decode(stream), index, number)
+            if frame is not None and not frame.is_corrupt:
                 return _photograph(path, frame, number)
     # No place before the picture leads to it: all are counted, as `video_frames` does.
     with _decoding(path) as (container, stream):
         for frame in itertools.islice(container.decode(stream), number - 1, number):
+            if frame.is_corrupt:
+                raise damaged(path, number)
             return _photograph(path, frame, number)
     raise UnreadableFile(f"{path}: frame {number} cannot be decoded; convert the video to H.264 in .mp4")
 
@@ -212,12 +109,14 @@ class _Index:
     keys : times of the pictures that need no other, from which decoding can start
     prints : a checksum of each picture where several may have one time, else empty
     rate : a second
+    early : how it ends before its container says so, in words, else empty
     """
 
     times: tuple[int | None, ...]
     keys: tuple[int, ...]
     prints: tuple[int, ...]
     rate: Fraction
+    early: str
 
     def starts(self, number: int) -> Iterator[int]:
         """Key pictures from which to decode in search of a picture.
@@ -278,23 +177,31 @@ def _by_packets(container: Any, stream: Any, rate: Fraction) -> _Index | None:
     if container.format.name.split(",")[0] not in _TIMED or stream.codec_context.name in ("vp8", "libvpx"):
         return None
     # An edit list discards pictures before the first that is shown; they are there for decoding alone.
-    packets = [packet for packet in container.demux(stream) if packet.size and not packet.is_discard]
+    whole, packets = Wholeness(container, stream), []
+    for packet in container.demux(stream):
+        whole.take(packet)
+        if packet.size and not packet.is_discard:
+            packets.append(packet)
     times = [packet.pts for packet in packets]
     if None in times or len(set(times)) < len(times):
         return None
     keys = sorted(packet.pts for packet in packets if packet.is_keyframe)
-    return _Index(tuple(sorted(times)), tuple(keys), (), rate)
+    return _Index(tuple(sorted(times)), tuple(keys), (), rate, whole.early())
 
 
 def _by_pictures(container: Any, stream: Any, rate: Fraction) -> _Index:
     """The index of any video: every picture is decoded, as `video_frames` does."""
     times, keys, prints = list[int | None](), list[int](), list[int]()
-    for frame in container.decode(stream):
-        times.append(frame.pts)
-        prints.append(_print(frame))
-        if frame.key_frame and frame.pts is not None:
-            keys.append(frame.pts)
-    return _Index(tuple(times), tuple(sorted(keys)), tuple(prints), rate)
+    whole = Wholeness(container, stream)
+    for packet in container.demux(stream):
+        whole.take(packet)
+        for frame in packet.decode():
+            whole.show(frame)
+            times.append(frame.pts)
+            prints.append(_print(frame))
+            if frame.key_frame and frame.pts is not None:
+                keys.append(frame.pts)
+    return _Index(tuple(times), tuple(sorted(keys)), tuple(prints), rate, whole.early())
 
 
 def _print(frame: Any) -> int:
@@ -311,11 +218,12 @@ def _print(frame: Any) -> int:
 def video_frames(path: str | os.PathLike[str]) -> Iterator[np.ndarray]:
     """All frames of a video one after another, (H, W, 3) uint8, upright.
 
-    They are converted and refused as by `read_video_frame`.
+    They are converted and refused as by `read_video_frame`. Raises UnreadableFile at a damaged one too; warns at the
+    end where the video ends before its container says it does.
     """
     path = Path(path)
     with _decoding(path) as (container, stream):
-        for number, frame in enumerate(container.decode(stream), 1):
+        for number, frame in enumerate(undamaged_pictures(path, container, stream), 1):
             yield _photograph(path, frame, number, deep=False).pixels
 
 
