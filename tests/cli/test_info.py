@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import re
+from dataclasses import replace
 from datetime import datetime
 from pathlib import Path
 
@@ -11,6 +12,7 @@ import numpy as np
 import pytest
 
 from command_line import printed, refused, reported
+from relume.capture.exposure.advice import advise_brackets
 from relume.cli.arguments import ReadingOptions
 from relume.cli.info import lines_of, number
 from relume.image.files import write
@@ -20,6 +22,7 @@ from relume.image.files.read_options import ReadOptions
 from relume.image.files.textures.ktx2 import write_cube
 from relume.image.photograph import Exposure, Photograph, Settings
 from relume.image.radiance import RadianceMap
+from relume.report.merge_facts import advice_summary
 from relume.sphere.mappings.discs import Angular
 from relume.sphere.mappings.mapping import LatLong, Mapping
 from relume.sphere.mappings.orientation import orientation_named
@@ -302,13 +305,21 @@ def test_a_mesh_is_described_by_its_size_and_what_it_is_made_of(capsys):
     assert "no such mesh" not in refused(["info", cube.with_name("none.glb")], capsys)
 
 
+def test_one_photograph_that_is_too_short_is_one():
+    photograph = Photograph(np.full((4, 4, 3), 255, np.uint8), exposure=Exposure(1 / 8000, 8.0, 100.0))
+    advice = advise_brackets(photograph)
+    for count, words in ((1, "1 is shorter than 1/8000 s: use a neutral filter for it"), (2, "2 are shorter than")):
+        short = replace(advice, exposures=(Exposure(1 / 16000, 8.0, 100.0),) * count)
+        assert advice_summary(short)["filter"].startswith(words)
+
+
 def test_brackets_are_advised_for_a_photograph(tmp_path, capsys):
     pixels = np.full((20, 40, 3), 120, np.uint8)
     pixels[:, 30:] = 255
     pixels[:, :10] = 20
     write(tmp_path / "a.png", Photograph(pixels, exposure=Exposure(1 / 60, 8.0, 100.0)))
     text = printed(["info", tmp_path / "a.png", "--brackets"], capsys).out
-    assert "25 % white" in text and "7.0 stops, so 2 photographs at least" in text
+    assert "25 % lighter than 240 of 255" in text and "7.0 stops, so 2 photographs at least" in text
     assert "1/8000 s" in text and "while any of it is white" in text
     told = reported(["info", tmp_path / "a.png", "--brackets", "--brightest", "1.6e9"], capsys)["brackets"]
     assert told["fewest"] == 4 and len(told["stops"]) == len(told["exposures"]) > 3

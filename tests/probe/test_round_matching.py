@@ -155,6 +155,8 @@ def test_the_command_joins_fisheyes(light, tmp_path, capsys):
     told = reported([*command, "--fisheye", "190", "--orientations", tmp_path / "turns.csv"], capsys)
     assert told["matches agree within"] is None and "matches" not in told["views"][0]
     assert "--fisheye has no use for" in refused([*command, "--fisheye", "190", "--field", "80"], capsys)
+    slip = ["panorama", *paths, "--rim", "21,22,3", "--fisheye", "190", "-o", out]
+    assert "0.exr: a rim of radius 3 in 420×420 pixels is less than 10% of the picture across" in refused(slip, capsys)
     assert "the rim's middle 900, 210 is not within" in refused(
         ["panorama", *paths, "--rim", "900,210,205", "--fisheye", "190", "-o", out], capsys
     )

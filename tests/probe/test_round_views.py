@@ -158,7 +158,7 @@ def test_black_in_both_views_says_nothing_of_their_brightness():
 def test_views_that_are_none_are_refused():
     with pytest.raises(ValueError, match="no views were given"):
         join_round_views([])
-    with pytest.raises(ValueError, match="a field of 400°"):
+    with pytest.raises(ValueError, match=r"^a field of 400°; expected more than 0° and up to 360°$"):
         FisheyeLens(np.radians(400))
     with pytest.raises(ValueError, match="expected a 3×3 rotation"):
         RoundView(ball().picture, TelecentricBall(), (1, 1), 5, np.zeros((3, 3)))

@@ -271,7 +271,15 @@ def test_what_was_clipped_is_reported_with_its_bounds_and_no_more():
 
 @pytest.mark.parametrize(
     "seconds, words",
-    [(1 / 8000, "1/8000 s"), (1 / 60, "1/60 s"), (0.25, "1/4 s"), (0.3, "0.3 s"), (0.4, "0.4 s"), (15.0, "15 s")],
+    [
+        (1 / 8000, "1/8000 s"),
+        (1 / 60, "1/60 s"),
+        (0.25, "1/4 s"),
+        (1 / 20000, "1/20000 s"),
+        (0.3, "0.3 s"),
+        (0.4, "0.4 s"),
+        (15.0, "15 s"),
+    ],
 )
 def test_times_are_said_as_photographers_say_them(seconds, words):
     assert seconds_in_words(seconds) == words

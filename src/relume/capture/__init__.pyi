@@ -20,6 +20,7 @@ from .denoising import denoise as denoise
 from .exposure.advice import BracketAdvice as BracketAdvice
 from .exposure.advice import advise_brackets as advise_brackets
 from .exposure.bracket import Bracket as Bracket
+from .exposure.exposures import seconds_in_words as seconds_in_words
 from .exposure.grouping import group_files as group_files
 from .ghosts.deghosting import Consistency as Consistency
 from .ghosts.deghosting import deghost as deghost

@@ -113,7 +113,8 @@ def _captured(found: Mapping[str, str]) -> dict[str, str]:
     """Exposure, camera and time of a file, by the names that attributes have in `rl.files`."""
     exposure = []
     if "exposure_time" in found:
-        exposure.append(_seconds(found["exposure_time"]))
+        seconds = _float(found["exposure_time"]) or 0
+        exposure.append(rl.capture.seconds_in_words(seconds) if seconds > 0 else f"{found['exposure_time']} s")
     if "f_number" in found:
         exposure.append(f"f/{_plain(found['f_number'])}")
     if "iso" in found:
@@ -268,17 +269,6 @@ def _gains(gains: list[float]) -> str:
 def _range(stops: float, ratio: float) -> str:
     text = number(ratio) if ratio >= 1e6 else f"{float(f'{ratio:.3g}'):,.0f}" if ratio >= 100 else f"{ratio:.3g}"
     return f"{stops:.1f} stops ({text} : 1)"
-
-
-def _seconds(text: str) -> str:
-    """An exposure time as cameras show it: 1/250 s, 0.5 s, 30 s."""
-    value = _float(text)
-    if value is None or value <= 0:
-        return f"{text} s"
-    # Shutters are marked 1/4 and faster as fractions; 0.3 s and longer as they are.
-    if 1e-6 < value < 0.29 and abs(round(1 / value) * value - 1) < 0.02:
-        return f"1/{round(1 / value)} s"
-    return f"{value:.4g} s"
 
 
 def _plain(text: str) -> str:

@@ -20,6 +20,9 @@ from relume.probe.round_matching import ROUND, OrientedViews, orient_round_views
 from relume.probe.round_views import FisheyeLens, ParabolicMirror, RoundLens, RoundView, join_round_views
 from relume.sphere.environment_map import EnvironmentMap
 
+SMALLEST = 0.1
+"""Of the picture's lesser side, the least a rim may be across: a smaller one is a slip in the numbers given."""
+
 
 @dataclass(frozen=True, eq=False)
 class RoundPanorama:
@@ -99,6 +102,11 @@ def fisheyes_from_files(
             if not (0 < x < width and 0 < y < height):
                 raise NotAPanorama(
                     f"{source.name}: the rim's middle {x:g}, {y:g} is not within {width}×{height} pixels"
+                )
+            if 2 * radius < SMALLEST * min(width, height):
+                raise NotAPanorama(
+                    f"{source.name}: a rim of radius {radius:g} in {width}×{height} pixels is less than "
+                    f"{SMALLEST:.0%} of the picture across; give the middle and the radius of the circle in pixels"
                 )
             views.append(RoundView(source.picture, lens, (x, y), radius, _known(known.get(path)), source.name))
         missing = [index for index, path in enumerate(places) if path not in known]

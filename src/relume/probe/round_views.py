@@ -238,4 +238,4 @@ def _reduced(plane: np.ndarray) -> np.ndarray:
 
 def _require_field(field: float) -> None:
     if not 0 < field <= 2 * np.pi:
-        raise ValueError(f"a field of {np.degrees(field):g}°; expected more than 0 and up to 360, in radians")
+        raise ValueError(f"a field of {np.degrees(field):g}°; expected more than 0° and up to 360°")

@@ -9,6 +9,7 @@ import numpy as np
 
 from relume.capture.brackets.result import ClippingReport, MergedBracket, MergeResult
 from relume.capture.brackets.settings import MergeSettings
+from relume.capture.exposure.exposures import seconds_in_words
 from relume.capture.response.calibration import Calibration
 from relume.image import files
 from relume.report import capture_plots, plots
@@ -155,13 +156,6 @@ def frame_facts(bracket: MergedBracket) -> dict[str, dict[str, float]]:
         for photograph, share in zip(deghosted.bracket.photographs, deghosted.shares, strict=True):
             facts[photograph.name]["ghost_share"] = float(share)
     return facts
-
-
-def seconds_in_words(seconds: float) -> str:
-    """1/60 s, 0.4 s, 15 s: as photographers say it."""
-    if seconds < 0.3:
-        return f"1/{1 / seconds:.4g} s"
-    return f"{seconds:.4g} s"
 
 
 def in_words(unit: str) -> str:

@@ -10,7 +10,8 @@ import numpy as np
 from relume.capture.brackets.result import MergedBracket
 from relume.capture.brackets.shoot import MergedShoot, MergePlan
 from relume.capture.exposure.advice import BracketAdvice
-from relume.report.capture_report import clipped_facts, counted, frame_facts, in_words, seconds_in_words
+from relume.capture.exposure.exposures import seconds_in_words
+from relume.report.capture_report import clipped_facts, counted, frame_facts, in_words
 
 Block = tuple[str, dict[str, object]]
 """A title and lines under it, by their first words."""
@@ -30,7 +31,7 @@ def merge_facts(shoot: MergedShoot) -> dict[str, object]:
 
 def advice_summary(advice: BracketAdvice) -> dict[str, object]:
     """What `advise_brackets` says, as lines for a person."""
-    ends = {"white": advice.white, "too dark": advice.dark}
+    ends = {"lighter than 240 of 255": advice.white, "too dark": advice.dark}
     shown = [f"{100 * share:.2g} % {word}" for word, share in ends.items() if share > 0]
     more = " or more" if advice.open_above or advice.open_below else ""
     stops = ", ".join(f"{each:+.3g}" for each in advice.stops)
@@ -44,7 +45,11 @@ def advice_summary(advice: BracketAdvice) -> dict[str, object]:
     if advice.open_above:
         lines["then"] = "look at the shortest: while any of it is white, take one more, or give --brightest"
     if advice.too_short:
-        lines["filter"] = f"{len(advice.too_short)} are shorter than 1/8000 s: use a neutral filter for them"
+        lines["filter"] = (
+            "1 is shorter than 1/8000 s: use a neutral filter for it"
+            if len(advice.too_short) == 1
+            else f"{len(advice.too_short)} are shorter than 1/8000 s: use a neutral filter for them"
+        )
     return lines
 
 

@@ -16,6 +16,7 @@ import numpy as np
 from relume.capture.brackets.merging import BracketSource
 from relume.capture.exposure.bracket import Bracket
 from relume.capture.exposure.consistency import check
+from relume.capture.exposure.exposures import seconds_in_words
 from relume.errors import BallNotFound, Doubt, GatheredDoubts, ranked
 from relume.image import files
 from relume.image.photograph import Photograph
@@ -32,7 +33,6 @@ from relume.project.shot_file.camera_table import camera_fit
 from relume.project.shot_file.objects import doubts_about, placed_meshes
 from relume.project.shot_file.sequence_table import frames_as_text
 from relume.project.shot_file.shot import Shot
-from relume.report.capture_report import seconds_in_words
 from relume.scene.cameras.camera import Camera
 from relume.scene.cameras.fit import CameraFit
 

@@ -10,6 +10,8 @@ import numpy as np
 import pytest
 
 from command_line import reported
+from relume.errors import DoubtWarning
+from relume.lightstage.geometry import registration
 from relume.lightstage.geometry.merging import merge_scans
 from relume.lightstage.geometry.patterns import ProjectorPatterns
 from relume.lightstage.geometry.registration import RegistrationSettings, register_scans
@@ -123,11 +125,38 @@ def test_what_the_shape_leaves_open_stays_as_it_was_calibrated():
 def test_views_that_share_too_little_are_refused_in_one_line():
     first = potatoes()[0]
     turned = carried(first, [0, 180, 0], [0, 0, 0])
-    with pytest.raises(ValueError, match=r"^view 2: \d+% of the points lie within 12 mm .* 15% are needed") as said:
+    with pytest.raises(
+        ValueError, match=r"^view 2: \d+% of .* lie within 12 mm .* 15%, and 60 points, are needed"
+    ) as said:
         register_scans([first, turned])
-    assert "\n" not in str(said.value) and "keep them as their cameras are placed" in str(said.value)
+    assert "\n" not in str(said.value) and "keep them as their cameras are placed (--no-register)" in str(said.value)
     with pytest.raises(ValueError, match="1 scans; give two or more"):
         register_scans([first])
+
+
+def part(each: Scan, radius: float) -> Scan:
+    """What of a scan lies within so many metres of the middle of its picture's surface."""
+    height, width = each.surface.shape[:2]
+    gone = np.linalg.norm(each.surface - each.surface[height // 2, width // 2], axis=-1) > radius
+    return replace(each, surface=np.where(gone[..., None], np.nan, each.surface))
+
+
+def test_a_small_part_is_laid_on_the_whole_that_shows_all_of_it():
+    whole = potatoes()[0]
+    small = part(whole, 0.028)
+    # Of the whole's points less than a fifth have a partner in it, of its own all: either is enough.
+    settings = RegistrationSettings(reach=0.004, least_overlap=0.3)
+    found = register_scans([whole, carried(small, [0, 0, 0], [0.5, -1, 1])], settings)
+    assert found.overlap[0] < 0.2 and found.overlap[1] > 0.9
+    assert left(found.scans[1], small)[0] < 0.2
+    with pytest.raises(ValueError, match=r"^view 2: \d+% of the points, \d+, lie .* and 9000 points, are needed"):
+        register_scans([whole, small], RegistrationSettings(least_points=9000))
+
+
+def test_scans_that_have_not_settled_are_told(monkeypatch):
+    monkeypatch.setattr(registration, "STEPS", 2)
+    with pytest.warns(DoubtWarning, match="the scans had not settled after 2 steps"):
+        register_scans([potatoes()[0], carried(potatoes()[1], [0, 0, 0], [2, -1, 3])])
 
 
 def test_the_command_lays_views_on_each_other(tmp_path, capsys):

@@ -160,9 +160,12 @@ def test_bad_input_is_one_line(tmp_path, capsys):
         ["stage", "scan", tmp_path, "--rig", rig_file, "-o", out], capsys
     )
     assert "give --rig, or --boards" in refused(["stage", "scan", tmp_path, "-o", out], capsys)
-    assert "a calibration needs 3 boards" in refused(
-        ["stage", "scan", tmp_path, "--boards", tmp_path, "-o", out], capsys
-    )
+    words, board = ["stage", "scan", tmp_path, "-o", out, "--boards"], tmp_path / "boards"
+    assert f"{board}: no such folder" in refused([*words, board], capsys)
+    board.mkdir()
+    assert f"{board}: no folders in it; make one for each slant" in refused([*words, board], capsys)
+    (board / "1").mkdir()
+    assert "a calibration needs 3 boards, each at another slant" in refused([*words, board], capsys)
     assert "give --stage too" in refused(
         ["stage", "scan", tmp_path, "--rig", rig_file, "--normals", rig_file, "-o", out], capsys
     )

@@ -22,6 +22,7 @@ from relume.capture.exposure.comparison import (
     similarity,
     structure,
 )
+from relume.capture.exposure.exposures import seconds_in_words
 from relume.capture.exposure.folder import name_order
 from relume.capture.exposure.named_times import times_in_names
 from relume.capture.exposure.overexposed import NEARLY, STRANGE_WHITE, darkest_alike, share_shown
@@ -361,8 +362,7 @@ def _source(photograph: Photograph) -> str:
 
 def _stated(photograph: Photograph) -> str:
     assert photograph.exposure is not None
-    seconds = photograph.exposure.seconds
-    return f"{seconds:.4g} s" if seconds > 0.3 else f"1/{1 / seconds:.4g} s"
+    return seconds_in_words(photograph.exposure.seconds)
 
 
 def _amount(stops: float) -> str:

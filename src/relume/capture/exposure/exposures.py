@@ -233,3 +233,13 @@ def marked_shutter(seconds: float) -> float:
     if step < 0:
         return 1 / fast[-step] if -step < len(fast) else seconds
     return float(_THIRDS_SLOW[step]) if step < len(_THIRDS_SLOW) else float(round(seconds))
+
+
+def seconds_in_words(seconds: float) -> str:
+    """1/60 s, 0.4 s, 15 s: a time as photographers say it.
+
+    Shutters are marked 1/4 and faster as fractions of whole numbers; 0.3 s and longer as they are.
+    """
+    if 1e-6 < seconds < 0.29 and abs(round(1 / seconds) * seconds - 1) < 0.02:
+        return f"1/{round(1 / seconds)} s"
+    return f"{seconds:.4g} s"

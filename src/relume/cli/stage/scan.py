@@ -75,8 +75,7 @@ def scan(
             assert rig is not None
             found = rl.lightstage.read_rig(rig)
         else:
-            folders = sorted(path for path in boards.glob("*") if path.is_dir())
-            found = rl.lightstage.calibrate_rig(folders, squares=squares, square=square)
+            found = rl.lightstage.calibrate_rig(boards, squares=squares, square=square)
         # The mesh.
         maps = [None] * len(photographs) if normals is None else [rl.lightstage.read_normals(path) for path in normals]
         scans = [

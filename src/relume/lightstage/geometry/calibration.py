@@ -13,7 +13,7 @@ from pathlib import Path
 
 import numpy as np
 
-from relume.errors import GridNotFound
+from relume.errors import GridNotFound, UnreadableFile
 from relume.lightstage.geometry.decoding import DecodingSettings, decoded_places
 from relume.lightstage.geometry.pattern_photographs import PatternPhotographs, read_pattern_photographs
 from relume.lightstage.geometry.patterns import ProjectorPatterns
@@ -33,11 +33,15 @@ _FLIP = np.diag([1.0, -1.0, -1.0])
 
 
 def calibrate_rig(
-    boards: Sequence[str | os.PathLike[str] | PatternPhotographs], *, squares: tuple[int, int], square: float
+    boards: str | os.PathLike[str] | Sequence[str | os.PathLike[str] | PatternPhotographs],
+    *,
+    squares: tuple[int, int],
+    square: float,
 ) -> ScannerRig:
     """The camera and the projector that photographs of a board under the patterns were made with.
 
-    boards : folders of photographs, or what was read of them; the same board at three slants or more, better at ten
+    boards : folders of photographs, or what was read of them, or the one folder that these folders lie in; the same
+        board at three slants or more, better at ten
     squares : (along the long side, along the short side)
     square : side of a square, metres
     The rig's frame is the camera's: it stands at the origin and looks along −Z. Both lenses have one focal length, a
@@ -45,12 +49,14 @@ def calibrate_rig(
     not, since projectors throw upward. How far a subject is, is known as well as the focal lengths are, which the rig
     says: some tenths of a percent from seven boards at 20° in pictures of 400 pixels, a tenth of that from ten boards
     at 40°, near and far, in pictures of 2000. The shape itself is known much better.
-    Raises ValueError for too few boards or squares, or photographs of unlike sizes or patterns, and GridNotFound where
-    a board is not seen or lies in the projector's shade.
+    Raises UnreadableFile for a folder that holds no folders, ValueError for too few boards or squares, or photographs
+    of unlike sizes or patterns, and GridNotFound where a board is not seen or lies in the projector's shade.
     Source: Moreno & Taubin 2012, "Simple, accurate, and robust projector-camera calibration".
     """
     import cv2
 
+    if isinstance(boards, str | os.PathLike):
+        boards = _folders(Path(boards))
     if len(boards) < FEWEST:
         raise ValueError(f"a calibration needs {FEWEST} boards, each at another slant, better ten; {len(boards)} given")
     if min(squares) < 3 or not 0 < square < np.inf:
@@ -143,6 +149,15 @@ def _carried(corner: np.ndarray, places: np.ndarray, radius: float) -> np.ndarra
     if matrix is None:
         return np.full(2, np.nan)
     return matrix[:2, 2] / matrix[2, 2]
+
+
+def _folders(place: Path) -> list[Path]:
+    """The folders that lie in a folder, by name."""
+    if not place.is_dir():
+        raise UnreadableFile(f"{place}: no such folder; give the one with a folder of photographs for each board")
+    if not (folders := sorted(path for path in place.iterdir() if path.is_dir())):
+        raise UnreadableFile(f"{place}: no folders in it; make one for each slant of the board, with its photographs")
+    return folders
 
 
 def _kind(size: tuple[int, ...], patterns: ProjectorPatterns) -> str:

@@ -15,6 +15,7 @@ from scipy import ndimage
 from scipy.sparse import csgraph
 from scipy.spatial import KDTree
 
+from relume.errors import warn
 from relume.lightstage.geometry.fusion import smoothed_normals
 from relume.lightstage.geometry.meshing import surface_normals
 from relume.lightstage.geometry.scan import Scan
@@ -45,13 +46,16 @@ class RegistrationSettings:
 
     reach : metres by which places may be wrong: farther points are no partners; rather less than a subject is thick
     points : of each scan, taken evenly
-    least_overlap : of both scans' points, the share that must have a partner in the other: with 0.13, the head from two
-        sides 90° apart, a scan was laid 1.8 mm beside its place; with 0.24, 75° apart, less than 0.1 mm
+    least_overlap : of either scan's points, the share that must have a partner in the other: with 0.13, the head from
+        two sides 90° apart, a scan was laid 1.8 mm beside its place; with 0.24, 75° apart, less than 0.1 mm. A small
+        part that lies wholly within a scan of all is laid on that
+    least_points : of the chosen points that must have one: fewer hold six numbers by their noise
     """
 
     reach: float = 0.012
     points: int = 6000
     least_overlap: float = 0.15
+    least_points: int = 60
 
 
 @dataclass(frozen=True, eq=False)
@@ -114,7 +118,8 @@ def register_scans(scans: Sequence[Scan], settings: RegistrationSettings = Regis
     """Scans of one subject in one frame, moved so that they agree where several show the same surface.
 
     scans : two or more, as `scan(camera=…)` places them, wrong by `reach` at most
-    The first stays. Raises ValueError for fewer than two, and for scans that show too little of what others show.
+    The first stays. Raises ValueError for fewer than two, and for scans that show too little of what others show; warns
+    where they have not settled.
     Source: Chen & Medioni 1992, "Object modelling by registration of multiple range images"; the reach closes in, as
     in Zhang 1994.
     """
@@ -124,10 +129,10 @@ def register_scans(scans: Sequence[Scan], settings: RegistrationSettings = Regis
     turns, shifts = np.tile(np.eye(3), (len(scans), 1, 1)), np.zeros((len(scans), 3))
     every = np.concatenate([cloud.points[cloud.chosen] for cloud in clouds])
     middle, size = every.mean(axis=0), float(np.sqrt(3 * every.var(axis=0).mean()))
-    reach, before = settings.reach, np.nan
+    reach, before, spacing = settings.reach, np.nan, _spacing(clouds)
+    _require_overlap(len(scans), _partners(clouds, turns, shifts, reach), settings)
     for _ in range(STEPS):
         partners = _partners(clouds, turns, shifts, reach)
-        _require_overlap(len(scans), partners, settings)
         distance = np.concatenate([each.distance for each in partners])
         deviation = max(_deviation(distance), LEAST_DEVIATION)
         before = _deviation(distance) if np.isnan(before) else before
@@ -137,10 +142,15 @@ def register_scans(scans: Sequence[Scan], settings: RegistrationSettings = Regis
             turns[index] = turn @ turns[index]
             shifts[index] = turn @ (shifts[index] - middle) + middle + step[index, 3:]
         # As far as points are apart along the surface they need not be across it.
-        closer = max(0.7 * reach, 8 * deviation, 4 * _spacing(clouds))
+        closer = max(0.7 * reach, 8 * deviation, 4 * spacing)
         if np.abs(step).max() < STILL and closer >= reach:
             break
         reach = min(reach, closer)
+    else:
+        warn(
+            f"the scans had not settled after {STEPS} steps of laying them on each other; the last moved them by "
+            f"{1e3 * np.abs(step).max():.2g} mm or mrad: look whether they agree"
+        )
     partners = _partners(clouds, turns, shifts, reach)
     distance = np.concatenate([each.distance for each in partners])
     moved = tuple(_moved(each, turn, shift) for each, turn, shift in zip(scans, turns, shifts, strict=True))
@@ -208,15 +218,18 @@ def _require_overlap(count: int, partners: Sequence[_Partners], settings: Regist
     """Refuse scans that nothing joins to the first."""
     enough = np.zeros((count, count), bool)
     for each in partners:
-        enough[each.first, each.second] = each.share >= settings.least_overlap
-    pieces = csgraph.connected_components(enough & enough.T, directed=False)[1]
+        enough[each.first, each.second] = (
+            each.share >= settings.least_overlap and len(each.points) >= settings.least_points
+        )
+    pieces = csgraph.connected_components(enough | enough.T, directed=False)[1]
     if lost := [f"view {i + 1}" for i in range(count) if pieces[i] != pieces[0]]:
-        shares = _overlap(count, partners)
-        most = max(shares[i] for i in range(count) if pieces[i] != pieces[0])
+        across = [each for each in partners if pieces[each.first] != pieces[each.second]]
+        most = max(across, key=lambda each: each.share)
         raise ValueError(
-            f"{', '.join(lost)}: {most:.0%} of the points lie within {1e3 * settings.reach:.3g} mm of the other views' "
-            f"surface, {settings.least_overlap:.0%} are needed to lay them on it; take views nearer to each other, or "
-            "keep them as their cameras are placed"
+            f"{', '.join(lost)}: {most.share:.0%} of the points, {len(most.points)}, lie within "
+            f"{1e3 * settings.reach:.3g} mm of the other views' surface; {settings.least_overlap:.0%}, and "
+            f"{settings.least_points} points, are needed to lay them on it; take views nearer to each other, or keep "
+            "them as their cameras are placed (--no-register)"
         )
 
 

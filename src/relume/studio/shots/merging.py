@@ -46,10 +46,13 @@ def merged_facts(shot: Path, scratch: Path, progress: Callable[[str, float], Non
 
 def _frame(folder: Path, frame: Any, stops: float | None) -> dict[str, Any]:
     path = Path(frame.name)
-    seconds = f"{frame.seconds:g} s" if frame.seconds >= 0.4 else f"1/{1 / frame.seconds:.4g} s"
     inside = path.resolve().is_relative_to(folder.resolve())
     name = path.resolve().relative_to(folder.resolve()).as_posix() if inside else path.name
-    return {"path": name, "exposure": seconds, "stops": None if stops is None else round(stops, 4)}
+    return {
+        "path": name,
+        "exposure": rl.capture.seconds_in_words(frame.seconds),
+        "stops": None if stops is None else round(stops, 4),
+    }
 
 
 def _clipped(report: Any) -> str:
