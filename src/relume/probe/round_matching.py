@@ -114,8 +114,8 @@ def orient_round_views(
         if (pair := _paired(named, features, first, second, method)) is not None
     ]
     _doubt_contradicted(named, held, pairs, method)
-    told = [pair for pair in pairs if not (held[pair.first] and held[pair.second])]
-    found = _fitted(named, _from_the_known(named, held, told, method), told, method, ~held)
+    fitting = [pair for pair in pairs if not (held[pair.first] and held[pair.second])]
+    found = _fitted(named, _from_the_known(named, held, fitting, method), fitting, method, ~held)
     _require_field_as_given(named[0].lens, found.lens)
     if found.error > LOOSE:
         warn(
