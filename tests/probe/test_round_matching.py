@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from dataclasses import replace
 from functools import cache
 
@@ -92,6 +93,37 @@ def test_a_field_that_was_rounded_is_found():
     assert np.degrees(found.views[0].lens.field) == pytest.approx(190, abs=0.5) and off(found).max() < 0.1
 
 
+def test_a_field_far_from_the_one_given_is_doubted_then_refused():
+    for told, found in ((178, r"fit a field of 1(89|90)\.?\d*°, not the 178° given; check it"), (60, "")):
+        views = [replace(view, lens=FisheyeLens(np.radians(told))) for view in three_views()[:2]]
+        if found:
+            with pytest.warns(DoubtWarning, match=found):
+                orient_round_views(views)
+        else:
+            with pytest.raises(
+                NotAPanorama, match=r"a field of [\d.]+°, not the 60° given; give the angle .* within 15 %"
+            ):
+                orient_round_views(views)
+
+
+def test_rotations_that_are_known_stay_and_are_doubted_where_matches_contradict(light):
+    right = [replace(view, rotation=turn) for view, turn in zip(three_views(), TURNS, strict=True)]
+    wrong = [right[0], replace(right[1], rotation=orientation(*np.radians([125, 4, -6]))), three_views()[2]]
+    with pytest.warns(DoubtWarning) as said:
+        found = orient_round_views(wrong, known=[True, True, False])
+    assert re.match(r"view 2: .* with view 1 .* turned by (3\.9|4|4\.1)° otherwise than given", str(said[0].message))
+    assert all(np.array_equal(a.rotation, b.rotation) for a, b in zip(found.views[:2], wrong[:2], strict=True))
+    # A view without features has its turn from what is known, and none is doubted.
+    flat = replace(right[2], picture=RadianceMap(np.full((SIDE, SIDE, 3), 0.5, "f4")))
+    found = orient_round_views([flat, three_views()[1], right[0]], known=[True, False, True])
+    assert off(found, [TURNS[2], TURNS[1], TURNS[0]]).max() < 0.1
+    assert found.matches[0] == 0 and found.deviations[1] > 0 == found.deviations[0]
+    with pytest.raises(NotAPanorama, match=r"^view 1: too little in common with view 2 and what is joined to it"):
+        orient_round_views([flat, right[0], right[1]], known=[False, True, True])
+    with pytest.raises(ValueError, match="of one at least, not of all"):
+        orient_round_views(right, known=[True] * 3)
+
+
 def test_mirrors_show_the_world_the_other_way_round_and_are_turned_all_the_same(light):
     turns = [np.eye(3), orientation(*np.radians([70, 10, 5]))]
     found = orient_round_views([round_view(light, turn, ParabolicMirror(np.radians(200))) for turn in turns])
@@ -149,6 +181,9 @@ def test_the_command_joins_fisheyes(light, tmp_path, capsys):
     (tmp_path / "turns.csv").write_text("name,yaw,pitch,roll\n1.exr,31,4,-6\n")
     told = reported([*command, "--fisheye", "190", "--orientations", tmp_path / "turns.csv"], capsys)
     assert told["views"][0]["yaw"] == pytest.approx(-90, abs=0.1)
+    (tmp_path / "turns.csv").write_text("name,yaw,pitch,roll\n0.exr,0,0,0\n1.exr,125,4,-6\n")
+    told = reported([*command, "--fisheye", "190", "--orientations", tmp_path / "turns.csv"], capsys)
+    assert [view["yaw"] for view in told["views"][:2]] == [0, 125]
     # All of them: nothing is matched.
     table = "".join(f"{i}.exr,{yaw},{pitch},{roll}\n" for i, (yaw, pitch, roll) in enumerate([(0, 0, 0), (121, 4, -6)]))
     (tmp_path / "turns.csv").write_text("name,yaw,pitch,roll\n" + table + "2.exr,-117,-5,9\n")

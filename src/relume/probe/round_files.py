@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 import os
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
@@ -86,8 +86,7 @@ def fisheyes_from_files(
     rim : x, y and radius of the round picture, pixels from the upper left corner; unless given it is centred and
         touches the nearer borders
     turn, orientations : where views looked, as in `known_orientations`: all, and none is matched; or a table of some,
-        and the first of these says how the others, which are matched, lie in the world. Where none is known the first
-        view looks level towards −Z
+        which keep theirs, and the others are matched. Where none is known the first view looks level towards −Z
     profile : of the camera; recovered from brackets unless given, sRGB for single photographs
     size : rows of the map; balance, matching : as in `join_round_views` and `orient_round_views`
     Raises UnreadableFile, NotABracket, NotAPanorama, ValueError.
@@ -109,12 +108,9 @@ def fisheyes_from_files(
                     f"{SMALLEST:.0%} of the picture across; give the middle and the radius of the circle in pixels"
                 )
             views.append(RoundView(source.picture, lens, (x, y), radius, _known(known.get(path)), source.name))
-        missing = [index for index, path in enumerate(places) if path not in known]
-        oriented = orient_round_views(views, matching) if missing else None
-        if oriented is not None:
-            given = next((index for index in range(len(views)) if index not in missing), 0)
-            turned = views[given].rotation @ oriented.views[given].rotation.T
-            views = [replace(view, rotation=turned @ view.rotation) for view in oriented.views]
+        given = [path in known for path in places]
+        oriented = None if all(given) else orient_round_views(views, matching, known=given if any(given) else None)
+        views = views if oriented is None else list(oriented.views)
         probe = join_round_views(views, size, balance=balance)
     notes = tuple(doubt.line for doubt in gathered.doubts)
     angles = probe.light.mapping.solid_angles(size)

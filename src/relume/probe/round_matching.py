@@ -27,8 +27,8 @@ from relume.probe.panorama.matching import (
     match,
     most_agreed_rotation,
 )
-from relume.probe.round_views import FisheyeLens, ParabolicMirror, RoundView
-from relume.sphere.directions import rotation_from_vector
+from relume.probe.round_views import FisheyeLens, ParabolicMirror, RoundLens, RoundView
+from relume.sphere.directions import rotation_angle, rotation_from_vector
 
 FARTHEST = 2.4
 """Radians from a view's middle beyond which no feature is looked for: a stereographic picture would be too large."""
@@ -42,6 +42,11 @@ BESIDE = 3.0
 """Medians of what agreeing matches differ by, up to which one agrees."""
 LEAST_DEVIATION = 1e-5
 """Radians, of a match: exact pictures must not make an infinite weight."""
+DOUBTED, REFUSED = 0.05, 0.15
+"""Shares by which the field that is found may differ from the one given: makers round by less than the first; beyond
+the second, matches that agree by chance were bent until they did."""
+SURE = 3.0
+"""Deviations by which matches must contradict a turn that is given, for it to be doubted; `LOOSE` at least."""
 LOOSE = np.radians(0.3)
 """What matches may differ by before the lens is doubted: some pixels of a fisheye."""
 
@@ -50,10 +55,10 @@ LOOSE = np.radians(0.3)
 class OrientedViews:
     """Round views with the rotations that were found.
 
-    views : as given, with rotations; that of the first is its own. Their lens has the field that was found
+    views : as given, with rotations; those that are known are their own. Their lens has the field that was found
     error : root mean square of what agreeing matches differ by, radians
-    deviations : (N,) radians, standard deviation of each view's turn beside the first, by the matches' scatter: errors
-        of the lens and of the rim, which move all matches together, are not in it
+    deviations : (N,) radians, standard deviation of each view's turn beside those known, by the matches' scatter:
+        errors of the lens and of the rim, which move all matches together, are not in it
     matches : (N,) agreeing, of each view with all others
     """
 
@@ -79,20 +84,28 @@ class _Pair:
     rotation: np.ndarray
 
 
-def orient_round_views(views: Sequence[RoundView], method: Matching = ROUND) -> OrientedViews:
+def orient_round_views(
+    views: Sequence[RoundView], method: Matching = ROUND, *, known: Sequence[bool] | None = None
+) -> OrientedViews:
     """Find how round views from one place were turned, from what they have in common.
 
-    views : two or more; the first keeps its rotation, those of the others are found, not used
+    views : two or more; those that are known keep their rotations, those of the others are found, not used
     method : as of a panorama; `width` is that of the stereographic picture, and `distortion` finds the field of the
         lens, where all views have the same and it has one: within some per cent of what is given
+    known : (N,) whose rotations are known; the first's alone unless given. What known views share is no part of the fit
     Features by Lowe 2004, the turn that most matches agree with by random pairs of them (Fischler & Bolles 1981; Kabsch
     1976), all turns together by robust least squares. Neighbours need an overlap of some 15°: two fisheyes of 195° back
     to back have it. Raises NotAPanorama for a lone view, and by name for those that have too little in common with the
-    others; warns where matches differ by more than 0.3°, as where the lens or its rim is another than was given.
+    others, and where the field that is found differs by more than 15 % from the one given; warns of more than 5 %,
+    where matches differ by more than 0.3°, as where the lens or its rim is another than was given, and of a known
+    rotation that matches contradict by more than three of their deviations, 0.3° at least.
     """
     if len(views) < 2:
         raise NotAPanorama(f"{len(views)} round views; their turns are found from two or more")
     named = [replace(view, name=f"view {i + 1}") if view.name == "view" else view for i, view in enumerate(views)]
+    held = np.eye(1, len(named))[0] > 0 if known is None else np.asarray(known, bool)
+    if held.shape != (len(named),) or not held.any() or held.all():
+        raise ValueError(f"known: {held.tolist()} of {len(named)} views; say it of each, of one at least, not of all")
     features = [round_features(view, method) for view in named]
     pairs = [
         pair
@@ -100,8 +113,10 @@ def orient_round_views(views: Sequence[RoundView], method: Matching = ROUND) -> 
         for first in range(second)
         if (pair := _paired(named, features, first, second, method)) is not None
     ]
-    start = _from_the_first(named, pairs, method)
-    found = _fitted(named, start, pairs, method)
+    _doubt_contradicted(named, held, pairs, method)
+    fitting = [pair for pair in pairs if not (held[pair.first] and held[pair.second])]
+    found = _fitted(named, _from_the_known(named, held, fitting, method), fitting, method, ~held)
+    _require_field_as_given(named[0].lens, found.lens)
     if found.error > LOOSE:
         warn(
             f"what the views have in common differs by {np.degrees(found.error):.2g}°; check the lens's field and its "
@@ -110,10 +125,9 @@ def orient_round_views(views: Sequence[RoundView], method: Matching = ROUND) -> 
     counts = np.zeros(len(named), int)
     for pair in found.pairs:
         counts[[pair.first, pair.second]] += pair.agreeing.sum()
-    first = np.asarray(named[0].rotation)
     turned = tuple(
-        replace(view, rotation=first @ turn, lens=found.lens or view.lens)
-        for view, turn in zip(named, found.turns, strict=True)
+        replace(view, rotation=view.rotation if given else turn, lens=found.lens or view.lens)
+        for view, turn, given in zip(named, found.turns, held, strict=True)
     )
     return OrientedViews(turned, found.error, found.deviations, counts)
 
@@ -182,31 +196,78 @@ def _shown(view: RoundView, directions: np.ndarray) -> np.ndarray:
     return view.lens.radius(np.arctan2(np.hypot(directions[:, 0], directions[:, 1]), depth)) <= 1
 
 
-def _from_the_first(views: Sequence[RoundView], pairs: Sequence[_Pair], method: Matching) -> list[np.ndarray]:
-    """First-from-view rotations along the pairs that agree most; raises NotAPanorama for views that none reaches."""
-    ends = np.array([(pair.first, pair.second) for pair in pairs], int).reshape(-1, 2)
-    # The more matches agree, the shorter the way; the spanning tree takes the shortest.
-    ways = np.array([1.0 / pair.agreeing.sum() for pair in pairs])
-    graph = sparse.csr_array((ways, (ends[:, 0], ends[:, 1])), (len(views), len(views)))
-    tree = csgraph.minimum_spanning_tree(graph)
-    order, before = csgraph.breadth_first_order(tree, 0, directed=False)
-    if lost := [view.name for i, view in enumerate(views) if i not in order]:
+def _from_the_known(
+    views: Sequence[RoundView], held: np.ndarray, pairs: Sequence[_Pair], method: Matching
+) -> list[np.ndarray]:
+    """World-from-view rotations of all; raises NotAPanorama for views that no matches join to one that is known."""
+    turns = _along(views, held, pairs)
+    if lost := [view.name for view, turn in zip(views, turns, strict=True) if turn is None]:
+        joined = views[int(np.flatnonzero(held)[0])].name
         raise NotAPanorama(
-            f"{', '.join(lost)}: too little in common with {views[0].name} and what is joined to it, fewer than "
+            f"{', '.join(lost)}: too little in common with {joined} and what is joined to it, fewer than "
             f"{method.least} matches agree; let views overlap by 15° or more, or give how each was turned"
         )
+    return [turn for turn in turns if turn is not None]
+
+
+def _along(views: Sequence[RoundView], held: np.ndarray, pairs: Sequence[_Pair]) -> list[np.ndarray | None]:
+    """World-from-view rotations along the pairs that agree most, None of views that none reaches from a known one."""
+    root = len(views)
+    # The more matches agree, the shorter the way; the spanning tree takes the shortest. Known views hang on the world.
+    ends = [(pair.first, pair.second) for pair in pairs] + [(int(i), root) for i in np.flatnonzero(held)]
+    ways = [1.0 / pair.agreeing.sum() for pair in pairs] + [1e-9] * int(held.sum())
+    first, second = np.array(ends, int).T
+    graph = sparse.csr_array((ways, (first, second)), (root + 1, root + 1))
+    order, before = csgraph.breadth_first_order(csgraph.minimum_spanning_tree(graph), root, directed=False)
     by_ends = {(pair.first, pair.second): pair.rotation for pair in pairs}
-    turns = [np.eye(3) for _ in views]
+    turns: list[np.ndarray | None] = [None] * root
     for new in order[1:]:
         old = before[new]
-        turn = by_ends[(old, new)] if (old, new) in by_ends else by_ends[(new, old)].T
-        turns[new] = turns[old] @ turn
+        reached = None if old == root else turns[old]
+        if reached is None:
+            turns[new] = np.asarray(views[new].rotation)
+        else:
+            turns[new] = reached @ (by_ends[(old, new)] if (old, new) in by_ends else by_ends[(new, old)].T)
     return turns
+
+
+def _doubt_contradicted(views: Sequence[RoundView], held: np.ndarray, pairs: Sequence[_Pair], method: Matching) -> None:
+    """Warn of known rotations beside the first known one that matches contradict, where matches join the two."""
+    anchor = int(np.flatnonzero(held)[0])
+    turns = _along(views, np.arange(len(views)) == anchor, pairs)
+    joined = np.array([turn is not None for turn in turns])
+    if (held & joined).sum() < 2:
+        return
+    # All but the first known one are free: what the matches alone say.
+    start = [np.asarray(view.rotation) if turn is None else turn for view, turn in zip(views, turns, strict=True)]
+    inside = [pair for pair in pairs if joined[pair.first]]
+    free = joined & (np.arange(len(views)) != anchor)
+    found = _fitted(views, start, inside, method, free)
+    for index in np.flatnonzero(held & free).tolist():
+        beside = rotation_angle(np.asarray(views[index].rotation).T @ found.turns[index])
+        if beside > max(SURE * float(found.deviations[index]), LOOSE):
+            warn(
+                f"{views[index].name}: what it has in common with {views[anchor].name} and others says that it was "
+                f"turned by {np.degrees(beside):.2g}° otherwise than given, known within "
+                f"{np.degrees(found.deviations[index]):.1g}°; it is left as given: check the table"
+            )
+
+
+def _require_field_as_given(given: RoundLens, found: FisheyeLens | ParabolicMirror | None) -> None:
+    """Refuse a field that is another than was given, and warn of one that may be."""
+    if found is None or not isinstance(given, FisheyeLens | ParabolicMirror):
+        return
+    beside = abs(found.field / given.field - 1)
+    words = f"the views fit a field of {np.degrees(found.field):.4g}°, not the {np.degrees(given.field):.4g}° given"
+    if beside > REFUSED:
+        raise NotAPanorama(f"{words}; give the angle across the rim within 15 %, and check the rim")
+    if beside > DOUBTED:
+        warn(f"{words}; check it, and the rim")
 
 
 @dataclass(frozen=True, eq=False)
 class _Fit:
-    """First-from-view rotations, the lens where its field was found, and how well the matches agree by them."""
+    """World-from-view rotations, the lens where its field was found, and how well the matches agree by them."""
 
     turns: list[np.ndarray]
     lens: FisheyeLens | ParabolicMirror | None
@@ -217,21 +278,24 @@ class _Fit:
 
 @dataclass(frozen=True, eq=False)
 class _Unknowns:
-    """What numbers (K,) mean: three for the small turn of each view but the first, and ln of the field's change.
+    """What numbers (K,) mean: three for the small turn of each view that is free, and ln of the field's change.
 
-    start : first-from-view rotations before
+    start : world-from-view rotations before
     lens : whose field is found; None where it is not
+    free : (N,) bool
     """
 
     start: Sequence[np.ndarray]
     lens: FisheyeLens | ParabolicMirror | None
+    free: np.ndarray
 
     @property
     def turning(self) -> int:
-        return 3 * (len(self.start) - 1)
+        return 3 * int(self.free.sum())
 
     def turns(self, numbers: np.ndarray) -> list[np.ndarray]:
-        steps = np.concatenate([np.zeros((1, 3)), numbers[: self.turning].reshape(-1, 3)])
+        steps = np.zeros((len(self.start), 3))
+        steps[self.free] = numbers[: self.turning].reshape(-1, 3)
         return [rotation_from_vector(step) @ turn for step, turn in zip(steps, self.start, strict=True)]
 
     def lens_of(self, numbers: np.ndarray) -> FisheyeLens | ParabolicMirror | None:
@@ -240,7 +304,7 @@ class _Unknowns:
         return replace(self.lens, field=float(min(self.lens.field * np.exp(numbers[-1]), 2 * np.pi)))
 
     def apart(self, pairs: Sequence[_Pair], numbers: np.ndarray) -> list[np.ndarray]:
-        """What all matches of each pair differ by, (M, 3), in the first view's frame."""
+        """What all matches of each pair differ by, (M, 3), in the world."""
         turns, new = self.turns(numbers), self.lens_of(numbers)
         found = []
         for pair in pairs:
@@ -251,10 +315,12 @@ class _Unknowns:
         return found
 
 
-def _fitted(views: Sequence[RoundView], start: Sequence[np.ndarray], pairs: Sequence[_Pair], method: Matching) -> _Fit:
-    """All turns but the first's, and the field, by robust least squares of what agreeing matches differ by."""
+def _fitted(
+    views: Sequence[RoundView], start: Sequence[np.ndarray], pairs: Sequence[_Pair], method: Matching, free: np.ndarray
+) -> _Fit:
+    """The turns that are free, (N,) bool, and the field, by robust least squares of what agreeing matches differ by."""
     lens = views[0].lens if method.distortion and all(view.lens == views[0].lens for view in views) else None
-    unknowns = _Unknowns(start, lens if isinstance(lens, FisheyeLens | ParabolicMirror) else None)
+    unknowns = _Unknowns(start, lens if isinstance(lens, FisheyeLens | ParabolicMirror) else None, free)
     numbers = np.zeros(unknowns.turning + (unknowns.lens is not None))
     chosen = [pair.agreeing for pair in pairs]
     for _ in range(ROUNDS):
@@ -271,7 +337,8 @@ def _fitted(views: Sequence[RoundView], start: Sequence[np.ndarray], pairs: Sequ
     covariance = np.linalg.pinv(found.jac.T @ found.jac) * variance
     spread = np.sqrt(np.diagonal(covariance)[: unknowns.turning].reshape(-1, 3).sum(axis=1))
     agreeing = [replace(pair, agreeing=near) for pair, near in zip(pairs, kept, strict=True)]
-    deviations = np.concatenate([[0.0], spread])
+    deviations = np.zeros(len(views))
+    deviations[free] = spread
     return _Fit(unknowns.turns(numbers), unknowns.lens_of(numbers), agreeing, float(np.sqrt(square.mean())), deviations)
 
 
