@@ -115,8 +115,9 @@ def panorama(
         )  # fmt: skip
         known = settings.known(photographs)
         lens = fisheye.lens()
-        if lens is not None and (field is not None or colours or faces):
-            raise ValueError("--fisheye has no use for --field, --faces and --colours; leave them out")
+        if lens is not None and (field is not None or colours or faces or match or not (distortion and level)):
+            given = "--field, --faces, --colours, --match, --no-distortion and --no-level"
+            raise ValueError(f"--fisheye has no use for {given}; leave them out")
         if dry_run:
             found = "matched" if match else "matched, where the views do not hold it"
             where = f"given of {len(known)} of {len(photographs)}" if known else found
@@ -130,7 +131,7 @@ def panorama(
         else:
             result = rl.probe.fisheyes_from_files(
                 photographs, lens, rim=fisheye.rim, turn=turn, orientations=orientations, profile=camera,
-                size=size or 512, balance=balance is not False,
+                size=size, balance=balance is not False,
             )  # fmt: skip
         rl.write(out, rl.as_radiance_map(result.light))
         # What came of it.

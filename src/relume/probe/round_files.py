@@ -20,6 +20,7 @@ from relume.probe.round_matching import ROUND, OrientedViews, orient_round_views
 from relume.probe.round_views import FisheyeLens, ParabolicMirror, RoundLens, RoundView, join_round_views
 from relume.sphere.environment_map import EnvironmentMap
 
+MOST_ROWS = 4096
 SMALLEST = 0.1
 """Of the picture's lesser side, the least a rim may be across: a smaller one is a slip in the numbers given."""
 
@@ -75,7 +76,7 @@ def fisheyes_from_files(
     turn: float | None = None,
     orientations: str | os.PathLike[str] | None = None,
     profile: CameraProfile | None = None,
-    size: int = 512,
+    size: int | None = None,
     balance: bool = True,
     matching: Matching = ROUND,
 ) -> RoundPanorama:
@@ -88,7 +89,8 @@ def fisheyes_from_files(
     turn, orientations : where views looked, as in `known_orientations`: all, and none is matched; or a table of some,
         which keep theirs, and the others are matched. Where none is known the first view looks level towards −Z
     profile : of the camera; recovered from brackets unless given, sRGB for single photographs
-    size : rows of the map; balance, matching : as in `join_round_views` and `orient_round_views`
+    size : rows of the map, even; as fine as the views unless given, 4096 at most
+    balance, matching : as in `join_round_views` and `orient_round_views`
     Raises UnreadableFile, NotABracket, NotAPanorama, ValueError.
     """
     places = [Path(path) for path in paths]
@@ -111,12 +113,18 @@ def fisheyes_from_files(
         given = [path in known for path in places]
         oriented = None if all(given) else orient_round_views(views, matching, known=given if any(given) else None)
         views = views if oriented is None else list(oriented.views)
-        probe = join_round_views(views, size, balance=balance)
+        probe = join_round_views(views, size or _rows(views), balance=balance)
     notes = tuple(doubt.line for doubt in gathered.doubts)
-    angles = probe.light.mapping.solid_angles(size)
+    angles = probe.light.mapping.solid_angles(probe.light.size)
     unseen = float((angles * (probe.seen < 0.5)).sum() / angles.sum())
     doubts = (f"{unseen:.0%} of the sphere is seen by no view; add views",) if unseen > HOLE else ()
     return RoundPanorama(probe.light, tuple(views), probe.gains, unseen, oriented, doubts, notes)
+
+
+def _rows(views: Sequence[RoundView]) -> int:
+    """Rows of a map that is as fine as the finest view is on average from its middle to its rim."""
+    rows = max(2 * view.radius * math.pi / (2 * view.lens.angle(1.0)) for view in views)
+    return min(2 * math.ceil(rows / 2), MOST_ROWS)
 
 
 def _known(given: KnownOrientation | None) -> np.ndarray:
