@@ -185,6 +185,8 @@ def test_what_would_measure_its_light_again_is_refused(tmp_path: Path, light: st
     with pytest.raises(InvalidShot, match=words) as caught:
         shot(tmp_path, light=light)
     assert "\n" not in str(caught.value)
+    with pytest.raises(InvalidShot, match=r"distant\.receives: input should be a list \(got 'floor'\)"):
+        shot(tmp_path, more=', receives = "floor"')
     with pytest.raises(InvalidShot, match=r"light\.distant: the place has no mesh 'lawn'; it has"):
         put(tmp_path, np.ones((48, 64, 3)))
         rl.report.write_place(
