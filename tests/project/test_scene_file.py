@@ -400,7 +400,7 @@ def test_a_fault_is_one_line_with_its_key(folder: Path, text: str, line: str) ->
         ),
         ("kind = 'mirror'\ncolor = [1, 1, 1]", ".color: unknown key; did you mean colour?"),
         ("kind = 'mirror'\nior = 1.5", ".ior: unknown key; remove it or see the docs"),
-        ("kind = 'mirror'\ncolour = true", ".colour: input should be a list of numbers (got True)"),
+        ("kind = 'mirror'\ncolour = true", ".colour: input should be a list (got True)"),
         ("kind = 'mirror'\ncolour = [-1, 0, 0]", ": colour of a layer has shape (3,); expected three numbers of 0 or"),
         ("kind = 'glossy'\ndiffuse = 'none.png'", ".diffuse: {folder}/none.png: "),
         ("kind = 'glossy'\ndiffuse = [1, 2]", ".diffuse: too few numbers (got [1, 2])"),

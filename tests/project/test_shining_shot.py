@@ -14,9 +14,12 @@ from relume.errors import InvalidShot
 from relume.image.files import write
 from relume.image.radiance import RadianceMap
 from relume.project.insertion.insert import insert
+from relume.project.insertion.photographs import calibrate, read_photographs
+from relume.project.stages import Stages, Steps
 from relume.renderers.projective.shining_meshes import place_of
 from relume.scene.lights import RectangleLight
 from relume.sphere.directions import normalised
+from relume.sphere.environment_files import as_radiance_map
 from toml_files import shot_of
 
 SHOT = """
@@ -145,6 +148,32 @@ def test_a_ball_in_a_photographed_room_has_the_rooms_light(tmp_path: Path):
 
 
 @pytest.mark.parametrize(
+    "light", ['map = "sky.exr"', "sky = { sun = [40, 180], size = 16 }", 'map = "sky.exr"\nscale = 2']
+)
+def test_light_beyond_in_another_unit_is_refused(tmp_path: Path, light: str):
+    beyond = rl.EnvironmentMap(np.full((16, 32, 3), 2000.0, np.float32), unit="cd/m²")
+    write(tmp_path / "sky.exr", as_radiance_map(beyond))
+    with pytest.raises(InvalidShot, match=r"is in cd/m² and the plate in relative, and nothing says") as caught:
+        insert(shot(even(tmp_path, 1.0), light=light), tmp_path / "out")
+    assert "\n" not in str(caught.value)
+
+
+def test_light_beyond_in_the_plates_unit_and_none_are_taken(tmp_path: Path):
+    even(tmp_path, 1.0)
+    write(tmp_path / "sky.exr", as_radiance_map(rl.EnvironmentMap(np.ones((16, 32, 3), np.float32))))
+    write(tmp_path / "plate.exr", RadianceMap(np.ones((48, 64, 3), np.float32), unit="cd/m²"))
+    for light, unit in (
+        ("", "cd/m²"),
+        ("sky = { sun = [40, 180], size = 16 }", "cd/m²"),
+        ('map = "sky.exr"', "relative"),
+    ):
+        write(tmp_path / "plate.exr", RadianceMap(np.ones((48, 64, 3), np.float32), unit=unit))
+        read = shot(tmp_path, light=light)
+        found = calibrate(read, read_photographs(read), Steps(Stages(tmp_path / "stages")))
+        assert found.probe.light.unit == found.plate.unit == unit
+
+
+@pytest.mark.parametrize(
     ("light", "words"),
     [
         ("probe = [0, 1, 0]", "light: probe measures the place's light, which distant.radiance"),
@@ -156,6 +185,8 @@ def test_what_would_measure_its_light_again_is_refused(tmp_path: Path, light: st
     with pytest.raises(InvalidShot, match=words) as caught:
         shot(tmp_path, light=light)
     assert "\n" not in str(caught.value)
+    with pytest.raises(InvalidShot, match=r"distant\.receives: input should be a list \(got 'floor'\)"):
+        shot(tmp_path, more=', receives = "floor"')
     with pytest.raises(InvalidShot, match=r"light\.distant: the place has no mesh 'lawn'; it has"):
         put(tmp_path, np.ones((48, 64, 3)))
         rl.report.write_place(

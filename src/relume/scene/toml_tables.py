@@ -109,7 +109,7 @@ def _line(fault: Any, model: type[Table], table: dict[str, Any], what: str) -> s
         "dict_type": "Input should be a table",
         "model_type": "Input should be a table",
         "model_attributes_type": "Input should be a table",
-        "tuple_type": "Input should be a list of numbers",
+        "tuple_type": "Input should be a list",
     }.get(kind, said)
     # The whole file has no place in itself.
     return ": ".join(filter(None, [place, f"{message[:1].lower()}{message[1:]} (got {fault['input']!r})"]))

@@ -225,8 +225,15 @@ def calibrate(shot: Shot, photographs: Photographs, steps: Steps) -> Calibrated:
         probe = steps.keep("light", made_from, lambda: blended(shot, merged()[0][views], stood))
 
     untied = _why_untied(shot, photographs)
+    if shines and shot.light.given() and radiance.unit != probe.light.unit:
+        # The one scale of the shot is that of the place and what lies beyond it, so that it cannot tie the two.
+        raise InvalidShot(
+            f"light.{shot.light.given()[0]}: what lies beyond the place is in {probe.light.unit} and the plate in "
+            f"{radiance.unit}, and nothing says how the two compare; give a map on the plate's scale (`relume convert "
+            "--exposure STOPS` makes one relative), or a plate in the map's unit (plate.spot)"
+        )
     if (untied is not None or shines) and radiance.unit != probe.light.unit:
-        # Its own scale is given up: the plate's is the one that counts.
+        # Its own scale is given up, or it is empty: the plate's is the one that counts.
         probe = replace(probe, light=replace(probe.light, unit=radiance.unit))
     if radiance.unit != probe.light.unit:
         raise InvalidShot(
