@@ -23,6 +23,7 @@ from relume.image.files.textures.ktx2 import write_cube
 from relume.image.photograph import Exposure, Photograph, Settings
 from relume.image.radiance import RadianceMap
 from relume.report.merge_facts import advice_summary
+from relume.sphere.map_store import MapStore
 from relume.sphere.mappings.discs import Angular
 from relume.sphere.mappings.mapping import LatLong, Mapping
 from relume.sphere.mappings.orientation import orientation_named
@@ -45,6 +46,26 @@ def facts_in(words: list[str], capsys: pytest.CaptureFixture[str]) -> dict[str, 
     lines = printed(["info", *words], capsys).out.splitlines()[1:]
     pairs = [line.strip().partition("  ") for line in lines]
     return {label: text.strip() for label, _, text in pairs}
+
+
+def test_a_store_of_maps_says_how_many_and_what_they_hold(tmp_path, capsys):
+    pytest.importorskip("zarr", reason="the extra lightstage is not installed")
+    store = MapStore.begun(tmp_path / "a.zarr", 3, 8, variance=True, attributes={"rate": "23.976"})
+    for k in range(3):
+        store.write(k, RadianceMap(np.full((8, 16, 3), 0.5, np.float32)))
+    assert facts_in([str(tmp_path / "a.zarr")], capsys) == {
+        "format": "zarr: a store of maps, float16",
+        "holds": "light that changes: radiance without an absolute unit",
+        "size": "16 × 8", "frames": "3, 23.976 a second", "variance": "of every map",
+    }  # fmt: skip
+    found = json.loads(printed(["info", str(tmp_path / "a.zarr"), "--json"], capsys).out)
+    assert (found["kind"], found["frames"], found["rate"], found["variance"]) == ("maps", 3, 23.976, True)
+    (tmp_path / "a.zarr" / "radiance" / "1.0.0.0").unlink()
+    assert "map 2 of 3 is missing" in refused(["info", str(tmp_path / "a.zarr")], capsys)
+    bare = MapStore.begun(tmp_path / "b.zarr", 1, 8, np.float32, unit="cd/m²")
+    bare.write(0, RadianceMap(np.full((8, 16, 3), 0.5, np.float32)))
+    facts = facts_in([str(tmp_path / "b.zarr")], capsys)
+    assert (facts["frames"], facts["variance"]) == ("1", "not kept") and facts["holds"].endswith("in cd/m²")
 
 
 def test_a_map_is_reported_in_the_words_of_a_photographer(tmp_path, capsys):

@@ -164,6 +164,9 @@ def test_two_fisheyes_back_to_back_in_a_real_place(shared):
     assert off(found, turns).max() < 0.1
 
 
+ROWS = 2 * int(np.ceil(RIM * 180 / 190))
+
+
 def test_the_command_joins_fisheyes(light, tmp_path, capsys):
     paths = [tmp_path / f"{index}.exr" for index in range(3)]
     for path, view in zip(paths, three_views(), strict=True):
@@ -189,7 +192,12 @@ def test_the_command_joins_fisheyes(light, tmp_path, capsys):
     (tmp_path / "turns.csv").write_text("name,yaw,pitch,roll\n" + table + "2.exr,-117,-5,9\n")
     told = reported([*command, "--fisheye", "190", "--orientations", tmp_path / "turns.csv"], capsys)
     assert told["matches agree within"] is None and "matches" not in told["views"][0]
-    assert "--fisheye has no use for" in refused([*command, "--fisheye", "190", "--field", "80"], capsys)
+    for useless in (["--field", "80"], ["--no-level"], ["--no-distortion"], ["--match"]):
+        assert "--fisheye has no use for" in refused([*command, "--fisheye", "190", *useless], capsys)
+    # As fine as the views: 2 · 205 pixels are 190°, so 180° are 388.4 rows of the lens that was given so.
+    told = reported(["panorama", *paths, "--fisheye", "190", "--rim", rim, "--orientations", tmp_path / "turns.csv",
+                     "-o", out], capsys)  # fmt: skip
+    assert told["size"] == f"{2 * ROWS}×{ROWS}"
     slip = ["panorama", *paths, "--rim", "21,22,3", "--fisheye", "190", "-o", out]
     assert "0.exr: a rim of radius 3 in 420×420 pixels is less than 10% of the picture across" in refused(slip, capsys)
     assert "the rim's middle 900, 210 is not within" in refused(

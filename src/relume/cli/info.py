@@ -30,8 +30,8 @@ def lines_of(facts: Mapping[str, Any], *, whole: bool = False) -> dict[str, str]
     whole : print attributes to their end, however long
     """
     kind = facts["kind"]
-    if kind == "mesh":
-        return _mesh(facts)
+    if kind in ("mesh", "maps"):
+        return _mesh(facts) if kind == "mesh" else rl.report.maps_summary(facts)
     name = _FORMATS.get(facts["format"], facts["format"])
     lines = {"format": f"{name}: {facts['subtype']}" if facts["subtype"] else name, "size": _size(facts)}
     if kind == "photograph":

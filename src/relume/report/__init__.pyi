@@ -5,6 +5,7 @@ from .develop_report import write_develop_report as write_develop_report
 from .file_facts import describe as describe
 from .file_facts import describe_system as describe_system
 from .file_facts import draw_environment as draw_environment
+from .file_facts import maps_summary as maps_summary
 from .light_plot import draw_lights as draw_lights
 from .materials.brdf_plot import draw_brdf as draw_brdf
 from .materials.patch_report import write_patch_report as write_patch_report

@@ -12,6 +12,7 @@ from relume.image import files
 from relume.image.files.description import describe as facts_of
 from relume.image.files.read_options import ReadOptions
 from relume.scene.shapes.suffixes import SUFFIXES as MESHES
+from relume.sphere.map_store import is_map_store, store_facts
 
 if TYPE_CHECKING:
     from relume.sphere.environment_map import EnvironmentMap
@@ -24,13 +25,30 @@ def describe(path: str | os.PathLike[str], options: ReadOptions = ReadOptions())
     azimuth and elevation, degrees to the right of −Z and up from level; the name of the mapping; and whether it is
     assumed, because only the shape says that the map is equirectangular (lat-long).
     A mesh (.glb, .gltf, .obj, .ply, .stl, USD) has its triangles, materials and its extent in metres.
+    A store of maps (.zarr) has those of `store_facts`: frames, rate, unit, whether variance is there.
     Raises UnreadableFile.
     """
+    if is_map_store(path):
+        return store_facts(path)
     if Path(path).suffix.lower() in MESHES and Path(path).is_file():
         return _mesh_facts(Path(path))
     facts: dict[str, Any] = facts_of(path, options)
     places = {name: facts[name] for name in ("brightest", "lone") if facts.get(name)}
     return facts | {name: {**place, "direction": _direction(facts, place)} for name, place in places.items()}
+
+
+def maps_summary(facts: MappingOf[str, Any]) -> dict[str, str]:
+    """The facts of a store of maps, as label → text."""
+    (width, height), rate = facts["size"], facts["rate"]
+    seconds = "" if rate is None else f", {rate:.5g} a second"
+    absolute = facts["unit"] == "cd/m²"
+    return {
+        "format": f"zarr: a store of maps, {facts['dtype']}",
+        "holds": f"light that changes: radiance {'in cd/m²' if absolute else 'without an absolute unit'}",
+        "size": f"{width} × {height}",
+        "frames": f"{facts['frames']}{seconds}",
+        "variance": "of every map" if facts["variance"] else "not kept",
+    }
 
 
 def _mesh_facts(path: Path) -> dict[str, Any]:

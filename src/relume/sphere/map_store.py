@@ -130,6 +130,27 @@ def maps_in_store(path: str | os.PathLike[str]) -> tuple[Path, ...]:
     return paths
 
 
+def store_facts(path: str | os.PathLike[str]) -> dict[str, Any]:
+    """What a store holds, in plain values: kind "maps", format, size (width, height) and dtype of a map, frames, unit.
+
+    Further rate, maps a second, None where the store does not say it; whether variance is there; and the attributes of
+    every map. Raises UnreadableFile, also where a map is missing.
+    """
+    path = Path(path)
+    array, root = _opened(path)
+    try:
+        attributes, unit = dict(root.attrs["attributes"]), str(root.attrs["unit"])
+        rate = float(attributes["rate"]) if "rate" in attributes else None
+        frames, height, width = (int(count) for count in array.shape[:3])
+    except (KeyError, TypeError, ValueError) as error:
+        raise UnreadableFile(f"{path}: a damaged store ({_words(error)}); make the maps again") from None
+    maps_in_store(path)
+    return {
+        "file": path.name, "kind": "maps", "format": "zarr", "size": [width, height], "dtype": str(array.dtype),
+        "frames": frames, "unit": unit, "rate": rate, "variance": "variance" in root, "attributes": attributes,
+    }  # fmt: skip
+
+
 def read_stored_map(path: str | os.PathLike[str]) -> RadianceMap:
     """The map that a file of a store stands for; raises UnreadableFile for a damaged one."""
     path = Path(path)
