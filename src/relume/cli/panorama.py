@@ -116,8 +116,9 @@ def panorama(
         known = settings.known(photographs)
         lens = fisheye.lens()
         if lens is not None and (field is not None or colours or faces or match or not (distortion and level)):
-            given = "--field, --faces, --colours, --match, --no-distortion and --no-level"
-            raise ValueError(f"--fisheye has no use for {given}; leave them out")
+            raise ValueError(
+                "--fisheye has no use for --field, --faces, --colours, --match, --no-distortion, --no-level"
+            )
         if dry_run:
             found = "matched" if match else "matched, where the views do not hold it"
             where = f"given of {len(known)} of {len(photographs)}" if known else found

@@ -14,7 +14,7 @@ from relume.capture.response.camera_profile import CameraProfile
 from relume.errors import GatheredDoubts, NotAPanorama
 from relume.probe.panorama.files_to_map import HOLE
 from relume.probe.panorama.matching import Matching
-from relume.probe.panorama.view_files import KnownOrientation, known_orientations, read_sources
+from relume.probe.panorama.view_files import KnownOrientation, Source, known_orientations, read_sources
 from relume.probe.panorama.views import angles_of, orientation
 from relume.probe.round_matching import ROUND, OrientedViews, orient_round_views
 from relume.probe.round_views import FisheyeLens, ParabolicMirror, RoundLens, RoundView, join_round_views
@@ -96,20 +96,8 @@ def fisheyes_from_files(
     places = [Path(path) for path in paths]
     known = known_orientations(places, turn=turn, table=orientations)
     with GatheredDoubts() as gathered:
-        views = []
-        for source, path in zip(read_sources(places, profile=profile), places, strict=True):
-            width, height = source.picture.size
-            x, y, radius = (width / 2, height / 2, min(width, height) / 2) if rim is None else rim
-            if not (0 < x < width and 0 < y < height):
-                raise NotAPanorama(
-                    f"{source.name}: the rim's middle {x:g}, {y:g} is not within {width}×{height} pixels"
-                )
-            if 2 * radius < SMALLEST * min(width, height):
-                raise NotAPanorama(
-                    f"{source.name}: a rim of radius {radius:g} in {width}×{height} pixels is less than "
-                    f"{SMALLEST:.0%} of the picture across; give the middle and the radius of the circle in pixels"
-                )
-            views.append(RoundView(source.picture, lens, (x, y), radius, _known(known.get(path)), source.name))
+        sources = read_sources(places, profile=profile)
+        views = [_view(each, lens, rim, known.get(path)) for each, path in zip(sources, places, strict=True)]
         given = [path in known for path in places]
         oriented = None if all(given) else orient_round_views(views, matching, known=given if any(given) else None)
         views = views if oriented is None else list(oriented.views)
@@ -119,6 +107,22 @@ def fisheyes_from_files(
     unseen = float((angles * (probe.seen < 0.5)).sum() / angles.sum())
     doubts = (f"{unseen:.0%} of the sphere is seen by no view; add views",) if unseen > HOLE else ()
     return RoundPanorama(probe.light, tuple(views), probe.gains, unseen, oriented, doubts, notes)
+
+
+def _view(
+    source: Source, lens: RoundLens, rim: tuple[float, float, float] | None, given: KnownOrientation | None
+) -> RoundView:
+    """A view, turned as it is given or not at all; raises NotAPanorama for a rim that cannot be."""
+    width, height = source.picture.size
+    x, y, radius = (width / 2, height / 2, min(width, height) / 2) if rim is None else rim
+    if not (0 < x < width and 0 < y < height):
+        raise NotAPanorama(f"{source.name}: the rim's middle {x:g}, {y:g} is not within {width}×{height} pixels")
+    if 2 * radius < SMALLEST * min(width, height):
+        raise NotAPanorama(
+            f"{source.name}: a rim of radius {radius:g} in {width}×{height} pixels is less than "
+            f"{SMALLEST:.0%} of the picture across; give the middle and the radius of the circle in pixels"
+        )
+    return RoundView(source.picture, lens, (x, y), radius, _known(given), source.name)
 
 
 def _rows(views: Sequence[RoundView]) -> int:
