@@ -298,7 +298,7 @@ def test_copies_are_reported(sound):
     assert exposure is not None
     other = replace(twin, exposure=replace(exposure, seconds=exposure.seconds * 1.2))
     lines = [doubt.line for doubt in check(Bracket((*sound.photographs, other)))]
-    assert any("pixel for pixel frame_4.jpg, yet given 1/26.67 s and not 1/64 s" in line for line in lines)
+    assert any("pixel for pixel frame_4.jpg, yet given 1/27 s and not 1/64 s" in line for line in lines)
 
 
 def test_black_and_white_photographs_are_no_copies():

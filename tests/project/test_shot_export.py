@@ -313,7 +313,7 @@ def test_what_is_prepared_for_other_programs_has_the_doubts_of_its_objects(monke
         "development_of": SimpleNamespace(photograph=ready.photograph, film=ready.film),
     }.items():  # fmt: skip
         monkeypatch.setattr(f"{job}.{name}", lambda *_, made=made, **__: made)
-    asked = SimpleNamespace(render=SimpleNamespace(samples=4, depth=12))
+    asked = SimpleNamespace(render=SimpleNamespace(samples=4, depth=12), light=SimpleNamespace(scale=1.0))
     with warnings.catch_warnings(record=True) as caught:
         warnings.simplefilter("always")
         prepare_shot(asked, tmp_path)  # pyright: ignore[reportArgumentType]

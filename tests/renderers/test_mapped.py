@@ -566,9 +566,11 @@ def test_a_g_buffer_is_shaded_as_the_renderer_shades_what_it_sees():
 def test_a_picture_in_bands_of_rows_is_the_same(monkeypatch: pytest.MonkeyPatch):
     light = EnvironmentMap(np.random.default_rng(7).random((32, 64, 3)).astype(np.float32))
     scene = Scene(light, objects=(ball(GREY), ball(WHITE, (0.7, 0.4, 1.5), 0.4)))
-    whole, shares = Prefiltered().render(scene, FAR), []
+    with pytest.warns(UserWarning, match="no shadows"):
+        prepared = Prefiltered().prepared(scene)
+    whole, shares = prepared.render(FAR), []
     monkeypatch.setattr("relume.renderers.prefiltered.prefiltered._BAND", 64 * 7)
-    banded = Prefiltered().render(scene, FAR, progress=lambda stage: shares.append(stage))
+    banded = prepared.render(FAR, progress=shares.append)
     for name in ("radiance", "variance", "matte", "depth", "normal", "albedo"):
         assert np.array_equal(getattr(banded, name), getattr(whole, name)), name
     assert len(shares) == 11 and shares[-1] == 1.0

@@ -113,17 +113,15 @@ def panorama(
             faces=tuple(word.strip().lower() for word in faces.split(",")) if faces else (),
             matching=rl.probe.Matching(distortion=distortion, level=level), balance=balance, colours=colours,
         )  # fmt: skip
-        known = settings.known(photographs)
-        lens = fisheye.lens()
+        known, lens = settings.known(photographs), fisheye.lens()
         if lens is not None and (field is not None or colours or faces or match or not (distortion and level)):
             raise ValueError(
                 "--fisheye has no use for --field, --faces, --colours, --match, --no-distortion, --no-level"
             )
         if dry_run:
-            found = "matched" if match else "matched, where the views do not hold it"
-            where = f"given of {len(known)} of {len(photographs)}" if known else found
-            names = [path.name for path in photographs]
-            print_facts(output, {"would write": str(out), "views": names, "orientation": where})
+            found = f"matched{'' if match else ', where the views do not hold it'}"
+            where, names = f"given of {len(known)} of {len(photographs)}", [path.name for path in photographs]
+            print_facts(output, {"would write": str(out), "views": names, "orientation": where if known else found})
             return
         # The work.
         camera = None if profile is None else rl.capture.read_profile(profile)

@@ -127,7 +127,8 @@ def _view(
 
 def _rows(views: Sequence[RoundView]) -> int:
     """Rows of a map that is as fine as the finest view is on average from its middle to its rim."""
-    rows = max(2 * view.radius * math.pi / (2 * view.lens.angle(1.0)) for view in views)
+    fields = [each.lens.field if isinstance(each.lens, FisheyeLens | ParabolicMirror) else math.tau for each in views]
+    rows = max(2 * each.radius * math.pi / field for each, field in zip(views, fields, strict=True))
     return min(2 * math.ceil(rows / 2), MOST_ROWS)
 
 

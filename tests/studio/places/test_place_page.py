@@ -74,6 +74,7 @@ def test_an_edge_is_marked_by_the_pointer_and_moved_by_quarters_of_a_pixel(page:
     assert np.abs(found - ENDS).max() <= 1 / zoom  # the pointer's own pixel
     words = page.tab.evaluate("() => [...document.querySelectorAll('#overlay text')].map((each) => each.textContent)")
     assert "tower.front_top" in words and "spire.front_left" in words
+    page.settle()
     page.tab.locator('circle[data-handle="1"]').focus()
     page.press("ArrowRight", "ArrowRight", "ArrowUp")
     moved = found + np.array([[0, 0], [0.5, -0.25]])
@@ -125,6 +126,7 @@ def test_points_of_a_ring_are_clicked_and_taken_out(page: Tab, folder: Path):
     for number, x in enumerate((100, 140, 180)):
         page.tab.mouse.click(*page.point_at(x, 700))
         page.until(lambda n=number: len(marks(folder, "right", "well").get("ring_1", [])) == n + 1, "the point")
+    page.settle()
     page.tab.locator('circle[data-handle="1"]').focus()
     page.press("Delete")
     page.until(lambda: len(marks(folder, "right", "well")["ring_1"]) == 2, "two points")

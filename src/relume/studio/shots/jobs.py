@@ -12,7 +12,7 @@ from multiprocessing.connection import Connection
 from pathlib import Path
 from typing import Any
 
-from relume.studio.shots.worker import GO_ON, HOLD, JOBS, work
+from relume.studio.shots.worker import GO_ON, HOLD, JOBS, READY, work
 
 GRACE = 8.0
 """Seconds that a job has to stop at a safe place before its process is ended: a chunk of a render takes as long."""
@@ -43,6 +43,7 @@ class Jobs:
         self._closed = False
         self._wake = threading.Condition()
         self._worker: tuple[Any, Connection] | None = None
+        self._ready = False
         self._thread = threading.Thread(target=self._run, name="relume jobs", daemon=True)
         self._thread.start()
 
@@ -130,6 +131,9 @@ class Jobs:
                 # What it says, as long as it lives.
                 if pipe.poll(LOOKED_AT_EVERY):
                     said = pipe.recv()
+                    if said == READY:
+                        self._ready = True
+                        continue
                     if said[0] == "step":
                         self._stepped(said[1], said[2], begun)
                         continue
@@ -137,7 +141,11 @@ class Jobs:
                     return
                 if not process.is_alive() and not pipe.poll(0):
                     raise EOFError
-                # A wish to stop is a signal first, and the process's end where that does not help.
+                # A wish to stop is a signal first, and the process's end where that does not help, or comes too early.
+                if self._stop and not self._ready:
+                    self._end()
+                    self._finished(("stopped",), begun)
+                    return
                 if self._stop and asked_to_stop is None:
                     asked_to_stop = time.monotonic()
                     with self._wake, suppress(OSError):
@@ -182,7 +190,7 @@ class Jobs:
         process = context.Process(target=work, args=(there,), name="relume studio worker", daemon=True)
         process.start()
         there.close()
-        self._worker = process, here
+        self._worker, self._ready = (process, here), False
         return self._worker
 
     def _end(self) -> None:
@@ -191,7 +199,7 @@ class Jobs:
         process, pipe = self._worker
         self._worker = None
         pipe.close()
-        process.join(timeout=0.5)
+        process.join(timeout=0.5 if self._ready else 0)
         if process.is_alive():
             process.kill()
             process.join(timeout=5)

@@ -16,6 +16,8 @@ from relume.studio.shots.merging import merged_facts
 from relume.studio.words import in_the_page
 
 Report = Callable[[str, float], None]
+READY = ("ready",)
+"""What comes first: from then on it can be stopped by a signal."""
 HOLD, GO_ON = "hold", "go on"
 """What the pipe brings in the middle of a job."""
 TRIED_AGAIN = 0.05
@@ -32,6 +34,7 @@ def work(pipe: Connection) -> None:
     signal.signal(signal.SIGINT, stop_where_modules_are_whole)
     if hasattr(signal, "SIGALRM"):
         signal.signal(signal.SIGALRM, lambda number, frame: signal.raise_signal(signal.SIGINT))
+    pipe.send(READY)
     while True:
         try:
             asked = pipe.recv()
