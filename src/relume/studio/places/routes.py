@@ -18,7 +18,7 @@ from relume.studio.library import Library
 from relume.studio.pages import page_routes
 from relume.studio.places.found import found_facts
 from relume.studio.routes import UNKEPT, answered, picture_routes
-from relume.studio.shots.answers import in_json, say_changes, taking_json
+from relume.studio.shots.answers import edit_as_asked, in_json, say_changes, taking_json, undo_as_asked
 from relume.studio.shots.document import Document
 from relume.studio.shots.folder import Folder
 from relume.studio.shots.jobs import Jobs
@@ -88,22 +88,12 @@ class PlaceStudio:
 
     def edit(self, _request: Request, body: dict[str, Any]) -> Response:
         """Change the place file."""
-        changes, revision = body.get("changes"), body.get("revision")
-        if not isinstance(changes, list) or not isinstance(revision, int):
-            raise ValueError("give changes, a list, and the revision that they are made to")
-        for change in changes:
-            if not isinstance(change, dict):
-                raise ValueError("a change is an object with set, remove or append")
-            self.folder.refuse_outside(change.get("value"))
-        self.document.edit(changes, revision=revision, unfinished=self.document.fault is not None)
+        edit_as_asked(self.document, self.folder, body, unfinished=self.document.fault is not None)
         return in_json(self.state())
 
     def undo(self, _request: Request, body: dict[str, Any]) -> Response:
         """Go back in the file's history, or on where `by` is negative."""
-        by = body.get("by")
-        if not isinstance(by, int):
-            raise ValueError("by is how many steps to go back")
-        self.document.undo(by)
+        undo_as_asked(self.document, body)
         return in_json(self.state())
 
     def others(self, _request: Request) -> Response:

@@ -18,6 +18,7 @@ import relume as rl
 from relume.studio.library import Library
 from relume.studio.routes import ALIVE, BEAT, UNKEPT, closed
 from relume.studio.shots.document import Conflict, Document
+from relume.studio.shots.folder import Folder
 from relume.studio.shots.jobs import Jobs
 from relume.studio.words import in_the_page
 
@@ -113,3 +114,23 @@ def _refused_in_a_line(act: Callable[[], Response]) -> Callable[[], Response]:
 
 def _refuse_constant(name: str) -> float:
     raise ValueError(f"{name} is no number for a shot file")
+
+
+def edit_as_asked(document: Document, folder: Folder, body: dict[str, Any], *, unfinished: bool) -> None:
+    """Change a document by a request's body; raises ValueError for another body, and as `Document.edit` does."""
+    changes, revision = body.get("changes"), body.get("revision")
+    if not isinstance(changes, list) or not isinstance(revision, int):
+        raise ValueError("give changes, a list, and the revision that they are made to")
+    for change in changes:
+        if not isinstance(change, dict):
+            raise ValueError("a change is an object with set, remove or append")
+        folder.refuse_outside(change.get("value"))
+    document.edit(changes, revision=revision, unfinished=unfinished)
+
+
+def undo_as_asked(document: Document, body: dict[str, Any]) -> None:
+    """Undo as many steps as a request's body says; raises ValueError for another body."""
+    by = body.get("by")
+    if not isinstance(by, int):
+        raise ValueError("by is how many steps to go back")
+    document.undo(by)

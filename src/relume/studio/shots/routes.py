@@ -20,7 +20,7 @@ import relume as rl
 from relume.studio.library import Library
 from relume.studio.pages import page_routes
 from relume.studio.routes import UNKEPT, answered, picture_routes
-from relume.studio.shots.answers import in_json, say_changes, taking_bytes, taking_json
+from relume.studio.shots.answers import edit_as_asked, in_json, say_changes, taking_bytes, taking_json, undo_as_asked
 from relume.studio.shots.ball import unwrapped
 from relume.studio.shots.bundles import LIST_THEM, LONGEST_LIST, Bundle, listed
 from relume.studio.shots.camera_parameters import parameters
@@ -87,22 +87,12 @@ class Studio:
 
     def edit(self, _request: Request, body: dict[str, Any]) -> Response:
         """Change the shot file."""
-        changes, revision = body.get("changes"), body.get("revision")
-        if not isinstance(changes, list) or not isinstance(revision, int):
-            raise ValueError("give changes, a list, and the revision that they are made to")
-        for change in changes:
-            if not isinstance(change, dict):
-                raise ValueError("a change is an object with set, remove or append")
-            self.folder.refuse_outside(change.get("value"))
-        self.document.edit(changes, revision=revision, unfinished=body.get("unfinished") is True)
+        edit_as_asked(self.document, self.folder, body, unfinished=body.get("unfinished") is True)
         return in_json(self.state())
 
     def undo(self, _request: Request, body: dict[str, Any]) -> Response:
         """Go back in the shot's history, or on where `by` is negative."""
-        by = body.get("by")
-        if not isinstance(by, int):
-            raise ValueError("by is how many steps to go back")
-        self.document.undo(by)
+        undo_as_asked(self.document, body)
         return in_json(self.state())
 
     def brackets(self, _request: Request) -> Response:
