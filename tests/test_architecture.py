@@ -71,6 +71,7 @@ MOST_ENTRIES = 20
 MAY_BE_LONGER: dict[str, str] = {}
 HEAVY = [
     "numpy",
+    "numba",
     "scipy",
     "mitsuba",
     "drjit",
@@ -365,6 +366,12 @@ def test_every_part_the_tests_import_is_declared():
 
 def test_importing_relume_loads_no_heavy_library():
     assert heavy_modules_loaded_by("import relume", PACKAGE) == []
+
+
+def test_reading_a_shot_loads_no_compiled_loop_and_no_renderer():
+    """The studio reads it before its address is said, and a command before it refuses it: half of that time."""
+    loaded = heavy_modules_loaded_by("import relume.project.shot_file.shot", PACKAGE)
+    assert sorted(loaded) == ["cv2", "numpy", "pydantic"]
 
 
 def test_every_public_name_can_be_had():

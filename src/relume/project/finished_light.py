@@ -5,7 +5,7 @@ from __future__ import annotations
 import os
 from datetime import datetime
 from pathlib import Path
-from typing import Annotated, Any, Literal
+from typing import TYPE_CHECKING, Annotated, Any, Literal
 
 import numpy as np
 from pydantic import Field, model_validator
@@ -17,10 +17,12 @@ from relume.light.daylight.sun_position import SunPosition
 from relume.light.light_sequence import LightSequence
 from relume.project.probe_tables import ProbeTable, joined_probes
 from relume.project.schema import GreyOrColour, Names, Positive, Table, Vector
-from relume.renderers.several_probes.interpolation import InterpolatedLight
 from relume.scene.scene import Distant
 from relume.sphere.environment_files import as_environment
 from relume.sphere.environment_map import EnvironmentMap
+
+if TYPE_CHECKING:
+    from relume.renderers.several_probes.interpolation import InterpolatedLight
 
 RATE = 24.0
 """Maps a second, where neither the table nor a sequence says so."""

@@ -9,12 +9,9 @@ from typing import Annotated, Literal
 import numpy as np
 from pydantic import Field, model_validator
 
-from relume.composite.surface.projection import box_mesh
 from relume.errors import UnreadableFile
 from relume.project.mesh_tables import Placement, placed
 from relume.project.schema import GreyOrColour, Positive, Table, Vector
-from relume.renderers.projective.place_light import place_lights, receiving
-from relume.renderers.projective.shining_meshes import place_of
 from relume.scene.lights import RectangleLight
 from relume.scene.materials.media import Medium
 from relume.scene.places.reading import read_shapes
@@ -79,6 +76,8 @@ class SurfaceShape(Placement):
             assert self.size is not None  # _what_the_shape_needs
             return (placed(_rectangle(self.size, self.height, material), self),)
         if self.shape == "box":
+            from relume.composite.surface.projection import box_mesh  # compiled loops: most tables need none
+
             assert self.low is not None and self.high is not None  # _what_the_shape_needs
             return (placed(box_mesh(self.low, self.high, material), self),)
         assert self.centre is not None and self.radius is not None  # _what_the_shape_needs
@@ -203,6 +202,9 @@ def shining_place(
     """
     if table.radiance != "own":
         return (), ()
+    from relume.renderers.projective.place_light import place_lights, receiving
+    from relume.renderers.projective.shining_meshes import place_of
+
     assert table.mesh is not None  # _what_the_shape_needs
     place = place_of(read_shapes(folder / table.mesh))
     if np.any(np.not_equal(scale, 1)):

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from contextlib import suppress
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -13,14 +14,16 @@ from relume.image import files
 from relume.light.constellations.local_lamps import free_lamp
 from relume.light.constellations.placement import PlacedLights
 from relume.project.schema import Table, Vector
-from relume.renderers.several_probes.interpolation import InterpolatedLight, interpolate_probes
-from relume.renderers.several_probes.placed_probe import PlacedProbe
 from relume.scene.lights import SphereLight
 from relume.scene.materials.checks import triple
 from relume.scene.scene import Distant
 from relume.sphere.directions import UP, rotation_about
 from relume.sphere.environment_files import as_environment
 from relume.sphere.environment_map import EnvironmentMap
+
+if TYPE_CHECKING:
+    from relume.renderers.several_probes.interpolation import InterpolatedLight
+    from relume.renderers.several_probes.placed_probe import PlacedProbe
 
 
 class ProbeTable(Table):
@@ -37,6 +40,8 @@ class ProbeTable(Table):
 
     def placed(self, folder: Path) -> PlacedProbe:
         """The map at its place; raises UnreadableFile, and ValueError for a map of unknown mapping."""
+        from relume.renderers.several_probes.placed_probe import PlacedProbe
+
         picture = files.read_radiance(folder / self.map)
         light, variance = as_environment(picture), picture.variance
         if variance is not None and variance.shape != light.radiance.shape:
@@ -60,6 +65,8 @@ def joined_probes(
     folder : from which names start
     table_is : what messages call the table
     """
+    from relume.renderers.several_probes.interpolation import interpolate_probes
+
     placed = []
     for index, table in enumerate(tables):
         try:

@@ -60,6 +60,9 @@ ROUNDER = 0.01
 BENT, NEAREST = 8, 6.0
 """The likeliest that are tried so, and ball radii from which nobody photographs a ball: a large one lies far off,
 behind a long lens, and is a circle wherever it is."""
+SAME, ALIKE = 0.02, 0.002
+"""How near two circles lie, in radii, that are one, and two from which the same rim is followed: it is looked for ten
+times as far."""
 CLEARER = 1.15
 """Coverage as an ellipse, against that of the circle, from which on a ball is one."""
 
@@ -126,24 +129,26 @@ def candidates(
     lens_known : whether the pyramid's focal length is the picture's; others are tried where it is not
     """
     found: list[Candidate] = []
+    tried: list[Circle] = []
     for circle, unsure in circles:
         window = pyramid.about(circle, at)
         picture = evened(window.light)
         fitted = _fitted(window, picture, circle, unsure)
-        outline = None if fitted is None else follow(
-            picture, fitted, window.focal_length, REACH[:2], window.size)  # fmt: skip
+        if fitted is None or _known(window.whole_circle(fitted), tried, ALIKE):
+            continue
+        tried.append(window.whole_circle(fitted))
+        cone = cone_at(fitted, window.size, window.focal_length)
+        outline = follow(picture, cone, window.focal_length, REACH[:2], window.size)
         if outline is None:
             continue
-        candidate = _judged(pyramid, window, outline, at, mirrored)
-        radius = candidate.outline.radius
-        beyond = candidate.outline.cut(pyramid.size)
-        plain = radius > LEAST_CUT and candidate.outline.coverage > PLAINLY_SEEN
+        whole = outline_without(window, outline, pyramid)
+        plain = whole.radius > LEAST_CUT and whole.coverage > PLAINLY_SEEN
         if (
-            4 < radius < 0.7 * max(pyramid.size)
-            and beyond < (MUCH_BEYOND if plain else MOST_BEYOND)
-            and not _known(candidate, found)
+            4 < whole.radius < 0.7 * max(pyramid.size)
+            and not _known((*whole.centre, whole.radius), [each.circle for each in found], SAME)
+            and whole.cut(pyramid.size) < (MUCH_BEYOND if plain else MOST_BEYOND)
         ):
-            found.append(candidate)
+            found.append(_judged(pyramid, window, outline, whole, at, mirrored))
     found.sort(key=lambda each: -each.worth)
     if not lens_known:
         found = [_in_perspective(pyramid, each, at, mirrored) for each in found[:BENT]] + found[BENT:]
@@ -174,10 +179,9 @@ def _cut_out(size: tuple[int, int]) -> list[Circle]:
     return [(size[0] / 2, size[1] / 2, share * shorter / 2) for share in CUT_OUT]
 
 
-def _judged(pyramid: Pyramid, window: Window, outline: Outline, at: float, mirrored: bool) -> Candidate:
-    """What speaks for an outline of the window."""
+def _judged(pyramid: Pyramid, window: Window, outline: Outline, whole: Outline, at: float, mirrored: bool) -> Candidate:
+    """What speaks for an outline of the window, which is `whole` in the whole picture."""
     mirror = mirroring(window, outline) if mirrored else Mirroring.taken_for_granted()
-    whole = outline_without(window, outline, pyramid)
     middle, (width, height) = np.array(whole.centre), pyramid.size
     turns = 2 * np.pi * (np.arange(RAYS) + 0.5) / RAYS
     x, y = middle[:, None] + whole.radius * np.stack([np.cos(turns), np.sin(turns)])
@@ -195,28 +199,33 @@ def _in_perspective(pyramid: Pyramid, candidate: Candidate, at: float, mirrored:
     width, height = pyramid.size
     aside = np.hypot(x - width / 2, y - height / 2) / width
     best: tuple[Pyramid, Window, Outline] | None = None
+    window = pyramid.about(candidate.circle, at)
+    picture = evened(window.light)
     for lens in LENSES:
         if np.hypot(1, aside / lens) < 1 + ROUNDER or lens * width < NEAREST * candidate.circle[2]:
             continue
         bent = replace(pyramid, focal_length=lens * width)
-        window = bent.about(candidate.circle, at)
+        window = replace(window, focal_length=bent.focal_length * window.factor)
         place = window.part(np.array([x, y])).tolist()
         cone = cone_at((place[0], place[1], candidate.circle[2] * window.factor), window.size, window.focal_length)
-        outline = follow(evened(window.light), cone, window.focal_length, (0.04, *REACH[:2]), window.size)
+        outline = follow(picture, cone, window.focal_length, (0.04, *REACH[:2]), window.size)
         least = CLEARER * candidate.outline.coverage if best is None else best[2].coverage
         if outline is not None and outline.coverage > least:
             best = bent, window, outline
-    return candidate if best is None else _judged(*best, at, mirrored)
+    if best is None:
+        return candidate
+    bent, window, outline = best
+    return _judged(bent, window, outline, outline_without(window, outline, bent), at, mirrored)
 
 
-def _known(candidate: Candidate, found: Sequence[Candidate]) -> bool:
-    """Whether the same circle was found before."""
-    x, y, radius = candidate.circle
-    return any(np.hypot(x - a, y - b) + abs(radius - r) < 0.02 * radius for a, b, r in (f.circle for f in found))
+def _known(circle: Circle, found: Sequence[Circle], share: float) -> bool:
+    """Whether the same circle was found before, to a share of its radius."""
+    x, y, radius = circle
+    return any(np.hypot(x - a, y - b) + abs(radius - r) < share * radius for a, b, r in found)
 
 
-def _fitted(window: Window, picture: np.ndarray, circle: Circle, unsure: float) -> Cone | None:
-    """The ball near a guess, in pixels of the window: its rim, across which the picture changes on most of it.
+def _fitted(window: Window, picture: np.ndarray, circle: Circle, unsure: float) -> Circle | None:
+    """The circle near a guess, in pixels of the window, across which the picture changes on most of it.
 
     picture : the window's, `evened`
     circle : the guess, pixels of the whole picture
@@ -237,7 +246,7 @@ def _fitted(window: Window, picture: np.ndarray, circle: Circle, unsure: float) 
         )
     if not 4 < guess[2] < 2 * max(picture.shape):
         return None
-    return cone_at((guess[0], guess[1], guess[2]), window.size, window.focal_length)
+    return float(guess[0]), float(guess[1]), float(guess[2])
 
 
 def likeliest_circles(picture: np.ndarray) -> list[Circle]:

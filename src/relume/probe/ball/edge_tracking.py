@@ -8,13 +8,13 @@ inside; where the ball reflects nearly all, there is no step at all, only this r
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
-from functools import lru_cache
 
+import cv2
 import numpy as np
-from scipy.ndimage import gaussian_filter, gaussian_filter1d, map_coordinates
+from scipy.ndimage import gaussian_filter1d, map_coordinates
 
 from relume.image.colour import luminance
-from relume.probe.ball.silhouette import RAYS, TELEPHOTO, Cone, Outline, cone_through, outline_of
+from relume.probe.ball.silhouette import RAYS, TELEPHOTO, Cone, Grazing, Outline, cone_through, outline_of
 from relume.sphere.directions import normalised
 
 OUTLIER = 1.0
@@ -66,7 +66,7 @@ def follow(
     size : twice the principal point; that of the picture, (width, height), unless given
     """
     size = size or (picture.shape[1], picture.shape[0])
-    found: Outline | None = None
+    points, coverage = np.empty((0, 2)), 0.0
     for reach in reaches:
         rim, normals = cone.silhouette(size, focal_length)
         radius = float(np.sqrt(np.prod(np.ptp(rim, axis=0)))) / 2
@@ -79,9 +79,8 @@ def follow(
             return None
         cone, near = robust_cone(points, size, focal_length, max(OUTLIER, 0.5 * half))
         within = np.all((rim > 1) & (rim < np.array(picture.shape[::-1]) - 1), axis=1).mean()
-        coverage = float(near.sum()) / RAYS / max(float(within), LEAST_WITHIN)
-        found = outline_of(cone, size, focal_length, points[near], min(coverage, 1.0))
-    return found
+        points, coverage = points[near], float(near.sum()) / RAYS / max(float(within), LEAST_WITHIN)
+    return outline_of(cone, size, focal_length, points, min(coverage, 1.0)) if reaches else None
 
 
 def refined(
@@ -135,49 +134,41 @@ def robust_cone(
     points: np.ndarray, size: tuple[float, float], focal_length: float, tolerance: float
 ) -> tuple[Cone, np.ndarray]:
     """The cone that most points (N, 2) lie on within `tolerance` pixels, and which they are, (N,) bool."""
-    rays = _rays(points, size, focal_length)
-    # Cones through three points each, all at once: d·m = 1 on their rays, as in `cone_through`.
-    normal = np.linalg.pinv(rays[_threes(len(points))]).sum(2)
-    cosine = 1 / np.linalg.norm(normal, axis=1)
-    axes, halves = normal * cosine[:, None], np.arcsin(np.sqrt(np.clip(1 - cosine**2, 1e-12, 1)))
-    near = np.abs(_outside(rays, axes[:, None], halves[:, None], focal_length)) < tolerance
+    rays = Grazing.of(points, size, focal_length)
+    # Cones through three points each, all at once.
+    near = rays.near(rays.planes(_threes(len(points))), focal_length, tolerance)
     best = near[int(np.argmax(near.sum(1)))]
     if best.sum() < 3:
         best = np.ones(len(points), bool)
-    cone = cone_through(points[best], size, focal_length)
+    plane = rays.plane(best)
     for _ in range(5):
-        near = np.abs(_off(points, cone, size, focal_length)) < tolerance
-        if near.sum() < 3:
+        near = rays.near(plane, focal_length, tolerance)
+        if near.sum() < 3 or (near == best).all():
             break
         best = near
-        cone = cone_through(points[best], size, focal_length)
-    return cone, best
+        plane = rays.plane(best)
+    return rays.cone(plane), best
 
 
-@lru_cache(maxsize=RAYS)
 def _threes(count: int) -> np.ndarray:
-    """A hundred choices of three of so many points, (100, 3)."""
-    generator = np.random.default_rng(1998)
-    return np.stack([generator.choice(count, 3, replace=False) for _ in range(100)])
+    """A hundred choices of three of so many points, (100, 3), none twice."""
+    first, second, third = (
+        np.random.default_rng(1998).random((3, 100)) * np.array([[count], [count - 1], [count - 2]])
+    ).astype(np.intp)
+    # Each is counted among those that are left.
+    second += second >= first
+    third += third >= np.minimum(first, second)
+    third += third >= np.maximum(first, second)
+    return np.stack([first, second, third], axis=1)
 
 
 def _off(points: np.ndarray, cone: Cone, size: tuple[float, float], focal_length: float) -> np.ndarray:
     """How far outside a cone's silhouette points (N, 2) lie, pixels, to first order."""
-    rays = _rays(points, size, focal_length)
-    return _outside(rays, cone.axis, np.array(cone.half_angle), focal_length)
-
-
-def _rays(points: np.ndarray, size: tuple[float, float], focal_length: float) -> np.ndarray:
-    """The directions (N, 3) of points, pixel frame."""
     offset = points - np.array(size) / 2
-    return normalised(np.concatenate([offset, np.full((len(points), 1), focal_length)], axis=1))
-
-
-def _outside(rays: np.ndarray, axis: np.ndarray, half: np.ndarray, focal: float) -> np.ndarray:
-    """How far outside cones' silhouettes the points of rays (N, 3) lie, pixels, to first order: (…, N) of axes."""
+    rays = normalised(np.concatenate([offset, np.full((len(points), 1), focal_length)], axis=1))
     # The chord between directions keeps its digits where their cosine is 1 to all of them.
-    angle = 2 * np.arcsin(np.minimum(np.linalg.norm(rays - axis, axis=-1) / 2, 1))
-    return (angle - half) * focal / rays[:, 2] ** 2
+    angle = 2 * np.arcsin(np.minimum(np.linalg.norm(rays - cone.axis, axis=-1) / 2, 1))
+    return (angle - cone.half_angle) * focal_length / rays[:, 2] ** 2
 
 
 def _edges(picture: np.ndarray, rim: np.ndarray, normals: np.ndarray, half: float, blur: float) -> np.ndarray:
@@ -206,12 +197,24 @@ def slopes(
     exceeds `LASTING` of its own spread.
     """
     # The picture is sharpest across the rim; along it noise is averaged over an arc.
-    raw = np.gradient(profiles(gaussian_filter(picture, blur), rim, normals, steps), axis=1)
+    raw = np.gradient(profiles(softened(picture, blur), rim, normals, steps), axis=1)
     spacing = float(np.hypot(*(np.roll(rim, -1, axis=0) - rim).T).mean())
     arc = max(ARC, LEAST_ARC / spacing)
-    mean = gaussian_filter1d(raw, arc, axis=0, mode="wrap")
-    spread = np.sqrt(np.maximum(gaussian_filter1d(raw**2, arc, axis=0, mode="wrap") - mean**2, 1e-12))
+    around = 2 * int(4 * arc + 0.5) + 1
+    # The rim closes on itself: as many rays as the mean reaches are laid on at either end.
+    whole = np.arange(-(around // 2), len(rim) + around // 2) % len(rim)
+    raw = raw[whole]
+    mean, square = (
+        cv2.GaussianBlur(each, (1, around), arc)[around // 2 : around // 2 + len(rim)] for each in (raw, raw**2)
+    )
+    spread = np.sqrt(np.maximum(square - mean**2, 1e-12))
     return np.abs(mean), np.abs(mean) > LASTING * spread
+
+
+def softened(picture: np.ndarray, blur: float) -> np.ndarray:
+    """A picture (H, W) blurred by a Gaussian of so many pixels, to four of its standard deviations."""
+    side = 2 * int(4 * blur + 0.5) + 1
+    return np.asarray(cv2.GaussianBlur(picture, (side, side), blur, borderType=cv2.BORDER_REFLECT))
 
 
 def _placed(bright: np.ndarray, rim: np.ndarray, normals: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
@@ -271,5 +274,6 @@ def profiles(
     picture: np.ndarray, rim: np.ndarray, normals: np.ndarray, steps: np.ndarray, mode: str = "nearest"
 ) -> np.ndarray:
     """The picture (H, W) at `steps` pixels outward along the normals of rim points (N, 2): (N, len(steps))."""
-    at = rim[:, None, :] + normals[:, None, :] * steps[None, :, None]
-    return np.asarray(map_coordinates(picture, [at[..., 1] - 0.5, at[..., 0] - 0.5], order=1, mode=mode))
+    (x, y), (across, down) = rim.T[:, :, None] - 0.5, normals.T[:, :, None]
+    at = np.stack([y + down * steps, x + across * steps])
+    return np.asarray(map_coordinates(picture, at, order=1, mode=mode))

@@ -12,8 +12,8 @@ from functools import cache
 
 import cv2
 import numpy as np
-from scipy.ndimage import gaussian_filter
 
+from relume.probe.ball.edge_tracking import softened
 from relume.probe.ball.silhouette import Outline, cone_through
 from relume.probe.ball.windows import Window
 
@@ -124,8 +124,9 @@ def missing_colour(radiance: np.ndarray, outline: Outline) -> tuple[int, float] 
 def _polar(window: Window, outline: Outline) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Ln luminance (TURNS, K) along rays from the middle out to 1.25 radii, what is pictured of it, what is white."""
     light = window.light
-    floor = max(1e-3 * float(np.median(light)), float(np.percentile(light, 1)), 1e-12)
-    logarithm = gaussian_filter(np.log(np.maximum(light, floor)), outline.radius * STEP)
+    darkest, middle, brightest = (float(each) for each in np.percentile(light, (1, 50, BRIGHTEST)))
+    floor = max(1e-3 * middle, darkest, 1e-12)
+    logarithm = softened(np.log(np.maximum(light, floor)), outline.radius * STEP)
     # In haze and in flat light all differences are small, those inside the ball too.
     low, high = np.percentile(logarithm, (2, 98))
     logarithm = logarithm * np.clip(LEAST_RANGE / max(high - low, 1e-6), 1, MOST_RAISED)
@@ -141,7 +142,7 @@ def _polar(window: Window, outline: Outline) -> tuple[np.ndarray, np.ndarray, np
     )
     height, width = light.shape
     shown = (at[..., 0] > 0) & (at[..., 1] > 0) & (at[..., 0] < width - 1) & (at[..., 1] < height - 1)
-    return polar, shown, bright > WHITE * float(np.percentile(light, BRIGHTEST))
+    return polar, shown, bright > WHITE * brightest
 
 
 def _round(polar: np.ndarray) -> np.ndarray:

@@ -8,6 +8,7 @@ cuts this cone in an ellipse, a circle only where the ball lies in the picture's
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import lru_cache
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -79,13 +80,12 @@ class Cone:
         size : (width, height) of the picture
         focal_length : pixels
         """
-        sideways, other = self._across()
-        turns = 2 * np.pi * np.arange(count) / count
-        ring = np.cos(turns)[:, None] * sideways + np.sin(turns)[:, None] * other
-        rays = self.axis + np.tan(self.half_angle) * ring
+        across = np.stack(self._across())
+        around, turning = _turns(count)
+        rays = self.axis + np.tan(self.half_angle) * (around @ across)
         points = np.array(size) / 2 + focal_length * rays[:, :2] / rays[:, 2:]
         # How a point moves along the silhouette, by the quotient rule.
-        turned = np.cos(turns)[:, None] * other - np.sin(turns)[:, None] * sideways
+        turned = turning @ across
         along = turned[:, :2] * rays[:, 2:] - rays[:, :2] * turned[:, 2:]
         normals = np.stack([along[:, 1], -along[:, 0]], axis=1) / np.hypot(along[:, 0], along[:, 1])[:, None]
         return points, normals * np.sign((normals[0] * (points[0] - points.mean(0))).sum())
@@ -99,18 +99,85 @@ class Cone:
         return sideways, np.array([y * c - z * b, z * a - x * c, x * b - y * a])
 
 
+@lru_cache(maxsize=8)
+def _turns(count: int) -> tuple[np.ndarray, np.ndarray]:
+    """Unit vectors (count, 2) at even turns, and those that they turn towards."""
+    turns = 2 * np.pi * np.arange(count) / count
+    cosine, sine = np.cos(turns), np.sin(turns)
+    return np.stack([cosine, sine], axis=1), np.stack([-sine, cosine], axis=1)
+
+
+@dataclass(frozen=True, eq=False)
+class Grazing:
+    """Points of a silhouette as rays, in terms of order one, to lay cones through some of them: d·m = 1 on each.
+
+    m = axis / cos α. Rays of a long lens differ by a thousandth only. So with d = (w, 1)/n, w = (x, y)/f, n = |(w, 1)|
+    the unknowns are those of the plane a·(w − w̄)/s + c = n − 1, and tan²α = m² − 1 is summed of small terms.
+
+    terms : (N, 3), (w − w̄)/s and 1, each over n
+    beyond : (N,), (n − 1)/n
+    middle, spread : w̄ and s
+    steep : (N,) n, the cosine of a ray's angle from the lens's axis, inverted
+    """
+
+    terms: np.ndarray
+    beyond: np.ndarray
+    middle: np.ndarray
+    spread: float
+    steep: np.ndarray
+
+    @staticmethod
+    def of(points: np.ndarray, size: tuple[float, float], focal_length: float) -> Grazing:
+        """Of points (N, 2), pixels."""
+        place = (points - np.array(size) / 2) / focal_length
+        squared = (place * place).sum(1)
+        steep = np.sqrt(1 + squared)
+        middle = place.mean(0)
+        spread = max(float(np.abs(place - middle).max()), 1e-12)
+        terms = np.concatenate([(place - middle) / spread, np.ones((len(place), 1))], axis=1) / steep[:, None]
+        return Grazing(terms, squared / (1 + steep) / steep, middle, spread, steep)
+
+    def plane(self, used: np.ndarray | slice) -> np.ndarray:
+        """The (a, c) of the cone that lies nearest to some of the rays, by least squares."""
+        terms = self.terms[used]
+        return np.linalg.lstsq(terms.T @ terms, terms.T @ self.beyond[used], rcond=None)[0]
+
+    def planes(self, threes: np.ndarray) -> np.ndarray:
+        """The (a, c) of the cones through three rays each, (C, 3) of `threes` (C, 3); none where they lie on a line."""
+        terms, beyond = self.terms[threes], self.beyond[threes]
+        first, second, third = terms[:, 0], terms[:, 1], terms[:, 2]
+        crossed = np.stack([np.cross(second, third), np.cross(third, first), np.cross(first, second)], axis=1)
+        with np.errstate(divide="ignore", invalid="ignore"):
+            return (beyond[:, :, None] * crossed).sum(1) / (first * crossed[:, 0]).sum(1)[:, None]
+
+    def tangent_squared(self, planes: np.ndarray) -> np.ndarray:
+        """tan²α of cones (…, 3)."""
+        aside = planes[..., :2] / self.spread
+        along = planes[..., 2] - aside @ self.middle
+        return np.maximum((aside**2).sum(-1) + 2 * along + along**2, 1e-12)
+
+    def near(self, planes: np.ndarray, focal_length: float, tolerance: float) -> np.ndarray:
+        """Which rays lie within so many pixels of cones' silhouettes, to first order: (…, N) of (…, 3)."""
+        # |angle − α| < τ, as cos(angle) = cos α·(1 + δ) tells it.
+        angle = tolerance / focal_length / self.steep**2
+        off = planes @ self.terms.T - self.beyond + 2 * np.sin(angle / 2) ** 2
+        return np.abs(off) < np.sqrt(self.tangent_squared(planes))[..., None] * np.sin(angle)
+
+    def cone(self, plane: np.ndarray) -> Cone:
+        """The cone of one."""
+        aside = plane[:2] / self.spread
+        axis = np.array([*aside, 1 + plane[2] - aside @ self.middle])
+        return Cone(normalised(axis), float(np.sqrt(1 + 1 / self.tangent_squared(plane))))
+
+
 def cone_through(points: np.ndarray, size: tuple[float, float], focal_length: float) -> Cone:
     """The cone through points (N ≥ 3, 2) of a silhouette, by least squares.
 
     size : (width, height) of the picture
     focal_length : pixels
     """
-    x, y = points[:, 0] - size[0] / 2, points[:, 1] - size[1] / 2
-    rays = normalised(np.stack([x, y, np.full_like(x, focal_length)], axis=1))
-    # Linear in m = axis / cos α: d·m = 1 on every ray.
-    m, *_ = np.linalg.lstsq(rays, np.ones(len(rays)), rcond=None)
-    cosine = 1 / float(np.linalg.norm(m))
-    return Cone(normalised(m), 1 / float(np.sqrt(max(1 - cosine**2, 1e-12))))
+    rays = Grazing.of(points, size, focal_length)
+    return rays.cone(rays.plane(slice(None)))
 
 
 def outline_of(

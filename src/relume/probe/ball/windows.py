@@ -44,6 +44,11 @@ class Window:
         """Points (N, 2) of the window, in the whole picture."""
         return np.asarray(points) / np.array(self.scale) + np.array(self.corner)
 
+    def whole_circle(self, circle: tuple[float, float, float]) -> tuple[float, float, float]:
+        """A circle (x, y, radius) of the window, in the whole picture."""
+        (x, y), factor = self.whole(np.array(circle[:2])).tolist(), self.factor
+        return x, y, circle[2] / factor
+
     def part(self, points: np.ndarray) -> np.ndarray:
         """Points (N, 2) of the whole picture, in the window."""
         return (np.asarray(points) - np.array(self.corner)) * np.array(self.scale)
@@ -124,7 +129,4 @@ def outline_without(window: Window, outline: Outline, pyramid: Pyramid) -> Outli
     points = window.whole(outline.points)
     cone = cone_through(points, pyramid.size, pyramid.focal_length)
     whole = outline_of(cone, pyramid.size, pyramid.focal_length, points, outline.coverage)
-    rivals = [
-        (*window.whole(np.array([[x, y]]))[0].tolist(), radius / window.factor) for x, y, radius in outline.rivals
-    ]
-    return replace(whole, rivals=tuple((float(x), float(y), float(radius)) for x, y, radius in rivals))
+    return replace(whole, rivals=tuple(window.whole_circle(each) for each in outline.rivals))

@@ -3,16 +3,17 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Annotated, Literal
+from typing import TYPE_CHECKING, Annotated, Literal
 
 from pydantic import Field, model_validator
 
-from relume.composite.surface.gloss import Gloss, glossy
-from relume.composite.surface.recovery import ConstantAlbedo, EstimatedGloss, KnownMaterial, Recovery, TexturedAlbedo
 from relume.project.place_tables import SurfaceShape
 from relume.project.schema import ShareColour, Table
 from relume.scene.materials.materials import Diffuse, Material
 from relume.scene.shapes.shapes import Shape
+
+if TYPE_CHECKING:
+    from relume.composite.surface.recovery import Recovery
 
 GREY = Diffuse((0.5, 0.5, 0.5))
 """What a surface is made of until its reflectance is recovered."""
@@ -61,6 +62,16 @@ class LocalTable(SurfaceShape):
 
     def wanted(self, seen_by_probe: bool) -> Recovery:
         """What is to be recovered; without a probe that shows the surface its gloss comes from the plate alone."""
+        # Here and below: a page that reads the file needs no compiled loops and no renderer.
+        from relume.composite.surface.gloss import Gloss
+        from relume.composite.surface.recovery import (
+            ConstantAlbedo,
+            EstimatedGloss,
+            KnownMaterial,
+            Recovery,
+            TexturedAlbedo,
+        )
+
         if not isinstance(self.reflectance, str):
             return Recovery(KnownMaterial())
         gloss = Gloss(self.gloss.strength, self.gloss.roughness) if isinstance(self.gloss, GlossTable) else None
@@ -75,5 +86,7 @@ class LocalTable(SurfaceShape):
         if self.mirror:
             return Material(self.reflectance, metallic=1.0, roughness=0.0, name="mirror")
         if isinstance(self.gloss, GlossTable):
+            from relume.composite.surface.gloss import Gloss, glossy
+
             return glossy(self.reflectance, Gloss(self.gloss.strength, self.gloss.roughness))
         return Diffuse(self.reflectance)

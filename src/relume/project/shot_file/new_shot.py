@@ -19,7 +19,6 @@ import numpy as np
 from relume.capture.exposure.named_times import seconds_in_names, times_in_names
 from relume.errors import NotABracket, OutputNotWritten, UnreadableFile, warn
 from relume.image import files
-from relume.probe.ball.view_files import find_ball_photographs
 from relume.project.shot_file.ball_table import GUESSED_PLACE, GUESSED_SIZE
 from relume.scene.shapes.meshes import read_meshes
 
@@ -106,6 +105,8 @@ class NewShot:
 
     def _balls(self, folder: Path, radius: float, measured: str) -> list[str]:
         """Plate and light by the ball's photographs."""
+        from relume.probe.ball.view_files import find_ball_photographs  # compiled loops; reading a shot needs none
+
         views = find_ball_photographs(self.balls)
         plate, seconds = self._seconds([view.paths for view in views])
         # One bracket a line, so that a person finds it.

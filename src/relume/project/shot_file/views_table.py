@@ -4,10 +4,10 @@ from __future__ import annotations
 
 from dataclasses import replace
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 from pydantic import model_validator
 
-from relume.composite.surface.several_plates import LitView
 from relume.errors import InvalidShot, RelumeError
 from relume.image import files
 from relume.image.radiance import RadianceMap
@@ -15,6 +15,9 @@ from relume.project.schema import Table, Vector
 from relume.project.shot_file.camera_table import CameraTable, camera_fit
 from relume.scene.scene import Infinite, Scene
 from relume.sphere.environment_files import as_environment
+
+if TYPE_CHECKING:
+    from relume.composite.surface.several_plates import LitView
 
 
 class ViewTable(Table):
@@ -60,6 +63,8 @@ class ViewTable(Table):
                     raise ValueError("probe says nothing of a distant scene at infinity; leave it out")
         except (ValueError, RelumeError) as error:
             raise InvalidShot(f"views.{number}: {error}") from None
+        from relume.composite.surface.several_plates import LitView
+
         return LitView(picture, fit.camera, scene)
 
     def files(self) -> tuple[str, ...]:

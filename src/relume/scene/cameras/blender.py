@@ -7,7 +7,6 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from scipy.spatial.transform import Rotation
 
 from relume.errors import UnreadableFile
 from relume.scene.cameras.camera import Camera
@@ -145,6 +144,8 @@ def _between(frames: list[dict[str, Any]], place: float) -> dict[str, Any]:
     share = float(np.clip(place - index, 0, 1))
     if share in (0.0, 1.0):
         return second if share else first
+    from scipy.spatial.transform import Rotation
+
     mixed: dict[str, Any] = {}
     for name in ("lens", "shift", "f_number", "focus"):
         one, other = first.get(name), second.get(name)

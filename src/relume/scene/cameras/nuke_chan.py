@@ -6,7 +6,6 @@ from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
-from scipy.spatial.transform import Rotation
 
 from relume.errors import UnreadableFile
 from relume.scene.cameras.camera import Camera
@@ -83,6 +82,8 @@ def read_chan_camera(
     focal_length : pixels, where the file has no field of view
     Rotations are in Nuke's order ZXY: about z first, then x, then y. Raises UnreadableFile.
     """
+    from scipy.spatial.transform import Rotation
+
     chan = read_chan(path)
     if frame is None:
         if len(chan.frames) > 1:
@@ -120,6 +121,8 @@ def _turn(times: np.ndarray, quaternions: np.ndarray, time: float) -> np.ndarray
         return quaternions[0]
     if times[index] <= time <= times[index + 1]:
         return Slerp().between(times, quaternions, index, time)
+    from scipy.spatial.transform import Rotation
+
     first, second = Rotation.from_quat(quaternions[index]), Rotation.from_quat(quaternions[index + 1])
     share = (time - times[index]) / (times[index + 1] - times[index])
     return (Rotation.from_rotvec(share * (second * first.inv()).as_rotvec()) * first).as_quat()

@@ -8,7 +8,6 @@ from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
-from scipy.spatial.transform import Rotation
 
 from relume.errors import UnreadableFile
 from relume.scene.cameras.camera import Camera
@@ -53,6 +52,8 @@ def camera_at_frame(path: Path, cameras: dict[int, Camera], frame: float) -> Cam
         raise UnreadableFile(f"{path}: no photograph has the number of frame {frame:g}; its camera was not found")
     if first == second:
         return cameras[first]
+    from scipy.spatial.transform import Rotation
+
     one, other, share = cameras[first], cameras[second], frame - first
     turns = Rotation.from_matrix(np.stack([one.rotation, other.rotation])).as_quat()
     turn = Slerp().between(np.array([0.0, 1.0]), turns, 0, share)

@@ -11,8 +11,6 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from fast_simplification import simplify
-from scipy.spatial import KDTree
 
 import relume as rl
 
@@ -98,6 +96,9 @@ def drawn_triangles(mesh: rl.Mesh, most: int) -> tuple[np.ndarray, np.ndarray]:
         corners = mesh.vertices[mesh.faces]
         flat = _across(corners)[:, None]
         return corners, np.broadcast_to(flat, corners.shape) if mesh.normals is None else mesh.normals[mesh.faces]
+    from fast_simplification import simplify
+    from scipy.spatial import KDTree
+
     # A mesh has several vertices where its normals or its image's coordinates break; as a body it has one.
     places, of = np.unique(mesh.vertices, axis=0, return_inverse=True)
     with ONE_AT_A_TIME:
