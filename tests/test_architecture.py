@@ -7,12 +7,13 @@ package with a planted fault and has to find it.
 from __future__ import annotations
 
 import ast
+import gc
 import os
 import re
 import subprocess
 import sys
 import tomllib
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from pathlib import Path
 from types import ModuleType
 
@@ -23,7 +24,17 @@ from architecture.kernels import PROOFS, kernels_without_proof
 from architecture.lengths import functions_too_long, functions_without_steps
 from architecture.reached import unreached
 from architecture.strike_off import faults
-from architecture.tree import PACKAGE, REPOSITORY, called_name, imported_modules, imports, listed, modules, nodes
+from architecture.tree import (
+    CACHES,
+    PACKAGE,
+    REPOSITORY,
+    called_name,
+    imported_modules,
+    imports,
+    listed,
+    modules,
+    nodes,
+)
 from architecture.words import lines_too_long, private_words
 
 # The light's way through the package: a folder imports itself and those before it (docs/decisions/0001).
@@ -270,6 +281,19 @@ def heavy_modules_loaded_by(statement: str, package: Path) -> list[str]:
 
 
 # The package keeps them
+
+
+@pytest.fixture(scope="module", autouse=True)
+def trees() -> Iterator[None]:
+    """Two million nodes: not looked through for garbage again and again, and let go for the tests that come after."""
+    gc.disable()
+    for each in (PACKAGE, REPOSITORY / "tests"):
+        _ = list(modules(each))
+    gc.freeze()
+    gc.enable()
+    yield
+    for kept in CACHES:
+        kept.cache_clear()
 
 
 def test_imports_point_one_way_along_the_light():

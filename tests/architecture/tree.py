@@ -122,3 +122,7 @@ def listed(name: str) -> set[str]:
     file = LISTS / f"{name}.txt"
     lines = file.read_text(encoding="utf-8").splitlines() if file.is_file() else []
     return {line for line in lines if line and not re.match("#", line)}
+
+
+CACHES = (parsed, imports, nodes, functions)
+"""What holds syntax trees."""

@@ -158,7 +158,7 @@ class Grazing:
 
     def near(self, planes: np.ndarray, focal_length: float, tolerance: float) -> np.ndarray:
         """Which rays lie within so many pixels of cones' silhouettes, to first order: (…, N) of (…, 3)."""
-        # |angle − α| < τ, as cos(angle) = cos α·(1 + δ) tells it.
+        # |angle − α| < τ, from cos(angle) = cos α·(1 + δ).
         angle = tolerance / focal_length / self.steep**2
         off = planes @ self.terms.T - self.beyond + 2 * np.sin(angle / 2) ** 2
         return np.abs(off) < np.sqrt(self.tangent_squared(planes))[..., None] * np.sin(angle)
