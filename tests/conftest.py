@@ -92,6 +92,9 @@ def shared() -> Path:
 
 
 def pytest_configure(config: pytest.Config) -> None:
+    # What the tests write need not outlive a power cut: 8 ms for each file and its folder. tests/image/test_atomic.py
+    # has the real one.
+    os.fsync = lambda fd: None
     if "not long" in config.option.markexpr:
         sys.modules["mitsuba"] = None  # pyright: ignore[reportArgumentType]  # to import it is an error then
     elif int(os.environ.get("PYTEST_XDIST_WORKER_COUNT", "1")) >= (os.cpu_count() or 1):

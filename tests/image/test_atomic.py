@@ -1,7 +1,9 @@
 """A name holds the old file or the new one, whole, and no temporary file stays behind."""
 
+import importlib
 import os
 import shutil
+import stat
 import tempfile
 from collections.abc import Iterator
 from pathlib import Path
@@ -45,6 +47,24 @@ def test_a_failing_disk_is_reported_in_one_line_and_leaves_the_old_file(tmp_path
     assert "\n" not in str(raised.value)
     assert path.read_text() == "old"
     assert os.listdir(tmp_path) == ["a.txt"]
+
+
+def test_the_file_is_flushed_before_it_has_its_name_and_the_folder_after(tmp_path, monkeypatch):
+    seen = []
+    flush, rename = importlib.import_module(os.name).fsync, os.replace  # the suite's own flushes nothing
+
+    def flushed(handle: int) -> None:
+        flush(handle)
+        seen.append("folder" if stat.S_ISDIR(os.fstat(handle).st_mode) else os.fstat(handle).st_size)
+
+    def renamed(old: Path, new: Path) -> None:
+        rename(old, new)
+        seen.append(new.name)
+
+    monkeypatch.setattr(os, "fsync", flushed)
+    monkeypatch.setattr(os, "replace", renamed)
+    write_text(tmp_path / "a.txt", "four")
+    assert seen == [4, "a.txt", "folder"]
 
 
 def test_a_disk_that_cannot_be_flushed_leaves_the_old_file(tmp_path, monkeypatch):
