@@ -52,6 +52,7 @@ LONG = (
         "test_architecture.py",
     ),
     *("renderers/*mitsuba*", "renderers/test_renderer.py", "renderers/test_environment.py", "renderers/test_sheet.py"),
+    "renderers/test_measured_surfaces.py",
     *("renderers/test_accumulation.py", "renderers/test_allocation.py", "renderers/test_filters.py"),
     *("renderers/test_mapped.py", "renderers/test_whitted_paper.py", "renderers/test_whitted_materials.py"),
     *("renderers/test_miller_hoffman.py", "renderers/test_material_balls.py"),
