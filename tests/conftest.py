@@ -21,7 +21,7 @@ os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
 if signal.getsignal(signal.SIGINT) is signal.SIG_IGN and threading.current_thread() is threading.main_thread():
     signal.signal(signal.SIGINT, signal.default_int_handler)
 
-# Fifteen seconds of processor time and more: begun last, each would keep one process busy alone. They come first, the
+# Ten seconds of processor time and more: begun last, each would keep one process busy alone. They come first, the
 # longest first, whatever the order of the others.
 LONGEST = [
     *("test_room_truth.py", "test_outline.py", "test_stage_page.py", "test_merge.py", "test_studio_page.py"),
@@ -30,7 +30,9 @@ LONGEST = [
     *("test_insert.py", "test_reflection.py", "test_control_variate.py", "test_mitsuba_insert.py"),
     *("test_capture_report.py", "test_gloss.py", "test_page.py", "test_mitsuba_repeats.py", "test_glossy.py"),
     *("test_studio_camera.py", "test_studio_radiance.py", "test_studio_faults.py", "test_patches.py"),
-    *("test_resampling.py", "test_studio_light_edits.py", "test_farm_job.py"),
+    *("test_resampling.py", "test_studio_light_edits.py", "test_farm_job.py", "test_round_matching.py"),
+    *("test_architecture.py", "test_assembled.py", "test_probe_films.py", "test_consistency.py"),
+    *("test_registration.py", "test_reflect.py", "test_measurement.py", "test_panorama.py"),
 ]
 # What `make quick` leaves out: what renders with Mitsuba, runs whole commands and shots, or takes more than 5 s.
 LONG = (
