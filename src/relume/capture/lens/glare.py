@@ -8,13 +8,15 @@ in a halo about itself. All the scattered light lands in the picture; light that
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING
 
 import numpy as np
-from scipy import fft
-from scipy.sparse import csr_array
 
 from relume.errors import warn
 from relume.image.radiance import BLACK, OUTSIDE, SATURATED, RadianceMap
+
+if TYPE_CHECKING:
+    from scipy.sparse import csr_array
 
 MOST = 0.4
 """Largest share that can be taken out: from a half on, what is scattered outweighs the picture."""
@@ -195,6 +197,8 @@ class _Spread:
 
     @staticmethod
     def of(shape: tuple[int, ...], glare: Glare) -> _Spread:
+        from scipy import fft
+
         height, width = shape[:2]
         core = glare.core * float(np.hypot(width, height))
         edge = max(1, int(core / CELLS))
@@ -217,6 +221,8 @@ class _Spread:
         return self.glare.halo * self._halo(light / self.landing) + veil
 
     def _halo(self, light: np.ndarray) -> np.ndarray:
+        from scipy import fft
+
         cells = (self.across.T @ (self.down.T @ light).T).T
         full = _full(self.cells)
         landed = np.asarray(fft.irfft2(np.asarray(fft.rfft2(cells, full)) * self.transform, full))
@@ -225,6 +231,8 @@ class _Spread:
 
 def _full(cells: tuple[int, int]) -> tuple[int, int]:
     """The size of the transform: all offsets between cells, each way."""
+    from scipy import fft
+
     rows, columns = (int(fft.next_fast_len(2 * n, real=True) or 0) for n in cells)
     return rows, columns
 
@@ -235,6 +243,8 @@ def _finer(pixels: int, edge: int, cells: int) -> csr_array:
     A cell's value belongs to its centre. The cubic is exact for parabolas, so its transpose keeps the middle and the
     width of what it shares out.
     """
+    from scipy.sparse import csr_array
+
     place = (np.arange(pixels) + 0.5) / edge - 0.5 + MARGIN
     cell = np.floor(place).astype(np.intp)
     t = place - cell
