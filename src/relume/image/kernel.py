@@ -77,6 +77,7 @@ def cache_folder(module: str) -> str:
     brought = package / "kernels" / name
     folder = _writable(package / ("kernels" if brought.is_dir() else "__pycache__")) / name
     if brought.is_dir() and not folder.exists():
+        folder.parent.mkdir(parents=True, exist_ok=True)
         _copied(brought, folder)
     return str(folder)
 
@@ -97,11 +98,13 @@ def _writable(first: Path) -> Path:
 
 def _copied(brought: Path, folder: Path) -> None:
     """Copy kernels whole or not at all; another process may do the same at once."""
-    folder.parent.mkdir(parents=True, exist_ok=True)
     with tempfile.TemporaryDirectory(dir=folder.parent, prefix=".kernels-") as half:
-        copy = shutil.copytree(brought, Path(half) / folder.name, copy_function=shutil.copyfile)
+        copy = Path(half) / folder.name
+        copy.mkdir()
+        for each in brought.iterdir():
+            shutil.copyfile(each, copy / each.name)
         try:
-            os.rename(copy, folder)
+            copy.rename(folder)
         except OSError:
             if not folder.is_dir():
                 raise
@@ -124,7 +127,7 @@ def _compiled(fast: set[str] | bool) -> Callable[[Callable[..., Any]], Any]:
 
     def decorate(function: Callable[..., Any]) -> Any:
         before = _CONFIG.CACHE_LOCATOR_CLASSES
-        _CONFIG.CACHE_LOCATOR_CLASSES = before or f"{__name__}.KeptWithSource,UserWideCacheLocator"
+        _CONFIG.CACHE_LOCATOR_CLASSES = before or f"{__name__}.{KeptWithSource.__name__},UserWideCacheLocator"
         try:
             return numba.njit(cache=True, nogil=True, fastmath=fast, error_model="numpy")(function)
         finally:
