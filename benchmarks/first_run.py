@@ -1,6 +1,7 @@
 """The first run of a command after an installation by pip alone, against the second.
 
     benchmarks/first_run.py                       a wheel of this checkout, with its kernels
+    benchmarks/first_run.py --quick               one command, of a wheel without kernels: what compiling takes
     benchmarks/first_run.py WHEEL [COMMAND …]     this wheel, and of the commands below only these
 
 The wheel goes into a fresh environment that borrows all other packages from the running one; home is empty before each
@@ -63,31 +64,33 @@ def seconds(command: list[object], folder: Path, home: Path) -> tuple[float, flo
     return wall, after.ru_utime + after.ru_stime - before.ru_utime - before.ru_stime
 
 
-def built(folder: Path) -> Path:
-    """A wheel of this checkout."""
-    subprocess.run([sys.executable, "-m", "pip", "wheel", "--quiet", "--no-deps", "-w", folder, ROOT], check=True)
+def built(folder: Path, *, kernels: bool) -> Path:
+    """A wheel of this checkout; its kernels take some minutes."""
+    run = [sys.executable, "-m", "pip", "wheel", "--quiet", "--no-deps", "-w", folder, ROOT]
+    subprocess.run(run, env={**os.environ, "HATCH_BUILD_NO_HOOKS": str(not kernels)}, check=True)
     return next(folder.glob("relume-*.whl"))
 
 
+def measure(command: str, wheel: Path, sky: Path, place: Path) -> None:
+    """Print a command's times, in an environment of its own, so that no other command warms it."""
+    python = environment(place / "venv", wheel)
+    shutil.copy(sky, place)
+    (place / "home").mkdir()
+    run = [python, "-c", "import sys; from relume.cli import main; sys.exit(main(sys.argv[1:]))", *COMMANDS[command]]
+    times = [seconds(run, place, place / "home") for _ in range(2 if command == "insert" else 4)]
+    (cold, cold_work), *again = times
+    warm, warm_work = (median(column) for column in zip(*again, strict=True))
+    print(f"{command:8} first {cold:6.2f} s ({cold_work:6.2f} of processor time), ", end="")
+    print(f"then {warm:6.2f} ({warm_work:6.2f}): {cold / warm:.2f} times", flush=True)
+
+
 if __name__ == "__main__":
+    quick, given = "--quick" in sys.argv, [word for word in sys.argv[1:] if word != "--quick"]
     with tempfile.TemporaryDirectory() as name:
         folder = Path(name)
-        wheel = Path(sys.argv[1]).resolve() if sys.argv[1:] else built(folder)
+        wheel = Path(given[0]).resolve() if given else built(folder, kernels=not quick)
         print(f"{wheel.name}, {wheel.stat().st_size / 1e6:.1f} MB")
         steps = np.linspace(0.05, 5, 512 * 256 * 3).reshape(256, 512, 3)
         rl.write(folder / "sky.hdr", rl.RadianceMap(steps.astype(np.float32)))
-        for command in sys.argv[2:] or COMMANDS:
-            # An environment for each, so that no command warms another.
-            place = folder / command
-            python = environment(place / "venv", wheel)
-            shutil.copy(folder / "sky.hdr", place)
-            (place / "home").mkdir()
-            run = [python, "-c", "import sys; from relume.cli import main; sys.exit(main(sys.argv[1:]))"]
-            times = [
-                seconds([*run, *COMMANDS[command]], place, place / "home")
-                for _ in range(2 if command == "insert" else 4)
-            ]
-            (cold, cold_work), *again = times
-            warm, warm_work = (median(column) for column in zip(*again, strict=True))
-            print(f"{command:8} first {cold:6.2f} s ({cold_work:6.2f} of processor time), ", end="")
-            print(f"then {warm:6.2f} ({warm_work:6.2f}): {cold / warm:.2f} times", flush=True)
+        for command in given[1:] or (["develop"] if quick else COMMANDS):
+            measure(command, wheel, folder / "sky.hdr", folder / command)
