@@ -67,7 +67,7 @@ def seconds(command: list[object], folder: Path, home: Path) -> tuple[float, flo
 def built(folder: Path, *, kernels: bool) -> Path:
     """A wheel of this checkout; its kernels take some minutes."""
     run = [sys.executable, "-m", "pip", "wheel", "--quiet", "--no-deps", "-w", folder, ROOT]
-    subprocess.run(run, env={**os.environ, "HATCH_BUILD_NO_HOOKS": str(not kernels)}, check=True)
+    subprocess.run(run, env={**os.environ, "HATCH_BUILD_NO_HOOKS": str(int(not kernels))}, check=True)
     return next(folder.glob("relume-*.whl"))
 
 
