@@ -6,22 +6,17 @@ in float64, one product and one addition each: no block size, no number of threa
 
 from __future__ import annotations
 
-from typing import Any
-
 import numpy as np
-from llvmlite import ir
 from numba import types
-from numba.core import cgutils
-from numba.extending import intrinsic, overload
+from numba.extending import overload
 
 from relume.image.kernel import exact_kernel, exact_small, in_threads, kernel
+from relume.image.vector_steps import BYTES_AT_ONCE, add_four_lights
 
 _RUN = 768
 """Values that one inner loop passes: whole pixels, and long enough to make up for starting it."""
 _CHUNK = 64 * _RUN
 """Values of one call: their totals stay in a core's own cache while all lights pass."""
-_STEP = 24
-"""Bytes that are added at once: whole pixels, and whole registers of any width."""
 _LARGE = 2.0**970
 """A weight from which on 2⁵² times it may be no number."""
 
@@ -37,7 +32,7 @@ def add_weighted(values: np.ndarray, weights: np.ndarray, totals: np.ndarray, th
     fours = len(values) // 4 * 4 if values.dtype == np.uint8 and np.abs(weights).max(initial=0) < _LARGE else 0
 
     def work(begin: int, end: int) -> None:
-        stop = begin + (end - begin) // _STEP * _STEP if fours else begin
+        stop = begin + (end - begin) // BYTES_AT_ONCE * BYTES_AT_ONCE if fours else begin
         if fours:
             _add_bytes(seen[:fours], weights, totals, begin, stop)
             _add(seen[:fours], weights, totals, stop, end)
@@ -63,9 +58,14 @@ def blended(values: np.ndarray, weights: np.ndarray) -> np.ndarray:
     values : (n, P) float16 or float32, P a multiple of 3; finite; rows without gaps
     weights : (n, 3)
     """
-    seen = values.view(np.uint16) if values.dtype == np.float16 else values
-    picture, singles = np.zeros(values.shape[1], np.float32), np.ascontiguousarray(weights, np.float32)
-    in_threads(lambda begin, end: _blend(seen, singles, picture, begin, end), values.shape[1], chunk=_CHUNK)
+    halves = values.dtype == np.float16
+    seen = values.view(np.uint16) if halves else values
+    # Beside 2¹¹², which halves' exponents lack (`_single`), the largest weight is 1.
+    largest = float(np.abs(weights).max(initial=0)) or 1.0
+    factors = np.ascontiguousarray(weights / largest * (2.0**112 if halves else 1.0), np.float32)
+    picture = np.zeros(values.shape[1], np.float32)
+    in_threads(lambda begin, end: _blend(seen, factors, picture, begin, end), values.shape[1], chunk=_CHUNK)
+    picture *= np.float32(largest)
     return picture
 
 
@@ -121,16 +121,16 @@ def _add(values, weights, totals, begin, end):
 
 
 def _single(value):
-    """`_number` in single precision, of finite values."""
+    """`_number` in single precision, of finite values; of 16 bits 2⁻¹¹² times that."""
 
 
 @overload(_single)
 def _single_of(value):
     if value == types.uint16:
-        # Sign, exponent and digits where float32 has them; the exponent moved by 112.
-        return lambda value: (
-            np.int32((np.int32(np.int16(value)) << np.int32(13)) & np.int32(-0x70002000)).view(np.float32)
-            * np.float32(2.0**112)
+        # Sign, exponent and digits where float32 has them. Were the factor here, sums would be multiplied by it, and
+        # lose digits before.
+        return lambda value: np.int32((np.int32(np.int16(value)) << np.int32(13)) & np.int32(-0x70002000)).view(
+            np.float32
         )
     return lambda value: np.float32(value)
 
@@ -170,59 +170,24 @@ def add_points(picture, pixels, lights, values, weights):
             picture[pixels[i], channel] += values[i, channel] * weights[lights[i], channel]
 
 
-def _four_lights(context: Any, totals: Any, values: Any, stride: Any, factors: Any, steps: Any) -> Any:
-    """Compiled code: adds the bytes of four lights, times their weights, to totals, `_STEP` values at a time.
-
-    totals, values, stride : addresses, and bytes from one light's values to the next one's
-    factors : address of (4, 2, _STEP) float64, each light's weights as the values lie, and these times −2⁵²
-    """
-
-    def build(context: Any, builder: Any, signature: Any, given: Any) -> Any:
-        totals, values, stride, factors, steps = given
-        double, byte, whole = (ir.VectorType(kind, 8) for kind in (ir.DoubleType(), ir.IntType(8), ir.IntType(64)))
-        fused = cgutils.get_or_insert_function(builder.module, ir.FunctionType(double, [double] * 3), "llvm.fma.v8f64")
-        # A number of 52 bits that ends in the byte is 2⁵² and the byte: m·w − 2⁵²·w, rounded once, is the byte's
-        # product, and takes less than its conversion would.
-        bias = whole([0x4330000000000000] * 8)
-
-        def at(address: Any, offset: int, kind: Any) -> Any:
-            place = builder.add(address, ir.IntType(64)(offset))
-            return builder.inttoptr(place, kind.as_pointer())
-
-        # All of them stay in registers.
-        held = [builder.load(at(factors, 64 * k, double), align=8) for k in range(_STEP)]
-        with cgutils.for_range(builder, steps) as loop:
-            begin = builder.mul(loop.index, ir.IntType(64)(_STEP))
-            target = builder.add(totals, builder.mul(begin, ir.IntType(64)(8)))
-            for part in range(3):
-                place = at(target, 64 * part, double)
-                total, start = builder.load(place, align=8), builder.add(values, begin)
-                for light in range(4):
-                    seen = builder.load(at(start, 8 * part, byte), align=1)
-                    number = builder.bitcast(builder.or_(builder.zext(seen, whole), bias), double)
-                    product = builder.call(fused, [number, held[6 * light + part], held[6 * light + 3 + part]])
-                    total, start = builder.fadd(total, product), builder.add(start, stride)
-                builder.store(total, place, align=8)
-        return context.get_dummy_value()
-
-    return types.void(*[types.int64] * 5), build
-
-
-_four: Any = intrinsic(_four_lights)
-
-
 @exact_kernel
 def _add_bytes(values, weights, totals, begin, end):
-    """`_add` of bytes, for lights by fours and values by `_STEP`: the same bits, near what memory gives."""
-    factors = np.empty((4, 2, _STEP))
+    """`_add` of bytes, for lights by fours and values by `BYTES_AT_ONCE`: the same bits, near what memory gives."""
+    factors = np.empty((4, 2, BYTES_AT_ONCE))
     for first in range(0, values.shape[0], 4):
         for kind in range(weights.shape[1]):
             for light in range(4):
-                for k in range(_STEP):
+                for k in range(BYTES_AT_ONCE):
                     weight = weights[first + light, kind, k % 3]
                     factors[light, 0, k], factors[light, 1, k] = weight, weight * -(2.0**52)
             place, start = totals[kind, begin:], values[first, begin:]
-            _four(place.ctypes.data, start.ctypes.data, values.shape[1], factors.ctypes.data, (end - begin) // _STEP)
+            add_four_lights(
+                place.ctypes.data,
+                start.ctypes.data,
+                values.shape[1],
+                factors.ctypes.data,
+                (end - begin) // BYTES_AT_ONCE,
+            )
 
 
 @exact_kernel

@@ -6,14 +6,9 @@ channel means nothing: with it the processor works on all channels at once.
 
 from __future__ import annotations
 
-from functools import reduce
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
-from llvmlite import ir
-from numba import types
-from numba.core import cgutils
-from numba.extending import intrinsic
 
 from relume.image.kernel import inlined, kernel
 from relume.renderers.prefiltered.shading_inputs import by_cosine, key
@@ -44,104 +39,6 @@ class Pyramid(NamedTuple):
     values: np.ndarray
     begins: np.ndarray
     rows: np.ndarray
-
-
-_BLOCK = 256
-"""Samples whose image points are found together, by vector instructions, before they are looked up one by one."""
-
-
-def _weighted_look_up(context: Any, place: Any, upper: Any, lower: Any, shares: Any, weight: Any, along: Any) -> Any:
-    """Compiled code: adds four neighbours of a table, by their shares, times a weight between two, to `place`.
-
-    place, upper, lower, weight : addresses of four channels; the right neighbours and the second weight follow
-    shares : four float32; of the upper left, upper right, lower left, lower right
-    along : float32, from the first weight to the second
-
-    All channels at once: Numba's compiler does not find that out by itself.
-    """
-
-    def build(context: Any, builder: Any, signature: Any, given: Any) -> Any:
-        place, upper, lower, shares, weight, along = given
-        four, lane, fast = ir.VectorType(ir.FloatType(), 4), ir.IntType(32), ("contract",)
-
-        def at(address: Any, offset: int = 0) -> Any:
-            return builder.inttoptr(builder.add(address, ir.IntType(64)(offset)), four.as_pointer())
-
-        def all_four(number: Any) -> Any:
-            first = builder.insert_element(four(ir.Undefined), number, lane(0))
-            return builder.shuffle_vector(first, four(ir.Undefined), ir.VectorType(lane, 4)([0] * 4))
-
-        def mixed(vectors: list[Any], numbers: list[Any]) -> Any:
-            parts = [builder.fmul(v, all_four(n), fast) for v, n in zip(vectors, numbers, strict=True)]
-            return reduce(lambda so_far, part: builder.fadd(so_far, part, fast), parts)
-
-        around = [builder.load(at(row, right), align=4) for row in (upper, lower) for right in (0, 16)]
-        seen = mixed(around, cgutils.unpack_tuple(builder, shares))
-        rest = builder.fsub(ir.FloatType()(1), along)
-        factor = mixed([builder.load(at(weight, step), align=4) for step in (0, 16)], [rest, along])
-        total = builder.fadd(builder.load(at(place), align=4), builder.fmul(seen, factor, fast), fast)
-        builder.store(total, at(place), align=4)
-        return context.get_dummy_value()
-
-    address, number = types.int64, types.float32
-    return types.void(address, address, address, types.UniTuple(number, 4), address, number), build
-
-
-_add_weighted: Any = intrinsic(_weighted_look_up)
-
-
-@kernel
-def plain(light, chosen, samples, term, table):
-    """Look up at the middles and add, in one go: the way that has to be fastest, for a colour held in the weight."""
-    normals, views, kind, ratio, weight = samples.normal, samples.to_eye, term.kind, term.ratio, term.weight
-    rows = table.shape[0] - 2
-    entries, weights, sums = np.int64(table.ctypes.data), np.int64(weight.ctypes.data), np.int64(light.ctypes.data)
-    # Flat, so that the distance from one to the next is known.
-    normals, views = normals.reshape(-1), views.reshape(-1)
-    two, three = np.uint64(2), np.uint64(3)
-    columns, high, last = np.float32(2 * rows), np.float32(rows), np.float32(weight.shape[0] - 2)
-    stride, one = 16 * (2 * rows + 2), np.float32(1)
-    vectors, shares = np.empty((6, _BLOCK), np.float32), np.empty((5, _BLOCK), np.float32)
-    nx, ny, nz, ex, ey, ez = vectors[0], vectors[1], vectors[2], vectors[3], vectors[4], vectors[5]
-    a, b, c, d, along = shares[0], shares[1], shares[2], shares[3], shares[4]
-    places, steps = np.empty(_BLOCK, np.int32), np.empty(_BLOCK, np.int32)
-    for begin in range(0, len(chosen), _BLOCK):
-        count = min(_BLOCK, len(chosen) - begin)
-        first = np.uint64(chosen[begin])
-        # Neighbours are read by whole registers; of others each has to be fetched.
-        together = chosen[begin + count - 1] - chosen[begin] == count - 1
-        if together:
-            for k in range(count):
-                index = three * (first + np.uint64(k))
-                nx[k], ny[k], nz[k] = normals[index], normals[index + np.uint64(1)], normals[index + two]
-                ex[k], ey[k], ez[k] = views[index], views[index + np.uint64(1)], views[index + two]
-        else:
-            for k in range(count):
-                index = three * np.uint64(np.uint32(chosen[np.uint64(begin + k)]))
-                nx[k], ny[k], nz[k] = normals[index], normals[index + np.uint64(1)], normals[index + two]
-                ex[k], ey[k], ez[k] = views[index], views[index + np.uint64(1)], views[index + two]
-        # Where in the table and in the weight, by vector instructions: 32 bits wide throughout.
-        for k in range(count):
-            px, py, pz = key(kind, ratio, nx[k], ny[k], nz[k], ex[k], ey[k], ez[k])
-            u, v = polar_point(px, py, pz)
-            x, y = u * columns + np.float32(0.5), v * high + np.float32(0.5)
-            column = np.int32(min(max(x, np.float32(0)), columns))
-            row = np.int32(min(max(y, np.float32(0)), high))
-            right, down = x - np.float32(column), y - np.float32(row)
-            left, above = one - right, one - down
-            a[k], b[k], c[k], d[k] = left * above, right * above, left * down, right * down
-            places[k] = row * np.int32(2 * rows + 2) + column
-            facing = nx[k] * ex[k] + ny[k] * ey[k] + nz[k] * ez[k]
-            place = min(max(facing, np.float32(0)), one) * (last + one)
-            step = np.int32(min(place, last))
-            along[k] = place - np.float32(step)
-            steps[k] = step
-        for k in range(count):
-            index, upper = chosen[np.uint64(begin + k)], entries + 16 * np.int64(places[k])
-            _add_weighted(
-                sums + 16 * np.int64(index), upper, upper + stride, (a[k], b[k], c[k], d[k]),
-                weights + 16 * np.int64(steps[k]), along[k],
-            )  # fmt: skip
 
 
 @kernel

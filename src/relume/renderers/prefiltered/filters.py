@@ -14,6 +14,7 @@ import numpy as np
 
 from relume.image.kernel import in_threads
 from relume.renderers.prefiltered import filter_kernels as kernels
+from relume.renderers.prefiltered.plain_kernel import plain
 from relume.renderers.prefiltered.shading_inputs import Samples, Term
 from relume.sphere.bilinear_kernels import padded
 from relume.sphere.mappings.mapping import LatLong
@@ -109,7 +110,7 @@ class Plain(Filter):
         def work(begin: int, end: int) -> None:
             for near in range(begin, end, _NEAR):
                 for chosen, term, prepared in even:
-                    kernels.plain(light, chosen[near : min(near + _NEAR, end)], spans.samples, term, prepared)
+                    plain(light, chosen[near : min(near + _NEAR, end)], spans.samples, term, prepared)
 
         in_threads(work, max((len(chosen) for chosen, _, _ in even), default=0), spans.threads)
         for chosen, term, prepared in parts:

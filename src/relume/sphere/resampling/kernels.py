@@ -5,15 +5,10 @@ Each does one step for many cells: small kernels compile quickly, and a projecti
 
 from __future__ import annotations
 
-from typing import Any
-
 import numpy as np
-from llvmlite import ir
-from numba import types
-from numba.core import cgutils
-from numba.extending import intrinsic
 
 from relume.image.kernel import kernel
+from relume.image.vector_steps import ask_for, between_four
 from relume.sphere.mappings.kernels import FINE, RIM, neighbour, solid_angle, spread
 from relume.sphere.mappings.layouts import EQUIDISTANT, EQUISOLID, LAT_LONG, ORTHOGRAPHIC
 
@@ -79,67 +74,16 @@ def round_caps(light, rows, columns, caps, begin, end):
         for i in range(1, 2 * reach):
             one, two, three = one + band[i, 0], two + band[i, 1], three + band[i, 2]
         # Three running sums, so that none waits for itself.
-        scale = 1 / width
-        old_one, old_two, old_three = np.float64(band[0, 0]), np.float64(band[0, 1]), np.float64(band[0, 2])
+        scale, double = 1 / width, np.float64
+        old_one, old_two, old_three = double(band[0, 0]), double(band[0, 1]), double(band[0, 2])
         for i in range(columns):
             last, after, into = np.uint64(i + 2 * reach), np.uint64(i + 1), np.uint64(out + i)
-            new_one, new_two, new_three = np.float64(band[last, 0]), np.float64(band[last, 1]), np.float64(band[last, 2])
+            new_one, new_two, new_three = double(band[last, 0]), double(band[last, 1]), double(band[last, 2])
             caps[into, 0] = (one + share * (old_one + new_one)) * scale
             caps[into, 1] = (two + share * (old_two + new_two)) * scale
             caps[into, 2] = (three + share * (old_three + new_three)) * scale
-            old_one, old_two, old_three = np.float64(band[after, 0]), np.float64(band[after, 1]), np.float64(band[after, 2])
+            old_one, old_two, old_three = double(band[after, 0]), double(band[after, 1]), double(band[after, 2])
             one, two, three = one + (new_one - old_one), two + (new_two - old_two), three + (new_three - old_three)
-
-
-def _between_four(context: Any, upper: Any, lower: Any, across: Any, down: Any) -> Any:
-    """Compiled code: three channels, bilinear between four neighbours, in a form that gives back constants to the bit.
-
-    upper, lower : addresses of the left neighbours' three channels; those of the right ones follow
-    """
-
-    def build(context: Any, builder: Any, signature: Any, given: Any) -> Any:
-        upper, lower, across, down = given
-        four, lane, fast = ir.VectorType(ir.FloatType(), 4), ir.IntType(32), ("contract",)
-        lanes, nothing = ir.VectorType(lane, 4), four(ir.Undefined)
-
-        def read(address: Any, offset: int) -> Any:
-            place = builder.inttoptr(builder.add(address, ir.IntType(64)(offset)), four.as_pointer())
-            return builder.load(place, align=4)
-
-        def between(first: Any, last: Any, share: Any) -> Any:
-            whole = builder.shuffle_vector(builder.insert_element(nothing, share, lane(0)), nothing, lanes([0] * 4))
-            return builder.fadd(first, builder.fmul(whole, builder.fsub(last, first, fast), fast), fast)
-
-        # Four floats are read; of the right neighbour from the one before it, so that nothing beyond it is touched.
-        rows = [
-            between(read(at, 0), builder.shuffle_vector(read(at, 8), nothing, lanes([1, 2, 3, 3])), across)
-            for at in (upper, lower)
-        ]
-        seen = between(*rows, down)
-        return context.make_tuple(builder, signature.return_type, [builder.extract_element(seen, lane(k)) for k in range(3)])
-
-    number = types.float32
-    return types.UniTuple(number, 3)(types.int64, types.int64, number, number), build
-
-
-_mixed: Any = intrinsic(_between_four)
-
-
-def _prefetched(context: Any, address: Any) -> Any:
-    """Compiled code: asks memory for what is at an address, which need not be anything."""
-
-    def build(context: Any, builder: Any, signature: Any, given: Any) -> Any:
-        kinds = [ir.IntType(8).as_pointer(), *[ir.IntType(32)] * 3]
-        fetch = cgutils.get_or_insert_function(
-            builder.module, ir.FunctionType(ir.VoidType(), kinds), "llvm.prefetch.p0"
-        )
-        builder.call(fetch, [builder.inttoptr(given[0], kinds[0]), *(kinds[1](k) for k in (0, 3, 1))])
-        return context.get_dummy_value()
-
-    return types.void(types.int64), build
-
-
-_ask: Any = intrinsic(_prefetched)
 
 
 @kernel
@@ -207,7 +151,8 @@ def cells(planes, begin, end, wide, high, xs, ys, owner, parts):
                     for i in range(across_many):
                         across = first + i * step
                         if not cut or across * across + down * down <= 1:
-                            xs[place], ys[place], owner[place] = across, down, own - 1
+                            at = np.uint64(place)
+                            xs[at], ys[at], owner[at] = across, down, own - 1
                             place += 1
                 if place == before:
                     # None of its cells is on the disc: the nearest point of the rim stands for the sliver that is.
@@ -304,14 +249,16 @@ def settle(stride, place, xs, ys, owner, weight, light, caps, beyond, values, in
     edges, below = np.int64(beyond.ctypes.data), np.int64(12 * stride)
     i = 0
     while i < count:
-        own, shown, total = owner[i], np.float32(0), np.float32(0)
+        # Unsigned, so that no index is asked whether it counts from the end.
+        own, shown, total = owner[np.uint64(i)], np.float32(0), np.float32(0)
         first_one, first_two, first_three = np.float32(0), np.float32(0), np.float32(0)
         more_one, more_two, more_three = np.float32(0), np.float32(0), np.float32(0)
-        while i < count and owner[i] == own:
-            share, where, later = weight[i], place[i], place[min(i + AHEAD, count - 1)]
+        while i < count and owner[np.uint64(i)] == own:
+            at = np.uint64(i)
+            share, where, later = weight[at], place[at], place[np.uint64(min(i + AHEAD, count - 1))]
             soon = (pixels if later < channels else averaged) + 4 * later
-            _ask(soon)
-            _ask(soon + below)
+            ask_for(soon)
+            ask_for(soon + below)
             total += share
             if where != -1:
                 # The cell's colour: from the source's pixels, from the round caps at its poles, or across an edge.
@@ -320,7 +267,7 @@ def settle(stride, place, xs, ys, owner, weight, light, caps, beyond, values, in
                 if where < 0:
                     upper = edges + 48 * (-2 - where)
                     lower = upper + 24
-                one, two, three = _mixed(upper, lower, xs[i], ys[i])
+                one, two, three = between_four(upper, lower, xs[at], ys[at])
                 # Weighted sums of the differences from the pixel's first cell, which keep more digits.
                 if shown == 0:
                     first_one, first_two, first_three = one, two, three
@@ -330,11 +277,11 @@ def settle(stride, place, xs, ys, owner, weight, light, caps, beyond, values, in
                 more_three += share * (three - first_three)
             i += 1
         # The pixel's mean, which is never below 0.
-        scale = _ONE / max(shown, np.float32(1e-30))
-        values[own, 0] = max(first_one + more_one * scale, np.float32(0))
-        values[own, 1] = max(first_two + more_two * scale, np.float32(0))
-        values[own, 2] = max(first_three + more_three * scale, np.float32(0))
-        inside[own], every[own] = shown, total
+        scale, mine = _ONE / max(shown, np.float32(1e-30)), np.uint64(own)
+        values[mine, 0] = max(first_one + more_one * scale, np.float32(0))
+        values[mine, 1] = max(first_two + more_two * scale, np.float32(0))
+        values[mine, 2] = max(first_three + more_three * scale, np.float32(0))
+        inside[mine], every[mine] = shown, total
 
 
 @kernel
@@ -357,7 +304,7 @@ def finish(planes, begin, end, values, inside, every, parts, least, saturated, r
         pitch, cell = 2 / columns, 4.0 / (rows * columns)
         one, two, three = 0.0, 0.0, 0.0
         for column in range(columns):
-            index, own = start + column, (line - begin) * columns + column
+            index, own = np.uint64(start + column), np.uint64((line - begin) * columns + column)
             if every[own] == 0:
                 continue
             a, b, c = values[own, 0], values[own, 1], values[own, 2]
