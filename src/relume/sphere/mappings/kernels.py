@@ -277,7 +277,8 @@ def _rim_solid_angle(kind, across, rows, row, column):
             # Where the rim does not cross an edge of a small pixel, a few nodes are as good as many.
             near, far = abs(other + 0.5 * step) - 0.5 * step, abs(other + 0.5 * step) + 0.5 * step
             crossed = edge * edge + max(near, 0.0) ** 2 < 1 < edge * edge + far * far
-            nodes, weights = (_NODES, _WEIGHTS) if crossed or rows < 64 else (_FEW_NODES, _FEW_WEIGHTS)
+            many = crossed or rows < 64 or kind == ORTHOGRAPHIC
+            nodes, weights = (_NODES, _WEIGHTS) if many else (_FEW_NODES, _FEW_WEIGHTS)
             for node in range(len(nodes)):
                 along = other + (nodes[node] + 1) / rows
                 squared = edge * edge + along * along
