@@ -38,6 +38,7 @@ PROOFS: dict[str, tuple[str, str]] = {
     "renderers/irradiance_cache/octree.py": ("renderers/test_irradiance_cache.py", "slow twin: every record is tried"),
     "renderers/prefiltered/filter_kernels.py": ("renderers/test_filters.py", "identity: light is kept; slow quads"),
     "renderers/prefiltered/glossy_kernel.py": ("renderers/test_mapped.py", "closed forms of albedo"),
+    "renderers/prefiltered/plain_kernel.py": ("renderers/test_filters.py", "slow twin: EnvironmentMap.lookup"),
     "renderers/prefiltered/shading_inputs.py": ("renderers/test_filters.py", "slow quadrilaterals in quads.py"),
     "renderers/raytrace/bvh.py": ("renderers/test_raycast.py", "slow twin: every triangle is tried"),
     "renderers/raytrace/kernel.py": ("renderers/test_raycast.py", "slow twin in naive.py"),
