@@ -4,12 +4,15 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import TYPE_CHECKING
 
 import numpy as np
-from scipy.sparse import csr_array
 
 from relume.capture.merging import hat
 from relume.capture.response.sampling import Observations
+
+if TYPE_CHECKING:
+    from scipy.sparse import csr_array
 
 KNOTS = 256
 """Unknowns of the curve: every 8-bit value; photographs of 16 bits are interpolated between as many."""
@@ -219,6 +222,8 @@ def interpolated(knots: np.ndarray, levels: int) -> np.ndarray:
 
 def _design(values: np.ndarray, levels: int, unknowns: int, first_correction: int | None) -> csr_array:
     """(N·P, unknowns): g(Z) as a mean of the knots about Z, less the photograph's correction where one is asked."""
+    from scipy.sparse import csr_array
+
     count = values.size
     place = values.ravel() * ((KNOTS - 1) / (levels - 1))
     if levels == KNOTS:
@@ -246,12 +251,16 @@ def _weight(values: np.ndarray, levels: int, weight: np.ndarray) -> np.ndarray:
 
 def _scaled(rows: csr_array, factors: np.ndarray) -> csr_array:
     """The rows, each times its factor."""
+    from scipy.sparse import csr_array
+
     data = rows.data * np.repeat(factors, np.diff(rows.indptr))
     return csr_array((data, rows.indices, rows.indptr), shape=rows.shape)
 
 
 def _summed(rows: csr_array, frames: int, unknowns: int) -> csr_array:
     """(N, K) the sums of every `frames` rows."""
+    from scipy.sparse import csr_array
+
     starts = rows.indptr[::frames]
     shape = (len(starts) - 1, unknowns)
     found = csr_array((rows.data.copy(), rows.indices.copy(), starts.copy()), shape=shape)
