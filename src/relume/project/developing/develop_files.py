@@ -167,7 +167,9 @@ def develop_file(
     # The lens once: what is written beside the picture is of the light that it drew.
     progress("developing", 0.0)
     image = replace(scene, radiance=camera.image(scene.radiance, view)) if camera.optics else scene
-    made = sensor.tone_map(image, view)
+    # What was read is valid, and need not be looked through again.
+    adaptation = sensor.tone.adapt(scene.radiance, view) if image is scene else None
+    made = sensor.tone_map(image, view) if adaptation is None else sensor.tone_mapped(scene.radiance, view, adaptation)
     progress("developing", 1.0)
     if made.gain != 1:
         facts["display values per unit of radiance"] = made.gain
