@@ -8,8 +8,8 @@ import warnings
 import numpy as np
 import pytest
 
-from relume.image import bands
 from relume.errors import DoubtWarning, warn
+from relume.image import bands
 from relume.image.bands import SMALL, in_bands, side_by_side
 
 

@@ -1,5 +1,5 @@
-"""Work on every core: on a picture some rows at a time, so that what it takes in between does not grow with the picture,
-and on a few things side by side."""
+"""Work on every core: on a picture some rows at a time, so that what that takes in between does not grow with the
+picture, and on a few things side by side."""
 
 from __future__ import annotations
 

@@ -159,8 +159,8 @@ def _recovered(
 def _with_true_whites(brackets: Sequence[Bracket]) -> tuple[list[Bracket], list[White]]:
     """The brackets with each frame's white where shorter ones show it; a note names frames that end below white."""
     found, whites = [], []
-    for corrected, ends in _each([partial(whitened, bracket) for bracket in brackets], brackets):
-        found.append(corrected)
+    for white, ends in _each([partial(whitened, bracket) for bracket in brackets], brackets):
+        found.append(white)
         whites += ends
         for name, each in groupby((end for end in ends if end.least is not None), key=lambda end: end.name):
             pressed = list(each)
