@@ -1,17 +1,38 @@
-"""The main job on the example room: wall time of each stage and the most memory held."""
+"""The main job on the example room, from photographs to the report: wall time of each stage, and the most memory held.
+
+A stage that was begun beside others counts what was still to be waited for. Imports are counted, kernels are kept.
+"""
 
 from __future__ import annotations
 
-import resource
-import tempfile
-from pathlib import Path
+import time
 
-import relume as rl
+START = time.perf_counter()
+
+import resource  # noqa: E402 (imports are part of what is measured)
+import tempfile  # noqa: E402
+from pathlib import Path  # noqa: E402
+
+import relume as rl  # noqa: E402
+
+
+def main() -> None:
+    shot = rl.read_shot(Path(__file__).parents[1] / "examples/room/shot.toml")
+    with tempfile.TemporaryDirectory() as folder:
+        imported = time.perf_counter()
+        result = rl.insert(shot, folder)
+        written = time.perf_counter()
+        rl.write_report(result, folder)
+        done = time.perf_counter()
+    stages = {"imports and the shot file": imported - START, **result.seconds, "report": done - written}
+    stages["between the stages"] = done - START - sum(stages.values())
+    for stage, seconds in stages.items():
+        print(f"{seconds:7.2f} s  {stage}")
+    print(f"{done - START:7.2f} s  in all (goal 25 s)")
+    use = resource.getrusage(resource.RUSAGE_SELF)
+    print(f"{use.ru_utime + use.ru_stime:7.2f} s  of processor time")
+    print(f"{use.ru_maxrss / 1e6:7.2f} GB  most memory (limit 2 GB)")
+
 
 if __name__ == "__main__":
-    with tempfile.TemporaryDirectory() as folder:
-        result = rl.insert(rl.read_shot(Path(__file__).parents[1] / "examples/room/shot.toml"), folder)
-    for stage, seconds in result.seconds.items():
-        print(f"{seconds:7.2f} s  {stage}")
-    print(f"{sum(result.seconds.values()):7.2f} s  in all (limit 120 s)")
-    print(f"{resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1e6:7.2f} GB  most memory (limit 2 GB)")
+    main()
