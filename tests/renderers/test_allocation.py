@@ -174,3 +174,14 @@ def test_a_pixel_has_the_same_numbers_whichever_others_are_traced_with_it(mi, mo
         where = chosen if plane.ndim == 2 else chosen[..., None]
         assert np.array_equal(some[name], plane * where), name
         assert np.array_equal(in_batches[name], plane), name
+
+
+def test_passes_that_are_traced_at_once_have_the_bits_of_each_alone(mi):
+    from relume.renderers.mitsuba.transport.estimator import Estimator
+
+    made = Estimator(SCENE, CAMERA, 4)
+    seeds = [9, 4_000_000_000, 77]
+    for seed, planes in zip(seeds, made.traced_together(4, seeds), strict=True):
+        alone = made.traced(4, seed)
+        assert alone.keys() == planes.keys()
+        assert all(np.array_equal(alone[name], planes[name]) for name in alone)

@@ -190,7 +190,7 @@ class SceneLight:
 
     def dimmed(self, radiance: Any) -> Any:
         """The share of the map's radiance that paths from the camera find through smooth objects; the rest is sent."""
-        brightness = dr.mean(radiance)
+        brightness = opaque.grey(radiance)
         return dr.select(brightness > self.bright, self.bright / dr.maximum(brightness, 1e-30), 1)
 
     def emitted(

@@ -69,7 +69,7 @@ class LightMap:
         pixel, _, within = self.emissions.sample(point, active)
         outward = _outward(*self._within(pixel, within))
         radiance = self.lookup(outward, active)
-        radiance *= dr.maximum(1 - self.bright / dr.maximum(dr.mean(radiance), 1e-30), 0)
+        radiance *= dr.maximum(1 - self.bright / dr.maximum(opaque.grey(radiance), 1e-30), 0)
         density = dr.gather(
             mi.Float, self.emission, mi.UInt32(mi.Int32(pixel.y) * self.columns + mi.Int32(pixel.x)), active
         )
