@@ -141,14 +141,14 @@ def test_spread_rays_are_the_same_on_any_threads_and_after_an_interruption(few, 
         if share >= 0.7:
             raise Stopped
 
-    render = Differential(samples=64, threads=1)
+    render = Differential(samples=128, threads=1)
     straight = render.change(SCENE, CAMERA, seed=3)
     assert straight.passes > 16
     watch = RenderSession(tmp_path / "render.passes")
     with pytest.raises(Stopped):
-        Differential(samples=64, threads=2).change(SCENE, CAMERA, seed=3, watch=watch, progress=cancel)
+        Differential(samples=128, threads=2).change(SCENE, CAMERA, seed=3, watch=watch, progress=cancel)
     assert watch.checkpoint is not None and watch.checkpoint.exists()
-    resumed = Differential(samples=64, threads=3).change(SCENE, CAMERA, seed=3, watch=watch)
+    resumed = Differential(samples=128, threads=3).change(SCENE, CAMERA, seed=3, watch=watch)
     for plane in ("objects", "difference", "matte", "objects_variance", "difference_variance"):
         assert np.array_equal(getattr(straight, plane), getattr(resumed, plane)), plane
 
@@ -156,7 +156,7 @@ def test_spread_rays_are_the_same_on_any_threads_and_after_an_interruption(few, 
 def test_a_render_of_another_plate_is_not_gone_on_with():
     """The plate says which pixels are the neediest, so the pixels depend on it."""
     one, other = (
-        Differential(samples=64)._key(SCENE, CAMERA, 3, plate, None, np.zeros(1))
+        Differential(samples=128)._key(SCENE, CAMERA, 3, plate, None, np.zeros(1))
         for plate in (np.ones((20, 24, 3)), np.full((20, 24, 3), 2.0))
     )
     assert {name for name in one if one[name] != other[name]} == {"plate"}

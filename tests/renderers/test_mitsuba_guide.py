@@ -76,15 +76,18 @@ def test_more_objects_than_cones_are_all_within_some_cone(mi):
 
 def test_directions_to_even_points_are_even_in_each_cone(mi):
     """The first number chooses the cone and then goes on within it: squares of even points stay even there."""
-    guide, cones = guide_of(mi, BALLS, PLACE, UP)
+    balls = [Sphere((-1.6, 1.0, 0.3), 0.3, WHITE), Sphere((2.4, 1.0, 0.3), 0.3, WHITE)]
+    guide, cones = guide_of(mi, balls, PLACE, UP)
     side = 256
     x, y = ((np.arange(side**2) // side**axis % side + 0.5) / side for axis in (1, 0))
     direction = guide.sample(cones, mi.Point2f(mi.Float(x.astype(np.float32)), mi.Float(y.astype(np.float32))))
     directions = np.array(direction).T.astype(np.float64)
-    # About the middle ball's axis as many to each side, far closer than chance would have it (1 in √65536·⅓).
-    away = np.subtract(BALLS[0].centre, PLACE)
-    axis = away / np.linalg.norm(away)
-    inside = directions @ axis > np.sqrt(1 - BALLS[0].radius ** 2 / (away @ away))
-    across = np.cross(axis, UP)
-    sides = directions[inside] @ (across / np.linalg.norm(across))
-    assert abs(float(np.sign(sides).mean())) < 2e-3
+    for ball in balls:
+        # About its axis as many to each side, far closer than chance would have it (1 in √32768), and to its very rim.
+        away = np.subtract(ball.centre, PLACE)
+        axis = away / np.linalg.norm(away)
+        inside = directions[directions @ axis > 0.5]
+        across = np.cross(axis, UP)
+        assert abs(float(np.sign(inside @ across).mean())) < 1e-3
+        rim = np.sqrt(1 - ball.radius**2 / (away @ away))
+        assert rim < (inside @ axis).min() < rim + 0.01 * (1 - rim) and (inside @ axis).max() > 1 - 0.01 * (1 - rim)

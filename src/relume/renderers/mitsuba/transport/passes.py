@@ -244,12 +244,11 @@ class Tracing(ABC):
         spread, size = Spread(count, seeds), count * len(seeds)
         # Of each seed the streams that it has alone: PCG32 adds a ray's place in the list to both.
         turned = mi.UInt64(spread.index) - mi.UInt64(dr.arange(mi.UInt32, size))
-        begun = dr.repeat(mi.UInt64(aligned(np.array(seeds) + (1 << 40), np.uint64)), count)
+        begun = dr.gather(mi.UInt64, mi.UInt64(aligned(np.array(seeds) + (1 << 40), np.uint64)), spread.turn)
         rng = mi.PCG32(size=size, initstate=begun + turned, initseq=turned + STREAM)  # pyright: ignore[reportCallIssue]
         found = caustics(self.world, self.spheres, self.lens, spread, rng, dr.full(mi.Bool, True, size), objects)
         dr.eval(found)
-        every = [self._splatted(found, count, turn) for turn in range(len(seeds))]
-        return every
+        return [self._splatted(found, count, turn) for turn in range(len(seeds))]
 
     def _splatted(self, found: list[tuple[Any, Any, Any]], count: int, turn: int) -> Planes:
         """What the rays of one of the seeds bring, added up in their order."""

@@ -94,11 +94,11 @@ class Spread:
     """
 
     def __init__(self, count: int, seeds: Sequence[int]) -> None:
-        every = dr.arange(mi.UInt32, count * len(seeds))
-        turn = every // dr.opaque(mi.UInt32, count)
-        self.index: Any = every - turn * dr.opaque(mi.UInt32, count)
+        every, a_seed = dr.arange(mi.UInt32, count * len(seeds)), dr.opaque(mi.UInt32, count)
+        self.turn: Any = every // a_seed
+        self.index: Any = every - self.turn * a_seed
         folded = aligned(np.array([(seed ^ seed >> 32) & 0xFFFFFFFF for seed in seeds]), np.uint32)
-        self.seed: Any = dr.gather(mi.UInt32, mi.UInt32(folded), turn)
+        self.seed: Any = dr.gather(mi.UInt32, mi.UInt32(folded), self.turn)
 
     def pair(self, number: int) -> Any:
         """The points of a pair; rays with the same index have others in another pair."""
