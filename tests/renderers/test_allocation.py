@@ -114,7 +114,7 @@ CAMERA = Camera.looking_at(np.array([0, 2.0, 6]), np.array([0, 0.5, 0]), width=2
 @pytest.fixture
 def few(monkeypatch: pytest.MonkeyPatch) -> None:
     """So small a picture has its rays spread too."""
-    monkeypatch.setattr(differential, "FEW_RAYS", 400)
+    monkeypatch.setattr(differential, "CHOSEN_RAYS", 400)
 
 
 def test_spread_rays_have_the_mean_of_even_ones(few, monkeypatch):

@@ -19,7 +19,14 @@ import numpy as np
 
 from relume.errors import UnsupportedScene, warn
 from relume.renderers.mitsuba.distant import require_inside
-from relume.renderers.mitsuba.limits import FEW_RAYS, GUIDE_SAMPLES, GUIDES, PASS_RAYS, passes_of_change, samples_a_pass
+from relume.renderers.mitsuba.limits import (
+    CHOSEN_RAYS,
+    GUIDE_SAMPLES,
+    GUIDES,
+    PASS_RAYS,
+    passes_of_change,
+    samples_a_pass,
+)
 from relume.renderers.mitsuba.path_tracer import Mitsuba, PathTracing, _mitsuba, in_worker
 from relume.renderers.mitsuba.scene import why_not
 from relume.renderers.progressive.accumulation import NO_SESSION, Planes, RenderSession, accumulate, pass_seed
@@ -296,7 +303,7 @@ def _spread_of(full: int, samples: int, camera: Camera) -> tuple[int, int, float
 
     Half of the rays show which pixels are noisy, the other half go to those; no pass is too small for its start.
     """
-    share = max(NEEDIEST, FEW_RAYS / (samples * camera.width * camera.height))
+    share = max(NEEDIEST, CHOSEN_RAYS / (samples * camera.width * camera.height))
     if full < 2 * LEAST or share > 0.5:
         return full, full, 1.0
     even = max(LEAST, full // 2)

@@ -45,7 +45,7 @@ def changed(
         si = met.compute_surface_interaction(ray, mi.RayFlags.All, active)
         if world.dispersion is not None:
             si.time = world.dispersion.index(si.shape, dr.select(hue < 0, own, hue))
-        bsdf = si.bsdf(ray)
+        bsdf = si.bsdf(ray) if world.only_real is None else world.only_real
         smooth = active & mi.has_flag(bsdf.flags(), mi.BSDFFlags.Smooth) & (bounces < world.depth)
         cones = guide.cones(si.p, dr.select(dr.dot(si.n, ray.d) < 0, si.n, -si.n))
         guided = _guided(cones, smooth)

@@ -56,6 +56,9 @@ class World:
         pierced: bool = False,
     ) -> None:  # fmt: skip
         self.local, self.objects, self.light = local, objects, light
+        # Of a single real surface: called as it is, while a choice among all surfaces has every kind of them compiled.
+        real = [] if local is None else local.shapes()
+        self.only_real = real[0].bsdf() if len(real) == 1 else None
         self.media, self.emitting, self.depth, self.smooth = media, emitting, depth, smooth
         self.outside = 0 if media is None else media.outside
         self.foggy = self.outside > 0
