@@ -31,7 +31,7 @@ def changed(
     light = world.light
     hue, hue_parted, own = mi.Float(-1), mi.Float(-1), numbers.wavelength()
     context, rng = mi.BSDFContext(), numbers.stream
-    even_way = numbers.onward()
+    even_way, shifts = numbers.onward(), numbers.light_shifts()
     added_light, taken, weight_parted = mi.Color3f(0), mi.Color3f(0), mi.Color3f(0)
     throughput, bounces, bounces_parted, density_parted = mi.Color3f(1), mi.UInt32(0), mi.UInt32(0), mi.Float(0)
     first_scatters, ray = mi.Bool(False), mi.Ray3f(ray)
@@ -55,7 +55,7 @@ def changed(
         look, looking = mi.UInt32(0), smooth & ~mi.Bool(light.dark)
         while looking:
             choice, point = rng.next_float32(), two(rng)
-            even_choice, even_point = numbers.towards_light(look, looks[0])
+            even_choice, even_point = numbers.towards_light(look, looks[0], shifts)
             choice, point = dr.select(evenly, even_choice, choice), dr.select(evenly, even_point, point)
             found = light.sample(si.p, choice, point, looking)
             shadow = way_to(si, found.direction, found.distance)

@@ -62,11 +62,20 @@ class Numbers:
         across, down = (_fraction(self._shift(axis) + index * step) for axis, step in enumerate(PLANE))
         return across, down
 
-    def towards_light(self, look: Any, looks: int) -> tuple[Any, Any]:
-        """For the first surface of a path: which light, and where in it."""
+    def towards_light(self, look: Any, looks: int, shifts: tuple[Any, Any, Any] | None = None) -> tuple[Any, Any]:
+        """For the first surface of a path: which light, and where in it.
+
+        shifts : `light_shifts`, where a loop is to have them once
+        """
         index = mi.Float(self.sample * looks + look)
-        choice, u, v = (_fraction(self._shift(2 + axis) + index * step) for axis, step in enumerate(SPACE))
+        choice, u, v = (
+            _fraction(shift + index * step) for shift, step in zip(shifts or self.light_shifts(), SPACE, strict=True)
+        )
         return choice, mi.Point2f(u, v)
+
+    def light_shifts(self) -> tuple[Any, Any, Any]:
+        """By how much the numbers of each pixel are shifted."""
+        return self._shift(2), self._shift(3), self._shift(4)
 
     def onward(self) -> Any:
         """For the first surface of a path: where it goes on to (a point of a sequence as those of `Spread`)."""
