@@ -57,9 +57,9 @@ def changed(
             choice, point = rng.next_float32(), two(rng)
             even_choice, even_point = numbers.towards_light(look, looks[0], shifts)
             choice, point = dr.select(evenly, even_choice, choice), dr.select(evenly, even_point, point)
-            found = light.sample(si.p, choice, point, looking)
-            shadow = way_to(si, found.direction, found.distance)
             # What no object hides is the same in both scenes.
+            found = light.sample(si.p, choice, point, looking, wanted=lambda way: guide.density(cones, way) > 0)
+            shadow = way_to(si, found.direction, found.distance)
             dark = looking & found.valid & (guide.density(cones, found.direction) > 0)
             dark &= world.objects.ray_test(shadow, active=dark)
             value, chance = bsdf.eval_pdf(context, si, si.to_local(found.direction), dark)
