@@ -1,8 +1,8 @@
 """Merging 7 photographs of 12 megapixels: relume against OpenCV's MergeDebevec, both given the same response.
 
-Each some times in a row in one run; and by turns, so that what one leaves in memory and caches is the other's. Errors are against the
-radiance that was photographed, where two photographs or more are well exposed. Peak memory is that of a process of its
-own which merges nine of 45 megapixels.
+Each some times in a row in one run; and by turns, so that what one leaves in memory and caches is the other's. Errors
+are against the radiance that was photographed, where two photographs or more are well exposed. Peak memory is that of a
+process of its own which merges nine of 45 megapixels.
 """
 
 from __future__ import annotations
