@@ -50,6 +50,23 @@ class Row:
 
 
 @dataclass(frozen=True)
+class Result:
+    """What came of a script.
+
+    state : "done", or why it is not
+    others : share of the machine's processors that other programs took meanwhile; None where nothing says
+    """
+
+    file: str
+    state: str
+    seconds: float
+    others: float | None
+    day: str
+    quick: bool
+    rows: tuple[Row, ...] = ()
+
+
+@dataclass(frozen=True)
 class Rows:
     """Where rows go: to the terminal, and to a file unless that is None."""
 

@@ -5,7 +5,8 @@
 
 What each script measured, and its words, are kept in `out/bench`; the table is made from what lies there, so that a
 single script can be run again by its name. A script that fails or takes longer than its limit stands in the table as
-such, with the rows that it had written till then. Peers: skylibs and Blender's bpy are looked for in environments made
+such, with the rows that it had written till then. Those that take too long for a run of all (`large_plates`) run only
+by their names. Peers: skylibs and Blender's bpy are looked for in environments made
 by `--set-up` unless their interpreters are given; POV-Ray, Luminance HDR and Embree are used where they are installed.
 Scripts of this folder that measure truth rather than time are not among these.
 """
@@ -21,12 +22,12 @@ import subprocess
 import sys
 import time
 import venv
-from dataclasses import asdict, dataclass, field
+from dataclasses import asdict, dataclass
 from datetime import UTC, datetime
 from pathlib import Path
 
-from measured import Row, read_rows
-from table import begun, written
+from measured import Result, Row, read_rows
+from table import placed, written
 
 HERE = Path(__file__).resolve().parent
 OUT = HERE.parent / "out" / "bench"
@@ -39,16 +40,24 @@ MINUTES = 40.0
 
 @dataclass(frozen=True)
 class Script:
-    """A script and how long it may take, in minutes; peers are interpreters that it is given as `--NAME PYTHON`."""
+    """A script of the run.
+
+    minutes : how long it may take
+    peers : interpreters that it is given as `--NAME PYTHON`
+    arguments : what else it is given
+    by_name : whether it runs only when it is named, for it takes too long
+    """
 
     file: str
     minutes: float
     peers: tuple[str, ...] = ()
+    arguments: tuple[str, ...] = ()
+    by_name: bool = False
 
 
 SCRIPTS = (
     Script("start_up.py", 1),
-    Script("first_runs.py", 5),
+    Script("first_run.py", 5),
     Script("commands.py", 4),
     Script("demo.py", 2),
     Script("merging.py", 2),
@@ -66,24 +75,8 @@ SCRIPTS = (
     Script("insert_scatter.py", 5, ("bpy",)),
     Script("insert.py", 9, ("bpy",)),
     Script("suite.py", 9),
+    Script("large_plates.py", 40, arguments=("--insert", "48"), by_name=True),
 )
-
-
-@dataclass(frozen=True)
-class Result:
-    """What came of a script.
-
-    state : "done", or why it is not
-    others : share of the machine's processors that other programs took meanwhile; None where nothing says
-    """
-
-    file: str
-    state: str
-    seconds: float
-    others: float | None
-    day: str
-    quick: bool
-    rows: tuple[Row, ...] = field(default=())
 
 
 def ran(script: Path, minutes: float, arguments: list[str], folder: Path, quick: bool = False) -> Result:
@@ -181,13 +174,14 @@ def run(given: argparse.Namespace) -> int:
     """Run what is asked for and write the table; how many scripts did not end well."""
     OUT.mkdir(parents=True, exist_ok=True)
     peers, start, failures = interpreters(given), time.perf_counter(), 0
-    chosen = [script for script in SCRIPTS if not given.scripts or Path(script.file).stem in given.scripts]
-    if not given.scripts:
-        for old in OUT.iterdir():
-            old.unlink()
+    chosen = [
+        script for script in SCRIPTS
+        if Path(script.file).stem in given.scripts or not (given.scripts or script.by_name)
+    ]  # fmt: skip
     for script in chosen:
         left = given.minutes - (time.perf_counter() - start) / 60
         arguments = [word for name in script.peers if name in peers for word in (f"--{name}", peers[name])]
+        arguments += script.arguments
         result = ran(HERE / script.file, max(0.05, min(script.minutes, left)), arguments, OUT, given.quick)
         failures += result.state != "done"
         others = "" if result.others is None else f", others {result.others:.0%} of the processors"
@@ -196,7 +190,8 @@ def run(given: argparse.Namespace) -> int:
     (OUT / "table.md").write_text(text, encoding="utf-8")
     print(f"{OUT / 'table.md'}: {(time.perf_counter() - start) / 60:.1f} min in all")
     if given.write:
-        given.write.write_text(begun(given.write.read_text(encoding="utf-8"), text), encoding="utf-8")
+        document = given.write.read_text(encoding="utf-8")
+        given.write.write_text(placed(document, "`make bench`", text), encoding="utf-8")
     return failures
 
 

@@ -10,49 +10,30 @@ import textwrap
 from collections.abc import Sequence
 from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
-from typing import Protocol
 
 from goals import GOALS, meets
-from measured import Row, figure
+from measured import Result, Row, figure
 
-OPENING = "<!-- `make bench` writes from here -->"
-ENDING = "<!-- to here -->"
 PACKAGES = (
     "numpy", "numba", "scipy", "mitsuba", "mitsuba-oidn", "opencv-python-headless", "OpenImageIO", "OpenEXR", "embreex",
 )  # fmt: skip
 
 
-class Ran(Protocol):
-    """What came of a script: see `run_all.Result`."""
-
-    @property
-    def file(self) -> str: ...
-    @property
-    def state(self) -> str: ...
-    @property
-    def seconds(self) -> float: ...
-    @property
-    def others(self) -> float | None: ...
-    @property
-    def day(self) -> str: ...
-    @property
-    def quick(self) -> bool: ...
-    @property
-    def rows(self) -> tuple[Row, ...]: ...
-
-
-def begun(document: str, table: str) -> str:
-    """A document with the table as its first section, in place of an earlier one."""
-    if OPENING in document:
-        before, _, rest = document.partition(OPENING)
-        _, _, after = rest.partition(ENDING)
-    else:
+def placed(document: str, writer: str, section: str, *, first: bool = True) -> str:
+    """A document with a section that `writer` makes, in place of its earlier one, else as the first or the last."""
+    opening, ending = f"<!-- {writer} writes from here -->", f"<!-- {writer} writes to here -->"
+    if opening in document:
+        before, _, rest = document.partition(opening)
+        after = rest.partition(ending)[2]
+    elif first and "\n## " in document:
         before, heading, after = document.partition("\n## ")
         before, after = before.rstrip("\n") + "\n\n", "\n" + heading + after
-    return f"{before}{OPENING}\n{table}{ENDING}{after}"
+    else:
+        before, after = document.rstrip("\n") + "\n\n", "\n"
+    return f"{before}{opening}\n{section}{ending}{after}"
 
 
-def written(results: Sequence[Ran], peers: dict[str, str]) -> str:
+def written(results: Sequence[Result], peers: dict[str, str]) -> str:
     """The section: machine and versions, what is asked, what did not end well, and every row."""
     parts = ["## What is asked and what is seen", textwrap.fill(measured_on(results, peers), 119), asked(results)]
     failed = [f"- `benchmarks/{each.file}` {each.state}" for each in results if each.state != "done"]
@@ -62,7 +43,7 @@ def written(results: Sequence[Ran], peers: dict[str, str]) -> str:
     return "\n\n".join(parts) + "\n\n"
 
 
-def asked(results: Sequence[Ran]) -> str:
+def asked(results: Sequence[Result]) -> str:
     """One line a goal, in the order of `goals.GOALS`."""
     lines = ["| work | before | goal | seen | met | script |", "|---|---|---|---|---|---|"]
     for key, goal in GOALS.items():
@@ -84,7 +65,7 @@ def asked(results: Sequence[Ran]) -> str:
     return "\n".join(lines)
 
 
-def every_row(results: Sequence[Ran]) -> str:
+def every_row(results: Sequence[Result]) -> str:
     lines = ["| what | ours | the peer's | seen | asked | script |", "|---|---|---|---|---|---|"]
     for each in results:
         for row in each.rows:
@@ -115,7 +96,7 @@ def shown(value: float | None) -> str:
     return "" if value is None else f"{figure(value)} s"
 
 
-def measured_on(results: Sequence[Ran], peers: dict[str, str]) -> str:
+def measured_on(results: Sequence[Result], peers: dict[str, str]) -> str:
     """One paragraph: when, how long, on what, with which versions, and how quiet it was."""
     days = sorted({each.day for each in results})
     quick = sum(each.quick for each in results)
