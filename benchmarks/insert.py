@@ -1,6 +1,6 @@
 """What objects change of a room, by three renderers: efficiency = 1 / (mean squared error × seconds), two cores.
 
-    python benchmarks/insert.py [PYTHON_WITH_BPY]        # without it, Cycles is left out
+    python benchmarks/insert.py [--bpy PYTHON]        # without it, Cycles is left out
 
 One scene for all: the light measured from examples/room at infinity, a diffuse table, the five objects; 384×256. The
 error is that of the signed difference with − without, all channels, over the pixels that no object touches, against
@@ -13,14 +13,13 @@ RELUME_BENCH_WIDTH makes the picture smaller for a trial.
 from __future__ import annotations
 
 import os
-import sys
 import time
 from collections.abc import Callable
 from dataclasses import dataclass, replace
-from pathlib import Path
 
 import numpy as np
 from insert_scenes import Cycles, room
+from measured import Rows, asked
 
 import relume as rl
 from relume.renderers.mitsuba.differential import Differential
@@ -199,8 +198,8 @@ def measured(way: Way, truth: np.ndarray, beside: np.ndarray) -> Row:
     return Row(way, seconds, max(seconds - least, 1e-9), error, typical)
 
 
-def main(python: str | None) -> None:
-    scene, camera = room(WIDTH)
+def main(rows: Rows, python: str | None, quick: bool) -> None:
+    scene, camera = room(96 if quick else WIDTH)
     own = ours(scene, camera, False)
     matte = Differential(samples=64).change(scene, camera, seed=5).matte
     ways = [
@@ -219,7 +218,8 @@ def main(python: str | None) -> None:
         Way("relume, differential + OIDN", ours(scene, camera, True), 64, 4, "relume"),
         Way("Mitsuba with − without, one seed + OIDN", denoised_pair(scene, camera), 128, 4, "relume"),
     ]
-    truths = {"relume": own(64 * REFERENCE, 1001)[0]}
+    longer = 1 if quick else REFERENCE
+    truths = {"relume": own(64 * longer, 1001)[0]}
     if python is not None:
         peer = Cycles(python)
 
@@ -235,8 +235,8 @@ def main(python: str | None) -> None:
             Way("Cycles, shadow catcher + OIDN", way(True, False, True), 64, 1, "Cycles, catcher"),
             Way("Cycles with − without, one seed + OIDN", way(False, True, True), 48, 1, "Cycles, pair"),
         ]
-        truths["Cycles, catcher"] = way(True, False, False)(64 * REFERENCE, 1001)[0]
-        truths["Cycles, pair"] = way(False, False, False)(48 * REFERENCE, 1001)[0]
+        truths["Cycles, catcher"] = way(True, False, False)(64 * longer, 1001)[0]
+        truths["Cycles, pair"] = way(False, False, False)(48 * longer, 1001)[0]
     print(f"{camera.width}×{camera.height}, {BOUNCES} bounces, {os.cpu_count()} processors")
     print("Last columns: 1 / (error × net seconds), the first row = 1; the same without the worst hundredth of values.")
     print("| | rays a pixel | seconds (net) | mean squared error | without the worst 1 % | efficiency | without 1 % |")
@@ -245,6 +245,11 @@ def main(python: str | None) -> None:
         first: Row | None = None
         for each in group:
             row = measured(each, truths[each.reference], matte == 0)
+            if first is not None:
+                what = f"what objects change, {each.samples} samples: efficiency by {each.name}"
+                goal = "change_cycles" if "Cycles" in each.name else "change_mitsuba"
+                better = row.typical * row.net / (first.typical * first.net)
+                rows.value(f"{what}, without the worst 1 %, long references", better, "×", goal=goal)
             first = first or row
             shares = [
                 first.error * first.net / (row.error * row.net),
@@ -258,7 +263,7 @@ def main(python: str | None) -> None:
 
 
 if __name__ == "__main__":
-    if len(sys.argv) > 2 or (len(sys.argv) == 2 and not Path(sys.argv[1]).is_file()):
-        print(__doc__)
-    else:
-        main(sys.argv[1] if len(sys.argv) == 2 else None)
+    parser = asked(__doc__)
+    parser.add_argument("--bpy", metavar="PYTHON", help="an interpreter that has bpy")
+    options = parser.parse_args()
+    main(Rows(options.rows), options.bpy, options.quick)

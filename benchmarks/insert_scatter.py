@@ -1,6 +1,6 @@
 """What objects change of a room, by three renderers: efficiency = 1 / (variance × seconds), from the scatter of seeds.
 
-    python benchmarks/insert_scatter.py [PYTHON_WITH_BPY]        # without it, Cycles is left out
+    python benchmarks/insert_scatter.py [--bpy PYTHON]        # without it, Cycles is left out
 
 All of them are without bias, so that the variance over a few seeds is the error; no long references are needed, as
 `insert.py` renders them. Pixels that no object covers; one warm call of each before.
@@ -8,20 +8,21 @@ All of them are without bias, so that the variance over a few seeds is the error
 
 from __future__ import annotations
 
-import sys
 import time
 
 import numpy as np
 from insert import cycles, ours, path_pair
 from insert_scenes import Cycles, room
+from measured import Rows, asked
 
 from relume.renderers.mitsuba.differential import Differential
 
 WIDTH, SAMPLES, CYCLES_SAMPLES, SEEDS = 256, 384, 64, (11, 12, 13)
 
 
-def main(python: str | None) -> None:
-    scene, camera = room(WIDTH)
+def main(rows: Rows, python: str | None, quick: bool) -> None:
+    scene, camera = room(WIDTH // 4 if quick else WIDTH)
+    more, seeds = (1, SEEDS[:2]) if quick else (16, SEEDS)
     beside = Differential(samples=64).change(scene, camera, seed=5).matte == 0
     ways = [
         ("relume", ours(scene, camera, False), SAMPLES),
@@ -34,11 +35,14 @@ def main(python: str | None) -> None:
         for name, catcher in (("Cycles, with and without", False), ("Cycles, catcher", True)):
             way = cycles(peer, scene, camera, catcher=catcher, same_seed=not catcher, denoise=False)
             ways.append((name, way, CYCLES_SAMPLES))
+    else:
+        rows.absent("what objects change, by Cycles", "no interpreter with bpy was given (--bpy)", goal="change_cycles")
     own: tuple[float, float] | None = None
-    for name, way, samples in ways:
+    for name, way, most_samples in ways:
+        samples = most_samples * more // 16
         way(samples, 1)
         begun = time.perf_counter()
-        runs = [way(samples, seed) for seed in SEEDS]
+        runs = [way(samples, seed) for seed in seeds]
         seconds = float(np.median([each for _, each in runs]))
         variance = np.stack([difference for difference, _ in runs]).var(axis=0, ddof=1)[beside].mean(axis=-1)
         all_, most = (float(np.sort(variance)[: round(len(variance) * share)].mean()) for share in (1, 0.99))
@@ -48,7 +52,15 @@ def main(python: str | None) -> None:
             f"relume is {all_ * seconds / own[0]:.1f} and {most * seconds / own[1]:.1f} times as efficient "
             f"({time.perf_counter() - begun:.0f} s in all)"
         )
+        if name != "relume":
+            goal = "change_cycles" if name.startswith("Cycles") else "change_mitsuba"
+            what = f"what objects change, {samples} samples: efficiency by {name}"
+            rows.value(f"{what}, without the worst 1 %", most * seconds / own[1], "×", goal=goal)
+            rows.value(what, all_ * seconds / own[0], "×")
 
 
 if __name__ == "__main__":
-    main(sys.argv[1] if len(sys.argv) == 2 else None)
+    parser = asked(__doc__)
+    parser.add_argument("--bpy", metavar="PYTHON", help="an interpreter that has bpy")
+    options = parser.parse_args()
+    main(Rows(options.rows), options.bpy, options.quick)

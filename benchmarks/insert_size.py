@@ -11,6 +11,7 @@ import time
 import numpy as np
 import trimesh
 from insert_scenes import room
+from measured import Rows, asked
 
 import relume as rl
 from relume.renderers.mitsuba.differential import Differential
@@ -36,25 +37,33 @@ def seconds(scene: rl.Scene, camera: rl.Camera, samples: int, seed: int) -> tupl
     return taken, float(error)
 
 
-def main() -> None:
-    scene, camera = room(384)
+def main(rows: Rows, quick: bool) -> None:
+    scene, camera = room(96 if quick else 384)
     balls = [ball(rings) for rings in (51, 512)]
     scenes = [rl.Scene(scene.light, scene.local, (one,)) for one in balls]
     times: list[list[float]] = [[], []]
-    for turn in range(4):
+    for turn in range(2 if quick else 4):
         for which, each in enumerate(scenes):
             taken, _ = seconds(each, camera, SAMPLES, turn)
             if turn:
                 times[which].append(taken)
     few, many = (float(np.median(t)) for t in times)
-    print(f"{len(balls[0].faces)} triangles {few:.2f} s, {len(balls[1].faces)} {many:.2f} s: {many / few:.2f}×")
+    slower = [more / less for less, more in zip(*times, strict=True)]
+    note = f"{few:.2f} and {many:.2f} s"
+    what = f"an object of {len(balls[1].faces)} triangles against one of {len(balls[0].faces)}"
+    rows.value(what, slower, "×", goal="triangles", note=note)
+    if quick:
+        return
     scene, camera = room(768)
     for samples in (16, 32, 64):
         seconds(scene, camera, 4, 0)
         taken, error = seconds(scene, camera, samples, 1)
-        print(f"{camera.width}×{camera.height}, {samples} rays a pixel: {taken:.1f} s (limit 30), "
-              f"standard error {100 * error:.2f} % of the objects' mean, before denoising")  # fmt: skip
+        note = f"standard error {100 * error:.2f} % of the objects' mean, before denoising"
+        rows.value(
+            f"the room, {camera.width}×{camera.height}, {samples} rays a pixel", taken, "s", limit="≤ 30", note=note
+        )
 
 
 if __name__ == "__main__":
-    main()
+    options = asked(__doc__).parse_args()
+    main(Rows(options.rows), options.quick)
