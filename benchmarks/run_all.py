@@ -5,9 +5,9 @@
 
 What each script measured, and its words, are kept in `out/bench`; the table is made from what lies there, so that a
 single script can be run again by its name. A script that fails or takes longer than its limit stands in the table as
-such, with the rows that it had written till then. Those that take too long for a run of all (`large_plates`) run only
-by their names. Peers: skylibs and Blender's bpy are looked for in environments made
-by `--set-up` unless their interpreters are given; POV-Ray, Luminance HDR and Embree are used where they are installed.
+such, with the rows that it had written till then. Those that take too long for a run of all (`natural_light`,
+`large_plates`) run only by their names. Peers: skylibs and Blender's bpy are looked for in environments made by
+`--set-up` unless their interpreters are given; POV-Ray, Luminance HDR and Embree are used where they are installed.
 Scripts of this folder that measure truth rather than time are not among these.
 """
 
@@ -63,7 +63,9 @@ SCRIPTS = (
     Script("merging.py", 2),
     Script("alignment.py", 1),
     Script("response.py", 1),
+    Script("raw.py", 3),
     Script("mappings.py", 2, ("skylibs",)),
+    Script("constellation.py", 1),
     Script("reflection_maps.py", 3),
     Script("light_stage.py", 3),
     Script("develop.py", 4),
@@ -75,6 +77,7 @@ SCRIPTS = (
     Script("insert_scatter.py", 5, ("bpy",)),
     Script("insert.py", 9, ("bpy",)),
     Script("suite.py", 9),
+    Script("natural_light.py", 20, ("bpy",), by_name=True),
     Script("large_plates.py", 40, arguments=("--insert", "48"), by_name=True),
 )
 
