@@ -30,11 +30,8 @@ check: $(READY)           ## style and types
 	$(VENV)/bin/pyright
 	scripts/check-page
 
-bench: $(READY)           ## every benchmark, one after another
-	@set -e; for script in benchmarks/*.py; do \
-	  [ -e "$$script" ] || { echo "no benchmarks yet"; break; }; \
-	  echo "== $$script"; $(VENV)/bin/python "$$script"; \
-	done
+bench: $(READY)           ## speed, beside other programs: the table of docs/benchmarks.md, 40 minutes on two quiet cores
+	$(VENV)/bin/python benchmarks/run_all.py --write docs/benchmarks.md
 
 # Set up again only when what is to be installed has changed.
 $(READY): pyproject.toml scripts/setup
