@@ -14,7 +14,7 @@ import relume as rl
 
 ROOT = Path(__file__).parents[1]
 SCRIPTS = [path for folder in ("benchmarks", "examples") for path in (ROOT / folder).rglob("*.py")]
-DOCUMENTS = [ROOT / "README.md", *(ROOT / "docs").glob("*.md"), *(ROOT / "docs").glob("natural-light/*.md")]
+DOCUMENTS = [ROOT / "README.md", *(ROOT / "docs").rglob("*.md")]
 FILE = re.compile(r"(?:src/relume|tests|benchmarks|examples)/[\w/.-]+\.(?:py|md|toml)")
 
 

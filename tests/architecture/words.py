@@ -15,7 +15,7 @@ LONGEST_LINE = 120
 def texts(repository: Path) -> Iterator[tuple[str, str]]:
     """Everything that a reader meets: sources, documents, README. Decisions are history and stay as written."""
     files = [*repository.glob("src/**/*.py"), *repository.glob("src/**/*.pyi"), *repository.glob("src/**/*.toml")]
-    files += [*repository.glob("docs/*.md"), *repository.glob("docs/natural-light/*.md"), *repository.glob("*.md")]
+    files += [*repository.glob("docs/**/*.md"), *repository.glob("*.md")]
     for file in sorted(files):
         if file.name != "CHANGELOG.md":
             yield file.relative_to(repository).as_posix(), file.read_text(encoding="utf-8")

@@ -93,7 +93,7 @@ class NewShot:
         measured = "by caliper or tape" if self.radius is not None else "a guess: measure the ball and give half of it"
         known = GUESSED_RADIUS if self.radius is None else self.radius
         lines = [
-            "# Written by `relume insert`; every key is in docs/shot-file.md. The camera is found from the ball.",
+            "# Written by `relume insert`; every key is in docs/reference/shot-file.md. The camera is found from the ball.",
             *(self._map(folder, known, measured) if self.light is not None else self._balls(folder, known, measured)),
             f"render = {{ {', '.join(f'{key} = {json.dumps(value)}' for key, value in NEW_RENDER.items())} }}",
         ]
