@@ -1,6 +1,6 @@
 """The course's lessons run as they stand; their figures are those that are kept, their answers pass their checks.
 
-    COURSE_FIGURES=1 pytest tests/test_course.py      draws the kept figures anew: look at them before they are committed
+COURSE_FIGURES=1 pytest tests/test_course.py      draws the kept figures anew: look at them before they are committed
 """
 
 from __future__ import annotations
@@ -90,7 +90,13 @@ def test_a_lesson_has_its_parts(lesson: Path) -> None:
     text = lesson.read_text(encoding="utf-8")
     for part in ("**The question.**", "## The physics", "## The code", "## What goes wrong", "## Try it"):
         assert part in text, part
-    for part in ("**Exercise 1.**", "**Exercise 2.**", "## The paper's figure", "literalinclude", "**Further reading.**"):
+    for part in (
+        "**Exercise 1.**",
+        "**Exercise 2.**",
+        "## The paper's figure",
+        "literalinclude",
+        "**Further reading.**",
+    ):
         assert part in text, part
     wrong = [cell.code for cell in cells(lesson) if cell.has_to_fail]
     for check in ("check_1(", "check_2("):
