@@ -21,6 +21,10 @@ ROOT = Path(__file__).parents[1]
 LESSONS = sorted((ROOT / "docs" / "course").glob("[01]*.md"))
 KEPT = Path(__file__).parent / "course_figures"
 CELL = re.compile(r"```\{code-cell\} ipython3\n((?::[^\n]*\n)*)(.*?)```", re.S)
+PARTS = (
+    "**The question.**", "## The physics", "## The code", "## What goes wrong", "## Try it", "**Exercise 1.**",
+    "**Exercise 2.**", "## The paper's figure", "## The code inside relume", "literalinclude", "**Further reading.**",
+)  # fmt: skip
 DOTS = 40  # an inch: small files; what counts is seen at that size
 
 
