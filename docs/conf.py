@@ -24,6 +24,8 @@ smartquotes = False  # options are named with two hyphens
 
 html_theme = "furo"
 html_title = "relume"
+html_static_path = ["static"]
+html_css_files = ["site.css"]
 html_baseurl = ""
 html_copy_source = False
 html_show_sourcelink = False
