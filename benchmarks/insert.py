@@ -5,8 +5,8 @@
 The scene, the ways and the efficiencies are those of `insert_scatter.py`, which measures them without a denoiser, by
 their scatter alone. A denoiser is not without bias, so that here the error is the distance to a long render: relume's
 for relume and for Mitsuba, which have one mean (tests/physics/test_differential_against_subtraction.py), and Cycles'
-own. relume's and Mitsuba's differences are cleaned alike, light added and light taken each on its own, with relume's
-planes as guides, whose time is counted for relume alone; Cycles cleans its pictures itself.
+own. relume's change is cleaned as `relume insert` does it. Of Mitsuba's difference light added and light taken are
+cleaned each on its own, guided by relume's planes, whose time is not counted; Cycles cleans its pictures itself.
 """
 
 from __future__ import annotations
@@ -26,9 +26,8 @@ def main(rows: Rows, bpy: str | None, quick: bool) -> None:
     scene, camera = room(width)
     plate = plate_of(scene, camera)
     beside, guides = seen_beside(scene, camera)
-    own = ours(scene, camera)
-    truth, _ = own(LONG // share, 1001)
-    mine = Way("relume", lambda samples, seed: two_sided(*own(samples, seed), guides))
+    truth, _ = ours(scene, camera)(LONG // share, 1001)
+    mine = Way("relume", ours(scene, camera, clean=True))
     pair = path_pair(scene, camera, "multijitter", same_seed=False)
     theirs = Way("two Mitsuba renders", lambda samples, seed: two_sided(*pair(samples, seed), guides))
     for samples in counts:

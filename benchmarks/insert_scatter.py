@@ -22,6 +22,7 @@ from insert_scenes import Cycles, room
 from measured import Rows, asked
 
 import relume as rl
+from relume.renderers.mitsuba.denoise import denoised
 from relume.renderers.mitsuba.differential import Differential
 from relume.renderers.mitsuba.path_tracer import _mitsuba
 from relume.renderers.mitsuba.scene import scene_dictionary
@@ -42,13 +43,14 @@ class Way:
     estimate: Estimate
 
 
-def ours(scene: rl.Scene, camera: rl.Camera) -> Estimate:
-    """relume's change, of a scene made ready."""
+def ours(scene: rl.Scene, camera: rl.Camera, clean: bool = False) -> Estimate:
+    """relume's change, of a scene made ready; cleaned as `relume insert` does where no plate is known."""
     ready = Differential(depth=BOUNCES).prepare(scene, camera)
 
     def estimate(samples: int, seed: int) -> tuple[np.ndarray, float]:
         start = time.perf_counter()
         change = Differential(samples=samples, depth=BOUNCES).change(scene, camera, seed=seed, prepared=ready)
+        change = denoised(change) if clean else change
         return change.difference.astype(np.float64), time.perf_counter() - start
 
     return estimate

@@ -49,31 +49,11 @@ def changed(
         smooth = active & mi.has_flag(bsdf.flags(), mi.BSDFFlags.Smooth) & (bounces < world.depth)
         cones = guide.cones(si.p, dr.select(dr.dot(si.n, ray.d) < 0, si.n, -si.n))
         guided = _guided(cones, smooth)
-        # Lamps, at the first surface by numbers that are spread evenly.
-        evenly = bounces == 0
-        many = dr.select(evenly, looks[0], looks[1])
-        look, looking = mi.UInt32(0), smooth & ~mi.Bool(light.dark)
-        while looking:
-            choice, point = rng.next_float32(), two(rng)
-            even_choice, even_point = numbers.towards_light(look, looks[0], shifts)
-            choice, point = dr.select(evenly, even_choice, choice), dr.select(evenly, even_point, point)
-            # What no object hides is the same in both scenes.
-            found = light.sample(si.p, choice, point, looking, wanted=lambda way: guide.density(cones, way) > 0)
-            shadow = way_to(si, found.direction, found.distance)
-            dark = looking & found.valid & (guide.density(cones, found.direction) > 0)
-            dark &= world.objects.ray_test(shadow, active=dark)
-            value, chance = bsdf.eval_pdf(context, si, si.to_local(found.direction), dark)
-            dark &= dr.max(value) > 0
-            dark &= ~world.local.ray_test(shadow, active=dark)
-            other = (1 - guided) * chance + guided * guide.density(cones, found.direction)
-            count = mi.Float(many)
-            weight = dr.select(found.density > 0, mitigated(count * found.density, other), 1) / count
-            lost = mi.Color3f(1)
-            if world.straight or world.holes:
-                lost = 1 - world.arrives(shadow, mi.UInt32(0), dark, sizeless=found.density == 0)
-            taken += dr.select(dark, throughput * value * found.weight * weight * lost, 0)
-            look += 1
-            looking &= look < many
+        many = mi.Float(dr.select(bounces == 0, looks[0], looks[1]))
+        if not light.dark:
+            even = numbers, shifts, bounces == 0
+            hidden, rng = _hidden_lamps(world, guide, (si, bsdf), even, rng, smooth, looks, (cones, guided))
+            taken += throughput * hidden
         if world.looks_for_objects:
             added_light += throughput * from_objects(
                 world, si, bsdf, context, rng, smooth, ray, mi.UInt32(0), guide, cones, guided
@@ -115,7 +95,7 @@ def changed(
         near = dr.select(added.is_valid(), added.t, dr.inf)
         parting = going & (near < far)
         # What the object hides of the light; a lamp before it is seen in both scenes.
-        hidden = light.arriving(ray.o, ray.d, far, parting, density, mi.Float(many), beyond=near, dim=sent_on)
+        hidden = light.arriving(ray.o, ray.d, far, parting, density, many, beyond=near, dim=sent_on)
         taken += dr.select(parting, throughput * hidden, 0)
         parted = dr.select(parting, ray, parted)
         added_parted = dr.select(parting, added, added_parted)
@@ -132,6 +112,48 @@ def changed(
         active &= survives
     way = (parted, weight_parted, density_parted, bounces_parted, first_scatters, hue_parted, sent_parted)
     return (added_light, taken), way, (added_parted, real_parted)
+
+
+@dr.syntax
+def _hidden_lamps(
+    world: World, guide: Guide, at: tuple[Any, Any], even: tuple[Numbers, Any, Any], rng: Any, active: Any,
+    looks: tuple[int, int], towards: tuple[Any, Any],
+) -> tuple[Any, Any]:  # fmt: skip
+    """What objects hide of the light of lamps and of the map that a real surface scatters back; the stream after it.
+
+    at : the surface and its BSDF
+    even : numbers that are spread evenly over the first surfaces, and where those are
+    towards : the cones of the objects, and the share of the directions that go there
+    """
+    (si, bsdf), (numbers, shifts, evenly), (cones, guided) = at, even, towards
+    light, context, total = world.light, mi.BSDFContext(), mi.Color3f(0)
+    look, many, looking = mi.UInt32(0), dr.select(evenly, looks[0], looks[1]), mi.Bool(active)
+    count = mi.Float(many)
+
+    def wanted(way: Any) -> Any:
+        # What no object hides is the same in both scenes.
+        return guide.density(cones, way) > 0
+
+    while looking:
+        choice, point = rng.next_float32(), two(rng)
+        even_choice, even_point = numbers.towards_light(look, looks[0], shifts)
+        choice, point = dr.select(evenly, even_choice, choice), dr.select(evenly, even_point, point)
+        found = light.sample(si.p, choice, point, looking, wanted=wanted)
+        shadow = way_to(si, found.direction, found.distance)
+        dark = looking & found.valid & wanted(found.direction)
+        dark &= world.objects.ray_test(shadow, active=dark)
+        value, chance = bsdf.eval_pdf(context, si, si.to_local(found.direction), dark)
+        dark &= dr.max(value) > 0
+        dark &= ~world.local.ray_test(shadow, active=dark)
+        other = (1 - guided) * chance + guided * guide.density(cones, found.direction)
+        weight = dr.select(found.density > 0, mitigated(count * found.density, other), 1) / count
+        lost = mi.Color3f(1)
+        if world.straight or world.holes:
+            lost = 1 - world.arrives(shadow, mi.UInt32(0), dark, sizeless=found.density == 0)
+        total += dr.select(dark, value * found.weight * weight * lost, 0)
+        look += 1
+        looking &= look < many
+    return total, rng
 
 
 def _guided(cones: Any, active: Any) -> Any:
