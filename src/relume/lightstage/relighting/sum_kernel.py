@@ -11,7 +11,7 @@ from numba import types
 from numba.extending import overload
 
 from relume.image.kernel import exact_kernel, exact_small, in_threads, kernel
-from relume.image.vector_steps import BYTES_AT_ONCE, add_four_lights
+from relume.sphere.vector_steps import BYTES_AT_ONCE, add_four_lights
 
 _RUN = 768
 """Values that one inner loop passes: whole pixels, and long enough to make up for starting it."""

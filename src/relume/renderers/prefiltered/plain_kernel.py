@@ -5,9 +5,9 @@ from __future__ import annotations
 import numpy as np
 
 from relume.image.kernel import kernel
-from relume.image.vector_steps import add_looked_up
 from relume.renderers.prefiltered.shading_inputs import key
 from relume.sphere.bilinear_kernels import polar_point
+from relume.sphere.vector_steps import add_looked_up
 
 _BLOCK = 256
 """Samples whose image points are found together, by vector instructions, before they are looked up one by one."""

@@ -8,9 +8,9 @@ from __future__ import annotations
 import numpy as np
 
 from relume.image.kernel import kernel
-from relume.image.vector_steps import ask_for, between_four
 from relume.sphere.mappings.kernels import FINE, RIM, neighbour, solid_angle, spread
 from relume.sphere.mappings.layouts import EQUIDISTANT, EQUISOLID, LAT_LONG, ORTHOGRAPHIC
+from relume.sphere.vector_steps import ask_for, between_four
 
 RUN = 16
 """Pixels along a row that share their number of cells."""
