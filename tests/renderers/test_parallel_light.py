@@ -71,7 +71,7 @@ def test_a_square_throws_a_square_shadow() -> None:
     x, z = np.meshgrid(np.linspace(-3, 3, 78), np.linspace(-3, 3, 78))
     points = np.stack([x, np.zeros_like(x), z], axis=-1).reshape(-1, 3)
     hidden = Shadows.of(RayCaster.of([square])).over(points, normalised(np.array([1.0, 1.0, 0.5])))
-    crossing = points + [1.0, 1.0, 0.5]
+    crossing = points + np.array([1.0, 1.0, 0.5])
     np.testing.assert_array_equal(hidden, np.abs(crossing[:, [0, 2]]).max(axis=1) < 1)
     # What lies behind a point is not in its way.
     assert not Shadows.of(RayCaster.of([square])).over(points + 2 * UP, UP).any()

@@ -191,7 +191,7 @@ class VirtualCamera:
 class ToneMapped:
     """A picture before it is encoded: `gain` × `values` are linear display values, Rec. 709, 1 the display's white.
 
-    source : (H, W, 3) float32, not clipped: the values; for plain exposure the radiance itself, so that it is not copied
+    source : (H, W, 3) float32: the values, not clipped; for plain exposure the radiance itself, which is not copied
     gain : factor on them
     display : what they were made for
     adaptation : what the tone operator had adapted to

@@ -98,9 +98,7 @@ def glossy_map(
     polar, weights = quadrature(brdf.width, degree)
     # (azimuths + 1, degree + 1, angles): the same for every view.
     functions = np.array(list(wigner(np.arange(azimuths + 1), 0, polar, degree))).transpose(1, 0, 2).copy()
-    tilts, albedos, kernels = zip(
-        *(_kernels(brdf, angle, polar, weights, functions) for angle in angles), strict=True
-    )
+    tilts, albedos, kernels = zip(*(_kernels(brdf, angle, polar, weights, functions) for angle in angles), strict=True)
     source = cut_up(as_latlong(light), brdf.width / 2)
     coefficients = analysed(Flux(source.radiance, source.mapping.solid_angles(source.size)), degree)
     # Each part as it is made, then all parts of a row put side by side: one after the other would go over all memory.

@@ -133,9 +133,7 @@ class Reached:
 
         found = np.zeros((2, pixels), np.float32)
         for sample, light, incident, lit in zip(self.samples, self.lights, self.incident, self.lit, strict=True):
-            add_light(
-                found, sample.pixels, sample.normals, sample.towards_eye, light, incident, lit, np.float32(alpha)
-            )
+            add_light(found, sample.pixels, sample.normals, sample.towards_eye, light, incident, lit, np.float32(alpha))
         return found / np.float32(len(self.samples))
 
 
