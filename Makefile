@@ -13,7 +13,7 @@ test quick: export OPENBLAS_NUM_THREADS := 1
 # of ours logs, and to stand by for it takes a millisecond a test.
 SUITE := $(VENV)/bin/pytest -q -n 2 --dist loadfile --no-loadscope-reorder --randomly-dont-reset-seed -p no:logging
 
-.PHONY: demo test quick check bench
+.PHONY: demo test quick check bench docs
 
 demo: $(READY)            ## insert the objects of examples/room and say where the pictures are
 	$(VENV)/bin/relume demo -o out/demo
@@ -30,11 +30,13 @@ check: $(READY)           ## style and types
 	$(VENV)/bin/pyright
 	scripts/check-page
 
-bench: $(READY)           ## every benchmark, one after another
-	@set -e; for script in benchmarks/*.py; do \
-	  [ -e "$$script" ] || { echo "no benchmarks yet"; break; }; \
-	  echo "== $$script"; $(VENV)/bin/python "$$script"; \
-	done
+bench: $(READY)           ## speed, beside other programs: the table of docs/benchmarks.md, 40 minutes on two quiet cores
+	$(VENV)/bin/python benchmarks/run_all.py --write docs/benchmarks.md
+
+docs: $(READY)            ## the site, into out/docs; its lessons run
+	$(VENV)/bin/python -c "import myst_nb, furo" 2>/dev/null || $(VENV)/bin/python -m pip install --quiet -e '.[docs]'
+	$(VENV)/bin/python -m sphinx -W --keep-going -q -b html docs out/docs
+	@echo "open out/docs/index.html"
 
 # Set up again only when what is to be installed has changed.
 $(READY): pyproject.toml scripts/setup

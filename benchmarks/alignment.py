@@ -7,7 +7,6 @@ the picture's corners, and the root mean square over the picture. AlignMTB finds
 
 from __future__ import annotations
 
-import statistics
 import sys
 import time
 from collections.abc import Callable
@@ -15,31 +14,31 @@ from pathlib import Path
 
 import cv2
 import numpy as np
+from measured import Rows, asked
 
 from relume.capture.alignment.alignment import Aligned, align
 from relume.capture.alignment.pyramid import pyramid
 from relume.capture.alignment.warping import move
 
 
-def timed(work: dict[str, Callable[[], object]], rounds: int = 3) -> dict[str, tuple[float, float]]:
-    """Seconds of wall and of processor time of each, medians; by turns, after a round that compiles and warms."""
+def timed(work: dict[str, Callable[[], object]], rounds: int) -> dict[str, tuple[list[float], list[float]]]:
+    """Seconds of wall and of processor time of each turn; by turns, after a round that compiles and warms."""
     taken: dict[str, list[tuple[float, float]]] = {name: [] for name in work}
     for _ in range(rounds + 1):
         for name, each in work.items():
             begin, began = time.perf_counter(), time.process_time()
             each()
             taken[name].append((time.perf_counter() - begin, time.process_time() - began))
-    return {
-        name: (statistics.median(wall for wall, _ in runs[1:]), statistics.median(busy for _, busy in runs[1:]))
-        for name, runs in taken.items()
-    }
+    return {name: ([wall for wall, _ in runs[1:]], [busy for _, busy in runs[1:]]) for name, runs in taken.items()}
 
 
 if __name__ == "__main__":
+    options = asked(__doc__).parse_args()
+    rows = Rows(options.rows)
     sys.path.insert(0, str(Path(__file__).resolve().parents[1] / "tests" / "support"))
     from handheld import stack
 
-    held = stack(500, size=(4000, 3000), frames=7, fine=1)
+    held = stack(500, size=(1600, 1200) if options.quick else (4000, 3000), frames=7, fine=1)
     photographs = held.bracket.photographs
     pixels = [photograph.pixels for photograph in photographs]
 
@@ -56,11 +55,11 @@ if __name__ == "__main__":
         "its moving": lambda: [move(p, m) for p, m in zip(photographs, aligned.motions, strict=True)],
         "AlignMTB": by_opencv,
     }
-    seconds = timed(work)
+    seconds = timed(work, 1 if options.quick else 3)
     for name, (wall, busy) in seconds.items():
-        print(f"{name:14} {wall:6.2f} s, {busy:6.2f} s of processors")
-    (ours, busy), (peer, peer_busy) = seconds["relume, all"], seconds["AlignMTB"]
-    print(f"relume is {peer / ours:.1f} times as fast, with {busy / peer_busy:.2f} of the processor time")
+        print(f"{name:14} {np.median(wall):6.2f} s, {np.median(busy):6.2f} s of processors")
+    peer = f"OpenCV {cv2.__version__} AlignMTB"
+    rows.ratio("alignment, 7 × 12 megapixels", seconds["relume, all"][0], peer, seconds["AlignMTB"][0], limit="≥ 2")
     found = np.array([(motion.dx, motion.dy, motion.angle) for motion in aligned.motions])
     grey = [cv2.cvtColor(frame, cv2.COLOR_RGB2GRAY) for frame in pixels]
     middle = len(grey) // 2
@@ -69,4 +68,5 @@ if __name__ == "__main__":
     theirs = np.array([(-x, -y, 0.0) for x, y in shifts])
     for name, motions, reference in (("relume", found, aligned.reference), ("AlignMTB", theirs, middle)):
         corner, average = (error.max() for error in held.errors(motions, reference))
-        print(f"{name:9} worst frame: {corner:7.3f} px at a corner, {average:7.3f} px root mean square")
+        rows.value(f"alignment, {name}: worst frame at a corner", float(corner), "pixels")
+        print(f"{name:9} worst frame: {average:7.3f} px root mean square")

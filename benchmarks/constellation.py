@@ -1,17 +1,18 @@
 """Constellations: the three methods' time on a 4k map, and how well they light surfaces, against plain NumPy.
 
-`python benchmarks/constellation.py [FOLDER]`: maps, .exr or .hdr, lat-long; ../shared/data unless given.
+`python benchmarks/constellation.py [FOLDER]`: maps, .exr or .hdr, lat-long, to be lit by; `--accuracy`: ../shared/data.
 """
 
 from __future__ import annotations
 
-import sys
 import time
 import warnings
 from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
+from measured import Rows, asked
+from rounds import turns
 
 from relume.errors import SunNotFound
 from relume.image.files import read_radiance
@@ -62,16 +63,15 @@ def naive_median_cut(light: EnvironmentMap, levels: int) -> Constellation:
     return Constellation(np.array(directions), np.array(irradiance))
 
 
-def median_time(work, times: int = 7) -> tuple[float, float]:
-    """Seconds on the clock and of all cores, medians of several after one that compiles."""
+def seconds(work, times: int = 7) -> list[float]:
+    """Seconds on the clock of several after one that compiles."""
     work()
     taken = []
     for _ in range(times):
-        wall, process = time.perf_counter(), time.process_time()
+        start = time.perf_counter()
         work()
-        taken.append((time.perf_counter() - wall, time.process_time() - process))
-    clock, cores = np.median(taken, axis=0)
-    return float(clock), float(cores)
+        taken.append(time.perf_counter() - start)
+    return taken
 
 
 def four_k() -> EnvironmentMap:
@@ -99,24 +99,25 @@ def maps(folder: Path) -> dict[str, EnvironmentMap]:
     return found
 
 
-def main() -> None:
-    warnings.simplefilter("ignore")
+def speed(rows: Rows) -> None:
+    """64 lights of a 4k map by each method and by plain NumPy, by turns; key lights and sun."""
     light = four_k()
-    print("64 lights from 4096 × 2048 pixels: milliseconds on the clock, of all cores")
-    for name, method in METHODS.items():
-        clock, cores = median_time(lambda m=method: constellation(light, 64, m))
-        print(f"  {name:<12} {1e3 * clock:6.0f} {1e3 * cores:6.0f}")
+    works = {name: lambda m=method: constellation(light, 64, m) for name, method in METHODS.items()}
+    times = turns(works | {"naive": lambda: naive_median_cut(light, 6)}, 3)
+    for name in METHODS:
+        rows.ratio(f"64 lights of a map 4096 wide, {name}", times[name], "median cut by plain NumPy", times["naive"])
     for name, work in {
-        "naive": lambda: naive_median_cut(light, 6),
         "sums alone": lambda: cells_of(light),
         "key lights": lambda: key_lights(light, 64),
         "sun": lambda: extract_sun(light),
     }.items():
-        clock, cores = median_time(work, 3)
-        print(f"  {name:<12} {1e3 * clock:6.0f} {1e3 * cores:6.0f}")
+        rows.value(f"a map 4096 wide, {name}", seconds(work, 3), "s")
 
+
+def accuracy(given: Path | None) -> None:
+    """Tables of how well the methods light surfaces, of every map in a folder."""
     default = Path(__file__).resolve().parents[2] / "shared" / "data"
-    folder = Path(sys.argv[1]) if len(sys.argv) > 1 else default
+    folder = given or default
     found = {name: each for part in ("hdri", "probes") for name, each in maps(folder / part).items()} or maps(folder)
     found.pop("spot1Lux.hdr", None)  # a single pixel
     print("\nirradiance error, mean / largest of 512 normals, percent of the map's mean irradiance")
@@ -155,4 +156,11 @@ def main() -> None:
 
 
 if __name__ == "__main__":
-    main()
+    parser = asked(__doc__)
+    parser.add_argument("folder", nargs="?", type=Path, help="of maps, to measure how well the methods light surfaces")
+    parser.add_argument("--accuracy", action="store_true", help="the same of the maps in ../shared/data")
+    options = parser.parse_args()
+    warnings.simplefilter("ignore")
+    speed(Rows(options.rows))
+    if options.accuracy or options.folder:
+        accuracy(options.folder)

@@ -10,9 +10,11 @@ from __future__ import annotations
 
 import os
 import shutil
+import statistics
 import subprocess
 import sys
 import tempfile
+from argparse import SUPPRESS
 from collections.abc import Callable
 from dataclasses import replace
 from itertools import count
@@ -21,7 +23,8 @@ from typing import Any
 
 import cv2
 import numpy as np
-from rounds import by_turns
+from measured import Rows, asked
+from rounds import turns
 
 from relume.image import files
 from relume.image.radiance import RadianceMap
@@ -39,6 +42,7 @@ from relume.virtual_camera.tone.tumblin_rushmeier import TumblinRushmeier
 from relume.virtual_camera.virtual_camera import VirtualCamera
 
 SIZE, GLARE_SIZE = (6000, 4000), (3840, 2160)
+PHOTOGRAPH = "photograph: checked, metered, exposed, 8 bits"
 TONES: dict[str, Any] = {
     "plain exposure": MeteredExposure(),
     "Reinhard, global": Reinhard(),
@@ -78,7 +82,7 @@ def power(radiance: np.ndarray, gain: float) -> np.ndarray:
     ).astype(np.uint8)
 
 
-def race() -> None:
+def race(rows: Rows) -> None:
     """Seconds of every step, and what the peers take."""
     picture = made(SIZE)
     radiance = picture.radiance
@@ -93,11 +97,22 @@ def race() -> None:
         camera = VirtualCamera(tone=tone)
         works[name] = lambda camera=camera: camera.tone_map(picture).values
     camera = VirtualCamera()
-    works["photograph: checked, metered, exposed, 8 bits"] = lambda: camera.tone_map(picture).photograph()
-    print_times(f"{SIZE[0]}×{SIZE[1]}", by_turns(works))
+    works[PHOTOGRAPH] = lambda: camera.tone_map(picture).photograph()
+    times = turns(works)
+    print_times(f"{SIZE[0]}×{SIZE[1]}", {name: statistics.median(each) for name, each in times.items()})
+    for ours, peer, limit in (
+        ("table, exposure and sRGB", "numpy.power, the same", "≥ 5"),
+        ("Reinhard, global", "OpenCV's TonemapReinhard", "≥ 2"),
+    ):
+        rows.ratio(f"develop 24 megapixels, {ours}", times[ours], peer, times[peer], limit=limit)
+    for name, limit in (("histogram adjustment", "≤ 1"), ("histogram adjustment, human contrast", "≤ 1")):
+        rows.value(f"develop 24 megapixels, {name}", times[name], "s", limit=limit)
+    for name in ("Tumblin & Rushmeier", "Ferwerda, without acuity and colour", "Pattanaik", "Reinhard, local"):
+        rows.value(f"develop 24 megapixels, {name}", times[name], "s")
+    rows.value("develop 24 megapixels to 8 bits, plain", times[PHOTOGRAPH], "s", limit="≤ 0.25")
 
 
-def race_of_glares() -> None:
+def race_of_glares(rows: Rows) -> None:
     """Seconds of each glare, its point spread made anew each time."""
     small = made(GLARE_SIZE)
     view = VirtualCamera().view(small)
@@ -108,31 +123,36 @@ def race_of_glares() -> None:
         part.apply(small.radiance, replace(view, focal_length=view.focal_length * (1 + 1e-6 * next(turn))))
 
     glares = {name: (lambda part=part: anew(part)) for name, part in GLARES.items()}
-    print_times(f"glare at {GLARE_SIZE[0]}×{GLARE_SIZE[1]}", by_turns(glares))
+    for name, each in turns(glares, 3).items():
+        rows.value(f"glare at {GLARE_SIZE[0]}×{GLARE_SIZE[1]}, {name}", each, "s", limit="≤ 2.5")
 
 
-def whole_processes() -> None:
-    """From .hdr to .tif as whole processes, against Luminance HDR's command line."""
+def whole_processes(rows: Rows, size: tuple[int, int], rounds: int) -> None:
+    """From .hdr to .jpg as whole processes, against Luminance HDR's command line."""
     if (peer := shutil.which("luminance-hdr-cli")) is None:
-        print("luminance-hdr-cli: not installed, not compared")
+        rows.absent("relume develop against Luminance HDR", "luminance-hdr-cli is not installed", goal="develop")
         return
     relume = str(Path(sys.executable).with_name("relume"))
     with tempfile.TemporaryDirectory() as folder:
         place = Path(folder)
-        files.write(place / "in.hdr", made(SIZE))
+        files.write(place / "in.hdr", made(size))
         environment = os.environ | {"QT_QPA_PLATFORM": "offscreen", "HOME": folder}
         operators = {
             "reinhard": ["reinhard02"],
             "reinhard-local": ["reinhard02", "--tmoR02Scales", "true"],
             "ferwerda": ["ferwerda"],
         }
-        works: dict[str, Callable[[], Any]] = {}
         for ours, theirs in operators.items():
             words = [relume, "develop", "in.hdr", "-o", f"{ours}.jpg", "--tone", ours, "-q"]
             others = [peer, "-l", "in.hdr", "--tmo", *theirs, "-o", f"{ours}_peer.jpg"]
-            works[f"relume develop --tone {ours}"] = lambda words=words: run(words, place, environment)
-            works[f"luminance-hdr-cli --tmo {' '.join(theirs)}"] = lambda words=others: run(words, place, environment)
-        print_times("whole processes, .hdr to .jpg", by_turns(works))
+            works: dict[str, Callable[[], Any]] = {
+                "ours": lambda words=words: run(words, place, environment),
+                "theirs": lambda words=others: run(words, place, environment),
+            }
+            times = turns(works, rounds)
+            goal = "develop" if ours == "reinhard" else ""
+            what = f"relume develop --tone {ours}, the whole process, .hdr to .jpg"
+            rows.ratio(what, times["ours"], "Luminance HDR", times["theirs"], goal=goal)
 
 
 def run(words: list[str], folder: Path, environment: dict[str, str]) -> None:
@@ -180,14 +200,19 @@ def restart_peak() -> None:
 
 
 if __name__ == "__main__":
-    if sys.argv[1:2] == ["--peak"]:
-        peak(sys.argv[2])
-    elif "--processes" in sys.argv:
-        whole_processes()
+    parser = asked(__doc__)
+    parser.add_argument("--processes", action="store_true", help="only the whole processes")
+    parser.add_argument("--peak", help=SUPPRESS)
+    options = parser.parse_args()
+    table = Rows(options.rows)
+    if options.peak:
+        peak(options.peak)
+    elif options.processes or options.quick:
+        whole_processes(table, (1500, 1000) if options.quick else SIZE, 1 if options.quick else 3)
     else:
-        race()
-        race_of_glares()
-        whole_processes()
+        race(table)
+        race_of_glares(table)
+        whole_processes(table, SIZE, 3)
         print("peak memory, the input included")
         for each in (*TONES, *GLARES):
             subprocess.run([sys.executable, __file__, "--peak", each], check=True)

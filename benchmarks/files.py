@@ -1,6 +1,6 @@
 """Image files: time of reading and writing 24 megapixels beside other programs, and the memory that reading takes.
 
-Run as `python benchmarks/files.py [--megapixels 24] [--rounds 5] [FORMAT …]`. All work by turns in one process, each
+Run as `python benchmarks/files.py [--megapixels 24] [--rounds 3] [FORMAT …]`. All work by turns in one process, each
 once beforehand; medians. Every writer's file is flushed to the disk, as ours always are. A ratio is the peer's time by
 ours, so above 1 ours is quicker; on a busy machine that of processor time is better. OpenImageIO reads LogLuv as 8-bit
 values only; OpenCV gives its light, as libtiff decodes it. Memory is the peak of a process of its own
@@ -9,7 +9,6 @@ above what it held before, by the size of the decoded picture.
 
 from __future__ import annotations
 
-import argparse
 import os
 import shutil
 import statistics
@@ -18,6 +17,7 @@ import sys
 import tempfile
 import time
 import warnings
+from argparse import SUPPRESS
 from collections.abc import Callable
 from contextlib import suppress
 from dataclasses import dataclass
@@ -27,6 +27,7 @@ from typing import Any
 
 import cv2
 import numpy as np
+from measured import Rows, asked
 
 import relume as rl
 from relume.errors import RelumeError
@@ -175,8 +176,8 @@ def timed(work: Work) -> tuple[float, float]:
     return time.perf_counter() - clock, time.process_time() - processors
 
 
-def by_turns(ours: Work, theirs: dict[str, Work], rounds: int) -> dict[str, tuple[float, float]]:
-    """Median seconds of the clock and of the processors, by name; a peer that fails is left out with a line."""
+def by_turns(ours: Work, theirs: dict[str, Work], rounds: int) -> dict[str, list[tuple[float, float]]]:
+    """Seconds of the clock and of the processors of every round, by name; a peer that fails is left out with a line."""
     works = {"ours": ours}
     ours()
     for name, work in theirs.items():
@@ -186,29 +187,33 @@ def by_turns(ours: Work, theirs: dict[str, Work], rounds: int) -> dict[str, tupl
             print(f"  {name} is left out: {' '.join(str(error).split()) or 'it fails'}")
         else:
             works[name] = work
-    taken = {name: [] for name in works}
+    taken: dict[str, list[tuple[float, float]]] = {name: [] for name in works}
     for _ in range(rounds):
         for name, work in works.items():
             taken[name].append(timed(work))
-    return {name: tuple(statistics.median(part) for part in zip(*seen, strict=True)) for name, seen in taken.items()}
+    return taken
 
 
-def show(what: str, megapixels: float, medians: dict[str, tuple[float, float]]) -> None:
-    clock, processors = medians.pop("ours")
-    if not medians:
-        print(f"{'–':>6} {'–':>6}  {what:24} {clock:7.3f} s  ({megapixels / clock:.0f} megapixels a second)")
-    for name, (their_clock, their_processors) in medians.items():
-        ratios = f"{their_clock / clock:6.2f} {their_processors / processors:6.2f}"
-        print(f"{ratios}  {what:24} {clock:7.3f} s  {name} {their_clock:.3f} s", flush=True)
+def show(rows: Rows, what: str, megapixels: float, taken: dict[str, list[tuple[float, float]]]) -> None:
+    """A row for each peer: the ratio by the clock, and that of processor time in its note."""
+    ours = taken.pop("ours")
+    clock = [wall for wall, _ in ours]
+    if not taken:
+        speed = f"{megapixels / statistics.median(clock):.0f} megapixels a second"
+        rows.value(what, clock, "s", note=speed)
+    for name, theirs in taken.items():
+        busy = statistics.median(their / our for (_, our), (_, their) in zip(ours, theirs, strict=True))
+        goal = "exr_write" if what.startswith("EXR") and what.endswith("write") and name == "OpenImageIO" else ""
+        rows.ratio(what, clock, name, [wall for wall, _ in theirs], goal=goal, note=f"by processor time {busy:.2f} ×")
 
 
-def peak(path: Path, small: Path, picture: np.ndarray) -> str:
+def peak(path: Path, small: Path, picture: np.ndarray) -> float | None:
     """What reading takes at most beyond a small file of the kind, by the size of the decoded picture."""
     if not Path("/proc/self/status").exists():
-        return "unknown"
+        return None
     words = [sys.executable, __file__, "--read", str(small), str(path)]
     said = subprocess.run(words, capture_output=True, text=True, check=True).stdout
-    return f"{int(said) * 1024 / picture.nbytes:.2f}"
+    return int(said) * 1024 / picture.nbytes
 
 
 def read_alone(small: str, path: str) -> None:
@@ -226,45 +231,49 @@ def most_held() -> int:
     return int(status.split("VmHWM:")[1].split()[0])
 
 
-def run(chosen: Format, folder: Path, picture: np.ndarray, rounds: int) -> None:
+def run(rows: Rows, chosen: Format, folder: Path, picture: np.ndarray, rounds: int) -> None:
     path, small = folder / chosen.file, folder / f"small-{chosen.file}"
     image = rl.RadianceMap(picture)
     files.write(small, rl.RadianceMap(np.ascontiguousarray(picture[:64, :64])), chosen.encoding)
     files.write(path, image, chosen.encoding)
     megapixels, (readers, writers) = picture.size / 3e6, peers(chosen, folder, picture)
-    show(f"{chosen.name}, read", megapixels, by_turns(lambda: files.read_radiance(path), readers, rounds))
+    show(rows, f"{chosen.name}, read", megapixels, by_turns(lambda: files.read_radiance(path), readers, rounds))
     show(
+        rows,
         f"{chosen.name}, write",
         megapixels,
         by_turns(lambda: files.write(path, image, chosen.encoding), writers, rounds),
     )
     size = path.stat().st_size
-    print(
-        f"               {chosen.name}: {size / 1e6:.0f} MB, memory of reading {peak(path, small, picture)}", flush=True
-    )
+    if (held := peak(path, small, picture)) is not None:
+        note = f"{size / 1e6:.0f} MB"
+        rows.value(f"{chosen.name}, memory of reading by the picture's", held, "×", limit="≤ 2", note=note)
 
 
-def main(megapixels: float, rounds: int, names: list[str]) -> None:
+def main(rows: Rows, megapixels: float, rounds: int, names: list[str]) -> None:
     warnings.simplefilter("ignore")  # of what formats do not keep
     made = pictures(megapixels)
     height, width, _ = made["photograph"].shape
     print(f"{width} x {height} pixels, medians of {rounds}" + ("" if oiio else "; OpenImageIO is not installed"))
-    print(f"{'clock':>6} {'CPU':>6}  (the peer's time by ours)")
     for chosen in FORMATS:
         if names and not any(name.lower() in chosen.name.lower() for name in names):
             continue
         with tempfile.TemporaryDirectory() as folder:
             try:
-                run(chosen, Path(folder), made[chosen.picture], rounds)
+                run(rows, chosen, Path(folder), made[chosen.picture], rounds)
             except (ImportError, RelumeError, ValueError) as error:
                 print(f"{chosen.name} is left out: {error}")
 
 
 if __name__ == "__main__":
-    parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("--megapixels", type=float, default=24)
-    parser.add_argument("--rounds", type=int, default=5)
-    parser.add_argument("--read", nargs=2, metavar=("SMALL", "LARGE"), help="print the memory that reading one takes")
+    parser = asked(__doc__)
+    parser.add_argument("--megapixels", type=float)
+    parser.add_argument("--rounds", type=int)
+    parser.add_argument("--read", nargs=2, help=SUPPRESS)
     parser.add_argument("formats", nargs="*", metavar="FORMAT", help="only those with this in their names")
     given = parser.parse_args()
-    read_alone(*given.read) if given.read else main(given.megapixels, given.rounds, given.formats)
+    if given.read:
+        read_alone(*given.read)
+    else:
+        megapixels, rounds = given.megapixels or (2 if given.quick else 24), given.rounds or (1 if given.quick else 3)
+        main(Rows(given.rows), megapixels, rounds, given.formats)

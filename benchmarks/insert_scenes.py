@@ -6,6 +6,7 @@ import json
 import subprocess
 import tempfile
 from dataclasses import dataclass, replace
+from functools import lru_cache
 from pathlib import Path
 from typing import Any
 
@@ -23,19 +24,24 @@ REFLECTANCE = (0.331, 0.199, 0.126)
 
 def room(width: int = 384) -> tuple[rl.Scene, rl.Camera]:
     """The measured room: light at infinity, the table of one diffuse reflectance, five objects; `width` pixels wide."""
+    scene, camera = _measured()
+    share = width / camera.width
+    height = round(camera.height * share)
+    return scene, replace(camera, width=width, height=height, focal_length=camera.focal_length * share)
+
+
+@lru_cache(maxsize=1)
+def _measured() -> tuple[rl.Scene, rl.Camera]:
+    """The same as wide as it was photographed."""
     shot = rl.read_shot(ROOM / "shot.toml")
     # The mean that the recovery finds under light at infinity; the fake renderer lights nothing to find it by.
     table = shot.local[0].model_copy(update={"reflectance": REFLECTANCE, "gloss": False})
     shot = shot.model_copy(update={"local": [table]})
     with tempfile.TemporaryDirectory() as folder:
         done = rl.insert(shot, folder, renderer=ConstantRenderer())
-    camera = done.camera
-    share = width / camera.width
-    height = round(camera.height * share)
-    smaller = replace(camera, width=width, height=height, focal_length=camera.focal_length * share)
     plane = rl.Plane(rl.Diffuse(REFLECTANCE), (1.7, 1.0))
     objects = tuple(mesh for one in sorted((ROOM / "objects").glob("*.glb")) for mesh in rl.read_meshes(one))
-    return rl.Scene(done.calibrated.probe.light, (plane,), objects), smaller
+    return rl.Scene(done.calibrated.probe.light, (plane,), objects), done.camera
 
 
 def pack(scene: rl.Scene, camera: rl.Camera, path: Path) -> None:

@@ -1,7 +1,10 @@
 """What an object of a million triangles costs beside one of ten thousand, and the room at full size.
 
-The first: one diffuse ball on the table of examples/room, at 384×256; the second: all five objects at 768×512.
-Seconds of the second call, kernels already compiled, building included; the two balls in turn, medians of three.
+    python benchmarks/insert_size.py [--quick]
+
+The first: one diffuse ball on the table of examples/room, at 384×256; the second: all five objects at 768×512; with
+`--quick` a third as wide, fewer turns and 16 rays a pixel. Seconds of the second call, kernels already compiled,
+building included; the two balls by turns.
 """
 
 from __future__ import annotations
@@ -11,6 +14,7 @@ import time
 import numpy as np
 import trimesh
 from insert_scenes import room
+from measured import Rows, asked
 
 import relume as rl
 from relume.renderers.mitsuba.differential import Differential
@@ -36,25 +40,27 @@ def seconds(scene: rl.Scene, camera: rl.Camera, samples: int, seed: int) -> tupl
     return taken, float(error)
 
 
-def main() -> None:
-    scene, camera = room(384)
+def main(rows: Rows, quick: bool) -> None:
+    share, turns, counts = (3, 2, (16,)) if quick else (1, 3, (16, 32, 64))
+    scene, camera = room(384 // share)
     balls = [ball(rings) for rings in (51, 512)]
     scenes = [rl.Scene(scene.light, scene.local, (one,)) for one in balls]
     times: list[list[float]] = [[], []]
-    for turn in range(4):
+    for turn in range(turns + 1):
         for which, each in enumerate(scenes):
             taken, _ = seconds(each, camera, SAMPLES, turn)
             if turn:
                 times[which].append(taken)
-    few, many = (float(np.median(t)) for t in times)
-    print(f"{len(balls[0].faces)} triangles {few:.2f} s, {len(balls[1].faces)} {many:.2f} s: {many / few:.2f}×")
-    scene, camera = room(768)
-    for samples in (16, 32, 64):
-        seconds(scene, camera, 4, 0)
+    few, many = (len(one.faces) for one in balls)
+    rows.value(f"{many} triangles against {few}", [b / a for a, b in zip(*times, strict=True)], "×", goal="triangles")
+    scene, camera = room(768 // share)
+    for samples in counts:
+        seconds(scene, camera, samples, 0)
         taken, error = seconds(scene, camera, samples, 1)
-        print(f"{camera.width}×{camera.height}, {samples} rays a pixel: {taken:.1f} s (limit 30), "
-              f"standard error {100 * error:.2f} % of the objects' mean, before denoising")  # fmt: skip
+        rows.value(f"{camera.width}×{camera.height}, {samples} rays a pixel", taken, "s", limit="≤ 30",
+                   note=f"standard error {100 * error:.2f} % of the objects' mean, before denoising")  # fmt: skip
 
 
 if __name__ == "__main__":
-    main()
+    options = asked(__doc__).parse_args()
+    main(Rows(options.rows), options.quick)

@@ -1,7 +1,7 @@
 """What a large plate costs: seconds, memory, and noise in the picture that is looked at, beside the room at its size.
 
-    python benchmarks/large_plates.py [megapixels …]        # 24 and 48 unless given
-    python benchmarks/large_plates.py --insert MEGAPIXELS   # the whole job, from photographs to files
+    python benchmarks/large_plates.py [MEGAPIXELS …]        # 24 and 48 unless given
+    python benchmarks/large_plates.py --insert MEGAPIXELS   # the whole job, from photographs to files: 48 is 8485×5657
 
 The room of examples/room at light at infinity with its five objects, denoised; the plate is the model's own picture of
 the table, even. Each size runs in a process of its own, whose peak of memory it is. Noise is that of a second seed: the
@@ -18,10 +18,12 @@ import subprocess
 import sys
 import tempfile
 import time
+from argparse import SUPPRESS
 from pathlib import Path
 
 import numpy as np
 from insert_scenes import REFLECTANCE, ROOM, room
+from measured import Rows, asked
 from PIL import Image
 
 import relume as rl
@@ -114,7 +116,7 @@ def enlarged_room(across: int, folder: Path) -> Path:
     return folder / "shot.toml"
 
 
-def insertion(megapixels: float) -> None:
+def insertion(rows: Rows, megapixels: float) -> None:
     """The whole job in this process: a line for each step, its processor time and the most memory so far."""
     across = round(np.sqrt(megapixels * 1e6 * 1.5))
     begun: dict[str, float] = {}
@@ -131,15 +133,22 @@ def insertion(megapixels: float) -> None:
         start, spent = time.perf_counter(), time.process_time()
         done = rl.insert(shot, Path(folder) / "out", progress=report)
         rl.write_report(done, Path(folder) / "out")
-        peak = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 2**20
-        print(f"{done.camera.width}×{done.camera.height}: {time.perf_counter() - start:.0f} s, processor "
-              f"{time.process_time() - spent:.0f} s, {peak:.2f} GB")  # fmt: skip
+        what = f"insert into a plate of {done.camera.width}×{done.camera.height}, from photographs to files"
+        note = f"{time.process_time() - spent:.0f} s of processor time"
+        rows.value(what, time.perf_counter() - start, "s", note=note)
+        peak = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss * 1024 / 1e9
+        rows.value(f"{what}, most memory", peak, "GB", goal="large_plate" if megapixels >= 48 else "")
 
 
 if __name__ == "__main__":
-    if len(sys.argv) > 1 and sys.argv[1] == "--one":
-        measured(int(sys.argv[2]), int(sys.argv[3]), sys.argv[4])
-    elif len(sys.argv) > 2 and sys.argv[1] == "--insert":
-        insertion(float(sys.argv[2]))
+    parser = asked(__doc__)
+    parser.add_argument("sizes", nargs="*", type=float, metavar="MEGAPIXELS")
+    parser.add_argument("--insert", type=float, metavar="MEGAPIXELS", help="the whole job; quickly: of a sixteenth")
+    parser.add_argument("--one", nargs=3, help=SUPPRESS)
+    options = parser.parse_args()
+    if options.one:
+        measured(int(options.one[0]), int(options.one[1]), options.one[2])
+    elif options.insert:
+        insertion(Rows(options.rows), options.insert / (16 if options.quick else 1))
     else:
-        main([float(size) for size in sys.argv[1:]] or [24.0, 48.0])
+        main(options.sizes or ([1.0] if options.quick else [24.0, 48.0]))

@@ -15,13 +15,15 @@ import subprocess
 import sys
 import tempfile
 import time
+from argparse import SUPPRESS
 from pathlib import Path
 from typing import Any
 
 import cv2
 import numba
 import numpy as np
-from rounds import ROUNDS, by_turns
+from measured import Rows, asked
+from rounds import ROUNDS, by_turns, turns
 from scipy.spatial import KDTree
 
 from relume.image.files import read_radiance
@@ -42,7 +44,7 @@ if not SHARED.exists():
 MAPS = ("three/royal_esplanade_1k.hdr", "three/quarry_01_1k.hdr", "spruit_sunrise/spruit_sunrise_1k.hdr")
 
 
-def race(folder: Path, count: int = 2048) -> None:
+def race(rows: Rows, folder: Path, count: int) -> None:
     generator = np.random.default_rng(0)
     values = np.empty((count, ROWS, COLUMNS, 3), np.uint8)
     for picture in values:
@@ -52,7 +54,7 @@ def race(folder: Path, count: int = 2048) -> None:
     lights = StageLights.towards(generator.normal(size=(count, 3)))
     field = Pictures(values, lights, scale=np.full(count, 1 / 255, np.float32))
     irradiances = generator.random((count, 3))
-    times = by_turns(
+    times = turns(
         {
             "relume, relit": lambda: weighted_sum(field, irradiances),
             "np.fromfile, page cache": lambda: np.fromfile(file, np.uint8),
@@ -60,13 +62,18 @@ def race(folder: Path, count: int = 2048) -> None:
             "np.bitwise_or.reduce": lambda: np.bitwise_or.reduce(values, axis=None),
         }
     )
-    ours = times["relume, relit"]
+    ours = times.pop("relume, relit")
     print(f"{count} lights × {ROWS}×{COLUMNS}×3 uint8, {values.nbytes / 1e9:.2f} GB, median of {ROUNDS} by turns")
     for name, each in times.items():
-        print(f"  {name:24s} {each:.3f} s   relit takes {ours / each:.2f} × this")
+        goal = "relighting" if "bitwise" in name else ""
+        slower = [mine / theirs for mine, theirs in zip(ours, each, strict=True)]
+        rows.value(
+            f"relighting {count} lights of 8 bits, by the time of {name}", slower, "×", goal=goal,
+            ours=float(np.median(ours)), peer=name, theirs=float(np.median(each)),
+        )  # fmt: skip
 
 
-def compressed() -> None:
+def compressed(rows: Rows) -> None:
     stage = SHARED / "stages" / "head"
     listed = json.loads((stage / "stage.json").read_text())["lights"]
     pictures = [read_radiance(stage / light["file"]).radiance for light in listed]
@@ -81,11 +88,15 @@ def compressed() -> None:
         built = time.perf_counter() - start
         print(f"{label}: {found.byte_count / 1e6:.0f} of {values.nbytes / 1e6:.0f} MB, built in {built:.0f} s")
         print(f"  {found.error}")
+        errors = []
         for name, light in light_of.items():
             difference = np.abs(found.relight(light).radiance.astype(np.float64) - exact[name])
-            print(f"  {name}: error {100 * difference.sum() / exact[name].sum(dtype=np.float64):.2f} %")
+            errors.append(100 * difference.sum() / exact[name].sum(dtype=np.float64))
+            print(f"  {name}: error {errors[-1]:.2f} %")
         each = by_turns({"": lambda found=found, light=light_of["quarry_01_1k"]: found.relight(light)})[""]
-        print(f"  {1 / each:.0f} pictures a second")
+        goal = "low_rank" if label == "low rank" else ""
+        note = f"errors up to {max(errors):.2f} %, {found.byte_count / 1e6:.0f} MB"
+        rows.value(f"288 lights at 480×720 relit, {label}", 1 / each, "pictures/s", goal=goal, note=note)
 
 
 def irradiances_of(path: Path, directions: np.ndarray) -> np.ndarray:
@@ -142,18 +153,23 @@ def status(key: str) -> int:
 
 
 if __name__ == "__main__":
+    parser = asked(__doc__)
+    parser.add_argument("--memory", action="store_true", help="only how far processes grow")
+    parser.add_argument("--grow", nargs=4, help=SUPPRESS)
+    options = parser.parse_args()
     with tempfile.TemporaryDirectory() as name:
-        if sys.argv[1:2] == ["--grow"]:
-            memory(Path(sys.argv[2]), sys.argv[3], int(sys.argv[4]), sys.argv[5])
-        elif "--memory" in sys.argv:
+        if options.grow:
+            memory(Path(options.grow[0]), options.grow[1], int(options.grow[2]), options.grow[3])
+        elif options.memory:
             for kind in ("uint8", "float16"):
                 for work in ("build", "relight", "sequence"):
                     folder = Path(name) / kind
                     folder.mkdir(exist_ok=True)
-                    asked = [sys.executable, __file__, "--grow", str(folder), work, "256000000", kind]
-                    subprocess.run(asked, check=True)
+                    words = [sys.executable, __file__, "--grow", str(folder), work, "256000000", kind]
+                    subprocess.run(words, check=True)
         else:
             print(f"NumPy {np.__version__}, Numba {numba.__version__}, {os.cpu_count()} cores")
-            race(Path(name))
-            if (SHARED / "stages").exists():
-                compressed()
+            rows = Rows(options.rows)
+            race(rows, Path(name), 256 if options.quick else 2048)
+            if (SHARED / "stages").exists() and not options.quick:
+                compressed(rows)

@@ -1,19 +1,19 @@
 """Mappings: time of conversions, and filtering against 256 look-ups a pixel, beside another tool where it is named.
 
-Run as `python benchmarks/mappings.py [PYTHON]`: PYTHON is an interpreter that has skylibs, which then converts the same
-maps in a process of its own.
+Run as `python benchmarks/mappings.py [--skylibs PYTHON]`: PYTHON is an interpreter that has skylibs, which then
+converts the same maps in a process of its own, by turns with ours.
 """
 
 from __future__ import annotations
 
 import subprocess
-import sys
 import tempfile
 import time
 from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
+from measured import Rows, asked
 
 import relume as rl
 from relume.sphere.mappings.cubes import Strip
@@ -25,26 +25,26 @@ import sys, time
 import numpy as np
 from envmap import EnvironmentMap
 light, size, out = np.load(sys.argv[1]), int(sys.argv[2]), sys.argv[3]
-taken = []
-for _ in range(7):
+for _ in sys.stdin:
     source = EnvironmentMap(light.copy(), "latlong")
     begin = time.perf_counter()
     result = source.convertTo("angular", size)
-    taken.append(time.perf_counter() - begin)
+    print(time.perf_counter() - begin, flush=True)
 np.save(out, result.data)
-print(sorted(taken)[3])
 """
 
 
-def median_time(work: Callable[[], object], times: int = 7) -> float:
-    """Seconds, the median of several after one that compiles."""
+def seconds(work: Callable[[], object], times: int = 7) -> list[float]:
+    """Seconds of several after one that compiles."""
     work()
-    taken = []
-    for _ in range(times):
-        begin = time.perf_counter()
-        work()
-        taken.append(time.perf_counter() - begin)
-    return sorted(taken)[times // 2]
+    return [taken(work) for _ in range(times)]
+
+
+def taken(work: Callable[[], object]) -> float:
+    """Seconds of one run."""
+    begin = time.perf_counter()
+    work()
+    return time.perf_counter() - begin
 
 
 def textured(rows: int) -> rl.EnvironmentMap:
@@ -79,14 +79,23 @@ def truth(light: rl.EnvironmentMap, size: int, cells: int = 16) -> np.ndarray:
     return result
 
 
-def by_skylibs(python: str, light: rl.EnvironmentMap, size: int) -> tuple[np.ndarray, float]:
-    """skylibs' angular map and its median time in seconds."""
+def by_skylibs(
+    python: str, light: rl.EnvironmentMap, size: int, times: int = 1, before: Callable[[], object] = lambda: None
+) -> tuple[np.ndarray, list[float]]:
+    """skylibs' angular map, and its seconds of each of `times` turns, `before` each of which our own work is done."""
     with tempfile.TemporaryDirectory() as folder:
         given, made = Path(folder) / "light.npy", Path(folder) / "angular.npy"
         np.save(given, light.radiance)
         words = [python, "-c", SKYLIBS, str(given), str(size), str(made)]
-        said = subprocess.run(words, capture_output=True, text=True, check=True).stdout
-        return np.load(made), float(said.split()[-1])
+        taken = []
+        with subprocess.Popen(words, stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True) as process:
+            assert process.stdin is not None and process.stdout is not None
+            for _ in range(times):
+                before()
+                process.stdin.write("again\n")
+                process.stdin.flush()
+                taken.append(float(process.stdout.readline()))
+        return np.load(made), taken
 
 
 def filtering(name: str, light: rl.EnvironmentMap, size: int, python: str | None) -> None:
@@ -100,21 +109,32 @@ def filtering(name: str, light: rl.EnvironmentMap, size: int, python: str | None
     print(f"{name} to angular {size}: error " + ", ".join(f"{maker} {error:.2g}" for maker, error in errors.items()))
 
 
-def main(python: str | None) -> None:
-    light = textured(1024)
-    ours = median_time(lambda: light.remapped(Angular(), 1024))
-    print(f"lat-long 2048×1024 to angular 1024: {ours * 1e3:.0f} ms")
+def main(rows: Rows, python: str | None, quick: bool) -> None:
+    light, what = textured(1024), "lat-long 2048×1024 to angular 1024²"
+
+    ours = seconds(lambda: light.remapped(Angular(), 1024))
     if python:
-        theirs = by_skylibs(python, light, 1024)[1]
-        print(f"  skylibs {theirs * 1e3:.0f} ms, {theirs / ours:.1f} times as long")
+        again: list[float] = []
+        _, theirs = by_skylibs(
+            python, light, 1024, 8, lambda: again.append(taken(lambda: light.remapped(Angular(), 1024)))
+        )
+        rows.ratio(what, again[1:], "skylibs", theirs[1:], goal="mapping")
+    else:
+        rows.value(what, ours, "s")
+        rows.absent(f"{what}, skylibs", "no interpreter with skylibs was given (--skylibs)", goal="mapping")
+    if quick:
+        return
     plain = rl.EnvironmentMap(np.minimum(textured(256).radiance, 1))
     filtering("noise 512×256", plain, 96, python)
     filtering("zone plate 512×256", zone_plate(256), 96, python)
     large = textured(4096)
     for side in (1024, 2048, 4096):
-        taken = median_time(lambda side=side: large.remapped(Strip(), side), 3)
-        print(f"lat-long 8192×4096 to six faces of {side}: {taken:.2f} s")
+        times = seconds(lambda side=side: large.remapped(Strip(), side), 3)
+        rows.value(f"lat-long 8192×4096 to six faces of {side}", times, "s", limit="≤ 1")
 
 
 if __name__ == "__main__":
-    main(sys.argv[1] if len(sys.argv) > 1 else None)
+    parser = asked(__doc__)
+    parser.add_argument("--skylibs", metavar="PYTHON", help="an interpreter that has skylibs")
+    options = parser.parse_args()
+    main(Rows(options.rows), options.skylibs, options.quick)

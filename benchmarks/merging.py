@@ -1,22 +1,22 @@
 """Merging 7 photographs of 12 megapixels: relume against OpenCV's MergeDebevec, both given the same response.
 
-Each five times in a row in one run, medians; and by turns, when both pay for fresh memory. Errors are against the
-radiance that was photographed, where two photographs or more are well exposed. Peak memory is that of a process of its
-own which merges nine of 45 megapixels.
+Each some times in a row in one run; and by turns, so that what one leaves in memory and caches is the other's. Errors
+are against the radiance that was photographed, where two photographs or more are well exposed. Peak memory is that of a
+process of its own which merges nine of 45 megapixels.
 """
 
 from __future__ import annotations
 
 import resource
-import statistics
 import subprocess
 import sys
-import time
 from collections.abc import Callable
 from typing import Any
 
 import cv2
 import numpy as np
+from measured import Rows, asked
+from rounds import turns
 from scipy.ndimage import zoom
 
 from relume.capture.exposure.bracket import Bracket
@@ -25,7 +25,7 @@ from relume.image.colour import encode_srgb
 from relume.image.photograph import Exposure, Photograph
 from relume.image.response import Response
 
-ROUNDS = 5
+ROUNDS = 7
 
 
 def scene(width: int, height: int) -> np.ndarray:
@@ -67,38 +67,26 @@ def errors(found: np.ndarray, radiance: np.ndarray, where: np.ndarray) -> str:
     return f"median |error| {100 * np.median(spread):.3f} %, 99th percentile {100 * np.percentile(spread, 99):.2f} %"
 
 
-def timed(work: Callable[[], Any]) -> tuple[Any, float]:
-    """What the work gives, and its seconds of wall, median of ROUNDS."""
-    work()
-    seconds = []
-    result = None
-    for _ in range(ROUNDS):
-        del result
-        start = time.perf_counter()
-        result = work()
-        seconds.append(time.perf_counter() - start)
-    return result, statistics.median(seconds)
-
-
-def race() -> None:
-    radiance = scene(4000, 3000)
+def race(rows: Rows, width: int, rounds: int) -> None:
+    radiance = scene(width, width * 3 // 4)
     bracket, response = bracket_of(radiance, 7), srgb_response()
     images = [p.pixels for p in bracket.photographs]
     times = bracket.exposures.astype(np.float32)
     table = np.ascontiguousarray(np.exp(response.log_exposure.T).astype(np.float32).reshape(256, 1, 3))
     peer = cv2.createMergeDebevec()
-    merge(bracket, response)
-    merged, ours = timed(lambda: merge(bracket, response))
-    other, theirs = timed(lambda: peer.process(images, times, table))
-    _, again = timed(lambda: (merge(bracket, response), peer.process(images, times, table))[0])
+    works: dict[str, Callable[[], Any]] = {
+        "ours": lambda: merge(bracket, response),
+        "theirs": lambda: peer.process(images, times, table),
+    }
+    what, name = f"merge of 7 × {radiance.size / 3e6:.0f} megapixels", f"OpenCV {cv2.__version__} MergeDebevec"
+    alone = {each: turns({each: work}, rounds)[each] for each, work in works.items()}
+    rows.ratio(f"{what}, each in a row", alone["ours"], name, alone["theirs"], limit="≥ 10")
+    alternating = turns(works, rounds)
+    rows.ratio(f"{what}, by turns", alternating["ours"], name, alternating["theirs"], goal="merge")
     stack = np.stack(images)
     where = ((stack >= 20) & (stack <= 235)).sum(0) >= 2
-    print("7 × 12 megapixels, median of", ROUNDS)
-    print(f"  relume, with variance and clipped mask  {ours:.3f} s  ", end="")
-    print(errors(merged.radiance, radiance, where))
-    print(f"  OpenCV {cv2.__version__} MergeDebevec  {theirs:.3f} s  ", end="")
-    print(errors(other, radiance, where))
-    print(f"  ratio  {theirs / ours:.1f} (goal 10), by turns {theirs / max(again - theirs, 1e-3):.1f}")
+    print("ours  ", errors(merge(bracket, response).radiance, radiance, where))
+    print("OpenCV", errors(peer.process(images, times, table), radiance, where))
 
 
 def memory() -> None:
@@ -110,9 +98,16 @@ def memory() -> None:
 
 
 if __name__ == "__main__":
-    if "--memory" in sys.argv:
+    parser = asked(__doc__)
+    parser.add_argument("--memory", action="store_true", help="only print what a merge of nine large ones holds, GiB")
+    options = parser.parse_args()
+    if options.memory:
         memory()
     else:
-        race()
-        held = subprocess.run([sys.executable, __file__, "--memory"], capture_output=True, text=True, check=True).stdout
-        print(f"9 × 45 megapixels, one set of pixels: most memory held {held.strip()} GiB, photographs 0.13 GiB each")
+        table = Rows(options.rows)
+        race(table, 1200 if options.quick else 4000, 2 if options.quick else ROUNDS)
+        if not options.quick:
+            words = [sys.executable, __file__, "--memory"]
+            held = subprocess.run(words, capture_output=True, text=True, check=True).stdout
+            note = "one set of pixels; photographs have 0.13 GiB each"
+            table.value("memory of merging 9 × 45 megapixels", float(held), "GiB", limit="≤ 3", note=note)

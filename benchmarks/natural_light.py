@@ -1,6 +1,6 @@
 """Whole pictures by `rl.Mitsuba` and by Blender's Cycles: the Cornell box, light through glass, balls in a place.
 
-    python benchmarks/natural_light.py [PYTHON_WITH_BPY] [--quick]      # without it, Cycles is left out
+    python benchmarks/natural_light.py [--bpy PYTHON] [--quick]      # without it, Cycles is left out
 
 Efficiency = 1 / (error × seconds), of relMSE and of mean squared error, each also without the worst hundredth of the
 values, which fireflies decide. Both renderers trace all light, with 12 bounces and nothing clamped. Seconds are of the
@@ -19,10 +19,10 @@ import sys
 import time
 from collections.abc import Callable
 from dataclasses import dataclass
-from pathlib import Path
 
 import numpy as np
 from insert_scenes import Cycles
+from measured import Rows, asked
 from natural_light_scenes import cornell_box, glass_caustic, natural_light
 
 import relume as rl
@@ -96,16 +96,20 @@ def measured(name: str, estimate: Estimate, samples: int, truth: np.ndarray | No
     return Row(name, samples, seconds, trimmed(squares), trimmed(relative), float(mean.mean()))
 
 
-def printed(row: Row, first: Row) -> None:
+def printed(rows: Rows, title: str, row: Row, first: Row) -> None:
     """One row of a table; how many times as efficient relume is, by each measure."""
     pairs = zip((*row.relative, *row.squared), (*first.relative, *first.squared), strict=True)
     times = [theirs * row.seconds / (own * first.seconds) for theirs, own in pairs]
     figures = f"{row.seconds:.2f} | {row.relative[0]:.3g} | {row.relative[1]:.3g}"
     listed = " | ".join(f"{each:.3g}" for each in times)
     print(f"| {row.name} | {row.samples} | {figures} | {listed} | {row.mean:.5g} |", flush=True)
+    if row is not first:
+        for measure, better in zip(("relMSE", "relMSE without 1 %", "MSE", "MSE without 1 %"), times, strict=True):
+            what = f"{title}, {row.samples} samples: efficiency by {row.name}, {measure}"
+            rows.value(what, better, "×", ours=first.seconds, peer=row.name, theirs=row.seconds, limit="≥ 5")
 
 
-def main(python: str | None) -> None:
+def main(rows: Rows, python: str | None) -> None:
     peer = None if python is None else Cycles(python, processors=True)
     scenes = {"Cornell box": cornell_box, "glass caustic": glass_caustic, "natural light": natural_light}
     samples = 16 if QUICK else 64
@@ -128,12 +132,11 @@ def main(python: str | None) -> None:
             for (name, way), truth in zip(ways, truths, strict=False):
                 row = measured(name, way, samples, truth)
                 first = first or row
-                printed(row, first)
+                printed(rows, f"{title}{', denoised' if denoise else ''}", row, first)
 
 
 if __name__ == "__main__":
-    given = [each for each in sys.argv[1:] if each != "--quick"]
-    if len(given) > 1 or (given and not Path(given[0]).is_file()):
-        print(__doc__)
-    else:
-        main(given[0] if given else None)
+    parser = asked(__doc__)
+    parser.add_argument("--bpy", metavar="PYTHON", help="an interpreter that has bpy")
+    options = parser.parse_args()
+    main(Rows(options.rows), options.bpy)

@@ -10,6 +10,7 @@ from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
+from measured import Rows, asked
 
 from relume.renderers.raytrace.raycast import RayCaster
 from relume.renderers.raytrace.surface import Surfaces
@@ -65,6 +66,8 @@ def embree_seconds(mesh: Mesh, directions: np.ndarray) -> tuple[float, int] | No
 
 
 if __name__ == "__main__":
+    options = asked(__doc__).parse_args()
+    rows_of_table = Rows(options.rows)
     camera = Camera.looking_at(EYE, np.zeros(3), width=640, height=480, focal_length=600)
     directions = camera.rays().reshape(-1, 3)
     count, of_size = len(directions), {}
@@ -76,8 +79,8 @@ if __name__ == "__main__":
         built = time.perf_counter() - start
         of_size[rows] = seconds(lambda caster=caster: caster.nearest(EYE, directions, threads=1))
         rate = count / of_size[rows] / 1e6
-        limit = " (limit 4 s)" if rows == 501 else ""
-        print(f"{rate:6.2f} Mrays/s  {len(mesh.faces)} triangles; tree built in {built:.2f} s{limit}")
+        note = f"tree built in {built:.2f} s, limit 4 s for a million"
+        rows_of_table.value(f"rays on one core, {len(mesh.faces)} triangles", rate, "Mrays/s", note=note)
         if rows != 159:
             continue
         hits = caster.nearest(EYE, directions)
@@ -92,8 +95,13 @@ if __name__ == "__main__":
             print("embreex is not installed: no comparison with Embree")
         else:
             print(f"{count / peer[0] / 1e6:6.2f} Mrays/s  Embree, single precision; {peer[1] - met:+d} hits")
-            print(f"{peer[0] / of_size[rows]:6.2f} ×        ours to Embree's (goal 0.3 ×)")
-    print(f"{of_size[501] / of_size[50]:6.2f} ×        time of a million triangles to ten thousand's (limit 3 ×)")
+            rows_of_table.value(
+                f"the same, ours to Embree's, {len(mesh.faces)} triangles", peer[0] / of_size[rows], "×",
+                limit="≥ 0.3", ours=of_size[rows], peer="Embree, single precision", theirs=peer[0],
+            )  # fmt: skip
+    rows_of_table.value("rays, a million triangles against ten thousand", of_size[501] / of_size[50], "×", limit="≤ 3")
+    if options.quick:
+        raise SystemExit
 
     upright = rotation_about(np.array([1.0, 0.0, 0.0]), -np.pi / 2)  # published Z up
     teapot = Patches(read_patches(TEAPOT) @ upright.T, Diffuse((0.5, 0.5, 0.5)), "teapot")
@@ -105,7 +113,8 @@ if __name__ == "__main__":
     hits = patches.nearest(TEAPOT_EYE, directions, footprint=FOOTPRINT)
     met = int(np.sum(hits.shape >= 0))
     patched = seconds(lambda: patches.nearest(TEAPOT_EYE, directions, footprint=FOOTPRINT, threads=1))
-    print(f"{count / patched / 1e6:6.2f} Mrays/s  teapot of 32 patches, hit by {met / count:.0%} (limit 1.5 Mrays/s)")
+    note = f"{met / count:.0%} of the rays hit"
+    rows_of_table.value("rays, the teapot's 32 patches", count / patched / 1e6, "Mrays/s", limit="≥ 1.5", note=note)
     print(f"{built:6.2f} s        to split it into {len(patches.form)} leaves and build their tree")
     each = seconds(lambda: surfaces.at(TEAPOT_EYE, directions, hits, threads=1)) / met
     print(f"{each * 1e9:6.0f} ns       point, normals and derivatives of a hit on it")

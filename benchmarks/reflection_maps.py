@@ -7,6 +7,7 @@ import time
 from collections.abc import Callable
 
 import numpy as np
+from measured import Rows, asked
 
 import relume as rl
 from relume.light.reflection.lobes import Lambert, Mirror, Phong
@@ -111,15 +112,19 @@ def antialiasing(material: Reflective, light: rl.EnvironmentMap, title: str) -> 
 
 
 if __name__ == "__main__":
+    options = asked(__doc__).parse_args()
+    rows = Rows(options.rows)
     room = lamps(1024)
     diffuse, specular = Lambert(), Phong(50)
-    print(f"D 36×72 from 2048×1024: {median_time(lambda: reflection_map(room, diffuse)):.3f} s (limit 0.15)")
-    print(
-        f"S n = 50, 256×512 from 2048×1024: {median_time(lambda: reflection_map(room, specular, 256)):.3f} s (limit 1)"
-    )
+    taken = median_time(lambda: reflection_map(room, diffuse))
+    rows.value("D, 36×72 from 2048×1024", taken, "s", limit="≤ 0.15")
+    taken = median_time(lambda: reflection_map(room, specular, 256))
+    rows.value("S, Phong n = 50, 256×512 from 2048×1024", taken, "s", limit="≤ 1")
     satin = glossy(specular=Phong(50))
     taken = shading_time(satin, room, Plain())
-    print(f"1280×720, bilinear D + S: {taken * 1e3:.1f} ms, {1 / taken:.0f} frames/s (at least 60)")
+    rows.value("shading 1280×720, bilinear D + S", 1 / taken, "frames/s", goal="shading", note=f"{taken * 1e3:.1f} ms")
+    if options.quick:
+        raise SystemExit
     for name, material, way in (
         ("D + S, plain", satin, Plain()),
         ("mirror, plain", Reflective((Layer(Mirror()),)), Plain()),
@@ -127,8 +132,6 @@ if __name__ == "__main__":
         ("mirror, MIP", Reflective((Layer(Mirror()),)), Mip()),
     ):
         small, large = (shading_time(material, lamps(rows), way) for rows in (128, 4096))
-        print(
-            f"{name}: 8192-wide {large * 1e3:.1f} ms, 256-wide {small * 1e3:.1f} ms: {large / small:.2f}× (limit 1.2)"
-        )
+        rows.value(f"shading under a map 8192 wide against one 256 wide, {name}", large / small, "×", limit="≤ 1.2")
     antialiasing(Reflective((Layer(Phong(1000)),)), room, "small glossy balls (Phong, n = 1000)")
     antialiasing(Reflective((Layer(Mirror()),), Wrinkles(0.004, 0.5)), room, "small wrinkled mirrors")

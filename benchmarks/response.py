@@ -1,8 +1,7 @@
-"""How near each method comes to true response curves, and how long recovering one takes: response.py [SEED]."""
+"""How long recovering a response takes; with `--accuracy SEED` also how near each method comes to true curves."""
 
 from __future__ import annotations
 
-import os
 import sys
 import time
 from pathlib import Path
@@ -10,6 +9,8 @@ from pathlib import Path
 import numpy as np
 
 sys.path.insert(0, str(Path(__file__).parents[1] / "tests" / "support"))
+
+from measured import Rows, asked
 
 from camera_curves import CurveCamera, camera_curves, exposure_error, mixed_scene
 from relume.capture.exposure.bracket import Bracket
@@ -48,8 +49,8 @@ def accuracy(seed: int) -> None:
             print(f"  {name:22} median {middle:.3f} %  P95 {high:.3f} %  most {most:.2f} %  rising {rising[name]}")
 
 
-def speed() -> None:
-    """Seconds for seven photographs of 12 megapixels, the median of five."""
+def speed(rows: Rows, rounds: int) -> None:
+    """Seconds for seven photographs of 12 megapixels, the median of several."""
     small = CurveCamera(camera_curves(3)).bracket(mixed_scene(), STOPS[:7])
     frames = [np.tile(p.pixels, (15, 14, 1))[:3000, :4000] for p in small.photographs]
     bracket = Bracket(
@@ -59,17 +60,19 @@ def speed() -> None:
         )
     )
     wall, cpu = [], []
-    for _ in range(6):
+    for _ in range(rounds + 1):
         start, worked = time.perf_counter(), time.process_time()
         recover_response(bracket)
         wall.append(time.perf_counter() - start)
         cpu.append(time.process_time() - worked)
-    print(
-        f"7 × 12 megapixels: {np.median(wall[1:]):.3f} s ({np.median(cpu[1:]):.3f} s of both cores); "
-        f"load {os.getloadavg()[0]:.1f}; limit 0.3 s"
-    )
+    note = f"{np.median(cpu[1:]):.3f} s of processor time"
+    rows.value("response, 7 × 12 megapixels", wall[1:], "s", limit="≤ 0.3", note=note)
 
 
 if __name__ == "__main__":
-    speed()
-    accuracy(int(sys.argv[1]) if len(sys.argv) > 1 else 0)
+    parser = asked(__doc__)
+    parser.add_argument("--accuracy", type=int, metavar="SEED", help="also the methods' errors over all curves")
+    options = parser.parse_args()
+    speed(Rows(options.rows), 1 if options.quick else 5)
+    if options.accuracy is not None:
+        accuracy(options.accuracy)

@@ -2,24 +2,14 @@
 
 from __future__ import annotations
 
-import statistics
 import subprocess
 import sys
 import time
 from pathlib import Path
 
+from measured import Rows, asked
+
 ROOM = Path(__file__).parents[1] / "examples" / "room"
-COMMANDS = {
-    "import relume (limit 0.15 s, within python)": [
-        "-c",
-        "import time; t = time.perf_counter(); import relume; print(time.perf_counter() - t)",
-    ],
-    "relume --help (limit 0.5 s)": ["-c", "from relume.cli import main; main(['--help'])"],
-    "relume info FILE (limit 1 s)": [
-        "-c",
-        f"from relume.cli import main; main(['info', {str(ROOM / 'plate/IMG_0001.jpg')!r}])",
-    ],
-}
 
 
 def seconds(arguments: list[str]) -> float:
@@ -32,6 +22,18 @@ def seconds(arguments: list[str]) -> float:
         return time.perf_counter() - start
 
 
+def main(rows: Rows, times: int) -> None:
+    within = "import time; t = time.perf_counter(); import relume; print(time.perf_counter() - t)"
+    info = f"from relume.cli import main; main(['info', {str(ROOM / 'plate/IMG_0001.jpg')!r}])"
+
+    def runs(code: str) -> list[float]:
+        return [seconds(["-c", code]) for _ in range(times + 1)][1:]
+
+    rows.value("import relume, within Python", runs(within), "s", limit="≤ 0.15")
+    rows.value("relume --help", runs("from relume.cli import main; main(['--help'])"), "s", limit="≤ 0.5")
+    rows.value("relume info FILE", runs(info), "s", goal="info")
+
+
 if __name__ == "__main__":
-    for name, arguments in COMMANDS.items():
-        print(f"{statistics.median(seconds(arguments) for _ in range(7)):.3f} s  {name}")
+    options = asked(__doc__).parse_args()
+    main(Rows(options.rows), 2 if options.quick else 7)

@@ -21,6 +21,7 @@ from pathlib import Path
 
 import numpy as np
 import trimesh
+from measured import Rows, asked
 from povray import ADAPTIVE, PROGRAM, Traced, scene_text, traced
 from ray_casting import dented_ball
 
@@ -181,18 +182,25 @@ def uniform_rays(errors: list[float], rays: list[int], error: float) -> float:
     return float(np.exp(np.interp(np.log(error), np.log(errors[order]), np.log(rays[order]))))
 
 
-def measure(subject: Subject) -> None:
-    """Print one scene's lines."""
+def measure(rows_of_table: Rows, subject: Subject, rounds: int) -> None:
+    """Print one scene's lines; quickly, only the times like for like."""
     name, file, rows = subject.path.stem, subject.file, bands(subject.file.camera.height)
     as_fine = replace(file.whitted, antialiasing=COMPARABLE, contribution=PEER_CONTRIBUTION)
     once, coarse = subject.picture(), subject.picture(as_fine)
     times: list[tuple[float, float]] = []
     peers: list[Traced] = []
-    for _ in range(ROUNDS):
+    for _ in range(rounds):
         times.append((seconds(subject.picture), seconds(lambda: subject.picture(as_fine))))
         if PROGRAM is not None:
             peers.append(subject.peer())
     ours, ours_coarse = np.median(times, axis=0)
+    if peers:
+        rows_of_table.ratio(
+            f"Whitted, {name}, like for like", [fine for _, fine in times], "POV-Ray's trace",
+            [peer.trace for peer in peers], goal="whitted",
+        )  # fmt: skip
+    if rounds < ROUNDS:
+        return
     whole = statistics.median(command(subject.path) for _ in range(3))
     truth, _ = subject.uniform(FINE)
     error = rms(once.radiance[rows], truth)
@@ -202,7 +210,7 @@ def measure(subject: Subject) -> None:
     grids = [subject.uniform(grid) for grid in GRIDS]
     needed = uniform_rays([rms(seen, truth) for seen, _ in grids], [count for _, count in grids], error)
     share = float(np.sum(rays_of(once)[rows])) / needed
-    print(f"  adaptive takes {share:.0%} of the rays of uniform sampling with the same error (goal 35 %)")
+    rows_of_table.value(f"Whitted, {name}, adaptive rays of uniform ones", 100 * share, "%", limit="≤ 35")
     if not peers:
         return
     trace, wall = np.median([(peer.trace, peer.wall) for peer in peers], axis=0)
@@ -225,14 +233,18 @@ def measure(subject: Subject) -> None:
 
 
 if __name__ == "__main__":
+    options = asked(__doc__).parse_args()
+    table = Rows(options.rows)
     if PROGRAM is None:
-        print("POV-Ray is not installed (povray): only ours is measured")
+        table.absent("Whitted against POV-Ray", "POV-Ray is not installed (povray)", goal="whitted")
     with tempfile.TemporaryDirectory() as folder:
         ball, mesh = Path(folder) / "ball_of_100488_triangles.toml", dented_ball(159)
         trimesh.Trimesh(mesh.vertices, mesh.faces, process=False).export(Path(folder) / "ball.ply")
         ball.write_text(BALL)
         for path in (*(FIGURES / f"{name}.toml" for name in (*MINUTES, "teapot")), ball):
-            measure(Subject(path))
+            measure(table, Subject(path), 1 if options.quick else ROUNDS)
+    if options.quick:
+        raise SystemExit
     tiny = FIGURES / "figure_6.toml"
     with tempfile.TemporaryDirectory() as cache:
         first = command(tiny, "--size", "16x12", cache=cache)

@@ -1,4 +1,4 @@
-"""The README's program runs as it stands, with fewer rays."""
+"""The README's program runs as it stands, and the long one of docs/how-to/python.md with fewer rays."""
 
 from __future__ import annotations
 
@@ -13,14 +13,28 @@ import relume as rl
 REPOSITORY = Path(__file__).parents[1]
 
 
-def test_the_chain_in_the_readme_puts_an_object_into_the_photograph(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    code = re.search(r"```python\n(.*?)```", (REPOSITORY / "README.md").read_text(), re.S)
+def block(page: str, after: str = "") -> str:
+    """The first program on a page after a heading."""
+    text = (REPOSITORY / page).read_text(encoding="utf-8")
+    code = re.search(r"```python\n(.*?)```", text[text.index(after) :], re.S)
     assert code is not None
-    program = code[1].replace("samples=64", "samples=4").replace('"suzanne.png"', repr(str(tmp_path / "suzanne.png")))
+    return code[1]
+
+
+def test_the_readme_s_program_measures_the_light(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.chdir(tmp_path)
+    exec(compile(block("README.md"), "README.md", "exec"), {})
+    light = rl.read_environment("light.exr")
+    # The window is before the camera's left shoulder, the bulb above the table: both are far brighter than the rest.
+    assert light.radiance.max() > 500 * np.median(light.radiance)
+    assert light.irradiance(np.array([0.0, 1.0, 0.0]))[0] > light.irradiance(np.array([0.0, -1.0, 0.0]))[0]
+
+
+def test_the_chain_puts_an_object_into_the_photograph(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    program = block("docs/how-to/python.md", "## The whole chain, step by step")
+    program = program.replace("samples=64", "samples=4").replace('"suzanne.png"', repr(str(tmp_path / "suzanne.png")))
     monkeypatch.chdir(REPOSITORY)
-    exec(compile(program, "README.md", "exec"), {})
+    exec(compile(program, "python.md", "exec"), {})
     picture = rl.read_photograph(tmp_path / "suzanne.png").pixels.astype(int)
     plate = rl.read_photograph(REPOSITORY / "examples/room/plate/IMG_0003.jpg").pixels.astype(int)
     changed = np.abs(picture - plate).max(-1) > 12

@@ -1,4 +1,4 @@
-"""The pictures of docs/capture.md, from the hand-held bracket of the room.
+"""The pictures of docs/how-to/capture.md, from the hand-held bracket of the room.
 
 python examples/capture/figures.py docs/images
 """

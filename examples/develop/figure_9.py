@@ -1,4 +1,4 @@
-"""Figure 9 of Debevec & Malik 1997, from their bracket of the memorial church: the picture of docs/develop.md.
+"""Figure 9 of Debevec & Malik 1997, from their bracket of the memorial church: the picture of docs/how-to/develop.md.
 
 python examples/develop/figure_9.py FOLDER_OF_THE_BRACKET docs/images
 

@@ -1,4 +1,4 @@
-"""The pictures of glare and of film in docs/develop.md.
+"""The pictures of glare and of film in docs/how-to/develop.md.
 
 python examples/develop/figures.py CHURCH.hdr docs/images
 """

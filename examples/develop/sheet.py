@@ -1,4 +1,4 @@
-"""The sheet of docs/develop.md: every operator and effect over a church, a probe with a sun, and a composite.
+"""The sheet of docs/how-to/develop.md: every operator and effect over a church, a probe with a sun, and a composite.
 
 python examples/develop/sheet.py CHURCH.hdr PROBE.hdr ROOM docs/images      ROOM: a folder of `relume demo`
 """

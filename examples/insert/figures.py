@@ -1,4 +1,4 @@
-"""The pictures of docs/insert.md, from a finished insert of the room.
+"""The pictures of docs/how-to/insert.md, from a finished insert of the room.
 
 relume insert examples/room/shot.toml -o out/room
 python examples/insert/figures.py out/room docs/images

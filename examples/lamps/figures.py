@@ -1,4 +1,4 @@
-"""The picture of docs/natural-light/README.md on lamps: `python examples/lamps/figures.py [FOLDER]`, two minutes."""
+"""The picture of lamps in docs/how-to/natural-light: `python examples/lamps/figures.py [FOLDER]`, two minutes."""
 
 from __future__ import annotations
 

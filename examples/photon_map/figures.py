@@ -1,4 +1,4 @@
-"""Make the pictures of docs/natural-light/photon-map.md: `python examples/photon_map/figures.py [FOLDER] [SIZE]`.
+"""The pictures of docs/how-to/natural-light/photon-map.md: `python examples/photon_map/figures.py [FOLDER] [SIZE]`.
 
 Without a folder they go to docs/images. Five minutes on two cores.
 """

@@ -1,4 +1,4 @@
-"""The pictures of docs/reflection-maps.md, made by relume under any illumination map.
+"""The pictures of docs/how-to/reflection-maps.md, made by relume under any illumination map.
 
 relume demo -o out/demo
 python examples/reflection_maps/figures.py out/demo/light.exr docs/images

@@ -1,4 +1,4 @@
-"""The pictures of docs/whitted.md: `python examples/whitted/figures.py OUT/`."""
+"""The pictures of docs/how-to/whitted.md: `python examples/whitted/figures.py OUT/`."""
 
 from __future__ import annotations
 

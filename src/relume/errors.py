@@ -34,11 +34,13 @@ import sys
 import warnings
 from collections.abc import Iterable, Iterator, Sequence
 from contextlib import contextmanager, suppress
+from contextvars import ContextVar
 from dataclasses import dataclass
 from pathlib import Path
 from types import TracebackType
 
 _PACKAGE = f"{Path(__file__).parent}{os.sep}"
+_KEPT_BACK: ContextVar[list[Doubt] | None] = ContextVar("kept back", default=None)
 # Unicode: C0, DEL and C1; line and paragraph separators; embeddings, overrides and isolates of direction.
 _UNPRINTABLE = re.compile("[\x00-\x1f\x7f-\x9f\u2028\u2029\u200e\u200f\u061c\u202a-\u202e\u2066-\u2069]+")
 
@@ -229,10 +231,27 @@ def warn(message: str, effect: float | None = None) -> None:
 
     effect : by what share the light in the result is likely wrong for it; None where there is no estimate
     """
+    if (kept := _KEPT_BACK.get()) is not None:
+        kept.append(Doubt(printable(message), effect))
+        return
     frame, level = sys._getframe(1), 2
     while frame.f_back is not None and frame.f_code.co_filename.startswith(_PACKAGE):
         frame, level = frame.f_back, level + 1
     warnings.warn(DoubtWarning(printable(message), effect), stacklevel=level)
+
+
+@contextmanager
+def doubts_kept_back() -> Iterator[list[Doubt]]:
+    """What this thread warns of inside, kept in a list, for threads whose work goes on side by side.
+
+    Python's own way to catch warnings is one for all threads. Nothing inside may gather doubts by `GatheredDoubts`.
+    """
+    kept: list[Doubt] = []
+    before = _KEPT_BACK.set(kept)
+    try:
+        yield kept
+    finally:
+        _KEPT_BACK.reset(before)
 
 
 class DoubtWarning(UserWarning):

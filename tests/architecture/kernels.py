@@ -28,6 +28,10 @@ PROOFS: dict[str, tuple[str, str]] = {
     "light/reflection/glossy_lookup.py": ("light/test_glossy.py", "slow twin in naive.py: the integral"),
     "light/reflection/hemisphere.py": ("light/test_reflection.py", "slow twin in naive.py: the sum over all pixels"),
     "light/sampling.py": ("light/test_sampling.py", "χ² against the density"),
+    "lightstage/direct_light/shading_kernel.py": (
+        "lightstage/direct_light/test_direct_surface.py",
+        "slow twin in NumPy",
+    ),
     "lightstage/matting/kernel.py": (
         "lightstage/matting/test_matte_composite.py",
         "slow twin of the summed-area table",
@@ -38,9 +42,11 @@ PROOFS: dict[str, tuple[str, str]] = {
     "renderers/irradiance_cache/octree.py": ("renderers/test_irradiance_cache.py", "slow twin: every record is tried"),
     "renderers/prefiltered/filter_kernels.py": ("renderers/test_filters.py", "identity: light is kept; slow quads"),
     "renderers/prefiltered/glossy_kernel.py": ("renderers/test_mapped.py", "closed forms of albedo"),
+    "renderers/prefiltered/plain_kernel.py": ("renderers/test_filters.py", "slow twin: EnvironmentMap.lookup"),
     "renderers/prefiltered/shading_inputs.py": ("renderers/test_filters.py", "slow quadrilaterals in quads.py"),
     "renderers/raytrace/bvh.py": ("renderers/test_raycast.py", "slow twin: every triangle is tried"),
     "renderers/raytrace/kernel.py": ("renderers/test_raycast.py", "slow twin in naive.py"),
+    "renderers/raytrace/parallel_kernel.py": ("renderers/test_parallel_light.py", "slow twin in naive.py"),
     "renderers/raytrace/patch_kernel.py": ("renderers/test_patches.py", "slow twin in naive.py"),
     "renderers/raytrace/patch_point.py": ("renderers/test_patches.py", "slow twin in naive.py"),
     "renderers/raytrace/polygon_kernel.py": ("renderers/test_polygons.py", "slow twin in naive.py"),

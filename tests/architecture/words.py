@@ -10,14 +10,16 @@ from pathlib import Path
 # As a word of prose, as a part of an identifier (`is_told`) and inside a name of several words (`ToldFilm`).
 PRIVATE_WORDS = re.compile(r"(?<![A-Za-z])[Tt](?:old|ells?)(?![a-z])|(?<=[a-z])T(?:old|ells?)(?![a-z])")
 LONGEST_LINE = 120
+WRITTEN_OTHERWISE = {"decisions", "api", "commands"}
+"""Folders of documents: history, and what the site makes from the code."""
 
 
 def texts(repository: Path) -> Iterator[tuple[str, str]]:
     """Everything that a reader meets: sources, documents, README. Decisions are history and stay as written."""
     files = [*repository.glob("src/**/*.py"), *repository.glob("src/**/*.pyi"), *repository.glob("src/**/*.toml")]
-    files += [*repository.glob("docs/*.md"), *repository.glob("docs/natural-light/*.md"), *repository.glob("*.md")]
+    files += [*repository.glob("docs/**/*.md"), *repository.glob("*.md")]
     for file in sorted(files):
-        if file.name != "CHANGELOG.md":
+        if file.name != "CHANGELOG.md" and not WRITTEN_OTHERWISE & set(file.parts):
             yield file.relative_to(repository).as_posix(), file.read_text(encoding="utf-8")
 
 

@@ -156,7 +156,7 @@ def test_planes_beside_a_picture(tmp_path, capsys):
 
 
 def test_every_command_line_of_the_document_can_be_given(tmp_path, capsys):
-    """The options of docs/develop.md, each on a small picture: a lens, a film, an eye, a plate's camera, displays."""
+    """The options of docs/how-to/develop.md, each on a small picture: lens, film, eye, a plate's camera, displays."""
     room = window(tmp_path / "room.exr", unit="cd/m²")
     depth = np.full((32, 48), 2.0, np.float32)
     depth[8:16, 20:28] = 0.5

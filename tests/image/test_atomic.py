@@ -11,7 +11,7 @@ from pathlib import Path
 import pytest
 
 from relume.errors import OutputNotWritten
-from relume.image.files import replacing, write_text
+from relume.image.files import atomic, replacing, write_text
 
 NOBODY = 65534
 
@@ -142,3 +142,47 @@ def test_a_link_goes_on_pointing_to_what_is_written(tmp_path):
     (tmp_path / "link.txt").symlink_to(tmp_path / "real" / "a.txt")
     write_text(tmp_path / "link.txt", "new")
     assert (tmp_path / "link.txt").is_symlink() and (tmp_path / "real" / "a.txt").read_text() == "new"
+
+
+def test_windows_refuses_while_a_scanner_has_the_file_and_is_asked_again(tmp_path, monkeypatch):
+    asked = []
+    rename = os.replace
+
+    def refusing_twice(source, target):
+        asked.append(target)
+        if len(asked) < 3:
+            raise PermissionError(13, "Access is denied")
+        rename(source, target)
+
+    monkeypatch.setattr(atomic.os, "replace", refusing_twice)
+    monkeypatch.setattr(atomic, "WINDOWS", True)
+    monkeypatch.setattr(atomic.time, "sleep", lambda seconds: None)
+    path = tmp_path / "a.txt"
+    with atomic.replacing(path) as temporary:
+        temporary.write_bytes(b"x")
+    assert len(asked) == 3 and path.read_bytes() == b"x"
+
+
+def test_a_file_that_windows_has_open_elsewhere_is_named_and_stays(tmp_path, monkeypatch):
+    path = tmp_path / "a.txt"
+    path.write_text("old")
+
+    def refusing(source, target):
+        raise PermissionError(13, "Access is denied")
+
+    monkeypatch.setattr(atomic.os, "replace", refusing)
+    monkeypatch.setattr(atomic, "WINDOWS", True)
+    monkeypatch.setattr(atomic.time, "sleep", lambda seconds: None)
+    with pytest.raises(OutputNotWritten, match="another program has it open"), atomic.replacing(path) as temporary:
+        temporary.write_bytes(b"new")
+    assert path.read_text() == "old" and os.listdir(tmp_path) == ["a.txt"]
+
+
+def test_a_name_relative_to_another_drive_is_whole(tmp_path, monkeypatch):
+    assert atomic.relative_name(tmp_path / "a" / "b.jpg", tmp_path / "c") == "../a/b.jpg"
+
+    def another_drive(path, start):
+        raise ValueError("path is on mount 'D:', start on mount 'C:'")
+
+    monkeypatch.setattr(atomic.os.path, "relpath", another_drive)
+    assert atomic.relative_name(tmp_path / "b.jpg", tmp_path) == (tmp_path / "b.jpg").as_posix()

@@ -1,4 +1,4 @@
-"""What docs/insert.md and docs/shot-file.md say is what the shot file takes."""
+"""What docs/how-to/insert.md and docs/reference/shot-file.md say is what the shot file takes."""
 
 from __future__ import annotations
 
@@ -20,8 +20,8 @@ from relume.project.shot_file.shot import DevelopTable, Object, Plate, RenderTab
 from relume.scene.materials.presets import PRESETS
 
 REPOSITORY = Path(__file__).parents[2]
-PAGE = (REPOSITORY / "docs" / "insert.md").read_text(encoding="utf-8")
-KEYS = (REPOSITORY / "docs" / "shot-file.md").read_text(encoding="utf-8")
+PAGE = (REPOSITORY / "docs" / "how-to" / "insert.md").read_text(encoding="utf-8")
+KEYS = (REPOSITORY / "docs" / "reference" / "shot-file.md").read_text(encoding="utf-8")
 SHOTS = [tomllib.loads(text) for text in re.findall(r"```toml\n(.*?)```", PAGE, re.S)]
 ROOM = tomllib.loads((REPOSITORY / "examples" / "room" / "shot.toml").read_text(encoding="utf-8"))
 

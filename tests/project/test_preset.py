@@ -151,14 +151,14 @@ def test_the_presets_that_come_along_are_whole():
 
 
 def test_the_documents_preset_can_be_read(tmp_path):
-    text = (Path(__file__).parents[2] / "docs" / "develop.md").read_text(encoding="utf-8")
+    text = (Path(__file__).parents[2] / "docs" / "how-to" / "develop.md").read_text(encoding="utf-8")
     (tmp_path / "doc.toml").write_text(text.split("```toml\n")[1].split("```")[0], encoding="utf-8")
     preset = CameraPreset.read(tmp_path / "doc.toml")
     assert preset.camera.stops == 0.5 and preset.title == "An old fast lens"
 
 
 def test_the_document_names_every_kind_of_tone():
-    text = (Path(__file__).parents[2] / "docs" / "develop.md").read_text(encoding="utf-8")
+    text = (Path(__file__).parents[2] / "docs" / "how-to" / "develop.md").read_text(encoding="utf-8")
     kinds = (
         "exposure, fixed, camera, reinhard, reinhard-local, histogram, human",
         "tumblin-rushmeier, ferwerda, pattanaik, black-white, ocio",

@@ -105,7 +105,7 @@ def test_a_glass_that_lets_no_light_through_is_noted(folder: Path) -> None:
 
 
 def test_the_example_in_the_docs_is_a_scene_file(folder: Path) -> None:
-    page = (Path(__file__).parents[2] / "docs/scene-file.md").read_text(encoding="utf-8")
+    page = (Path(__file__).parents[2] / "docs/reference/scene-file.md").read_text(encoding="utf-8")
     example = re.findall(r"```toml\n(.*?)```", page, re.DOTALL)[0]
     for name in re.findall(r'"([^"]+\.(?:hdr|obj|png))"', example):
         source = {"hdr": "light.exr", "obj": "unwrapped.obj", "png": "grey.png"}[name[-3:]]

@@ -182,7 +182,7 @@ def test_a_key_that_no_file_may_have_is_named_with_its_frame(tmp_path):
 
 
 def test_the_examples_in_the_docs_are_a_scene_and_a_film(tmp_path):
-    page = (Path(__file__).parents[2] / "docs/scene-file.md").read_text(encoding="utf-8")
+    page = (Path(__file__).parents[2] / "docs/reference/scene-file.md").read_text(encoding="utf-8")
     scene, film = re.findall(r"```toml\n(.*?)```", page, re.DOTALL)[-2:]
     for name in ("room.hdr", "mine.exr"):
         write(tmp_path / name, RadianceMap(np.ones((8, 16, 3), np.float32)))

@@ -59,7 +59,7 @@ def whitted_of(folder: Path, keys: str) -> Whitted:
 
 
 def test_the_second_example_in_the_docs_is_a_scene_file(folder: Path) -> None:
-    page = (Path(__file__).parents[2] / "docs/scene-file.md").read_text(encoding="utf-8")
+    page = (Path(__file__).parents[2] / "docs/reference/scene-file.md").read_text(encoding="utf-8")
     found = scene_of(folder, re.findall(r"```toml\n(.*?)```", page, re.DOTALL)[1])
     assert len(found.scene.lights) == 2 and len(found.scene.objects) == 2 and found.moves
     assert found.whitted == Whitted(depth=6, constellation=0)
@@ -241,7 +241,7 @@ def test_the_renderer_with_something_reported(folder: Path, keys: str, expected:
 
 
 def test_the_docs_say_the_renderers_defaults() -> None:
-    page = (Path(__file__).parents[2] / "docs/scene-file.md").read_text(encoding="utf-8")
+    page = (Path(__file__).parents[2] / "docs/reference/scene-file.md").read_text(encoding="utf-8")
     table = page.partition("| `[whitted]` | meaning")[2].partition("\n\n")[0]
     said = {row.split("|")[1].strip(" `"): row.split("|")[3].strip(" `") for row in table.splitlines()[2:]}
     plain, finer = Whitted(), Antialiasing()

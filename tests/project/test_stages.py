@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import gc
+import threading
 import warnings
 import weakref
 from dataclasses import dataclass, fields, is_dataclass
@@ -15,6 +16,7 @@ import pytest
 
 from relume.composite.surface.gloss import FittedGloss, Gloss, glossy
 from relume.composite.surface.recovery import RecoveredLocal, RecoveredSurface
+from relume.errors import warn
 from relume.image.photograph import Settings
 from relume.probe.ball.blending import Probe
 from relume.project.stages import Stages, Steps, packed, unpacked
@@ -134,3 +136,36 @@ def test_a_result_is_kept_with_its_warnings_until_what_made_it_changes(tmp_path:
     (tmp_path / "step.npz").write_bytes((tmp_path / "step.npz").read_bytes()[:100])
     with pytest.warns(UserWarning, match="doubtful"):
         Steps(Stages(tmp_path)).keep("step", {"a": 2}, make)
+
+
+def test_a_step_that_was_begun_goes_on_beside_others_and_keeps_its_warnings_for_its_turn(tmp_path: Path) -> None:
+    other, threads = threading.Event(), []
+
+    def make() -> np.ndarray:
+        threads.append(threading.current_thread())
+        assert other.wait(10)  # for a step that is made meanwhile
+        warn("doubtful", 0.1)
+        return np.arange(3)
+
+    steps = Steps(Stages(tmp_path))
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        steps.begin("step", {"a": 1}, make)
+        steps.keep("other", {}, lambda: [other.set()])
+    with pytest.warns(UserWarning, match="doubtful"):
+        assert steps.keep("step", {"a": 1}, make).tolist() == [0, 1, 2]
+    assert len(threads) == 1 and threads[0] is not threading.main_thread() and list(steps.seconds) == ["other", "step"]
+    # What is kept is not begun.
+    again = Steps(Stages(tmp_path))
+    again.begin("step", {"a": 1}, make)
+    with pytest.warns(UserWarning, match="doubtful"):
+        assert again.keep("step", {"a": 1}, make).tolist() == [0, 1, 2]
+    assert len(threads) == 1 and again.kept == ["step"]
+
+
+def test_what_a_step_that_was_begun_raises_comes_at_its_turn(tmp_path: Path) -> None:
+    steps = Steps(Stages(tmp_path))
+    steps.begin("step", {}, lambda: 1 / 0)
+    with pytest.raises(ZeroDivisionError):
+        steps.keep("step", {}, lambda: 1.0)
+    assert steps.keep("step", {}, lambda: 1.0) == 1.0

@@ -7,6 +7,7 @@ import random
 import signal
 import subprocess
 import sys
+import threading
 import time
 from importlib.metadata import version
 from pathlib import Path
@@ -231,6 +232,32 @@ def test_previews_come_after_one_two_four_and_eight_passes_and_after_a_resume_go
     sums = accumulate(trace, passes=11, watch=watch)
     assert [count for count, _ in shown] == [1, 2, 4, 8]
     assert abs(shown[-1][1] - sums.mean("matte").mean()) < 0.05
+
+
+def test_a_preview_is_written_while_the_next_pass_is_traced_and_all_are_at_the_end():
+    passes, shown = [], []
+    second = threading.Event()
+
+    def traced(seed):
+        passes.append(seed)
+        if len(passes) == 2:
+            second.set()
+        return trace(seed)
+
+    def preview(sums):
+        assert second.wait(10)
+        shown.append(sums.passes)
+
+    accumulate(traced, passes=2, watch=RenderSession(preview=preview))
+    assert shown == [1, 2]
+
+
+def test_a_preview_that_fails_ends_the_render():
+    def preview(sums):
+        raise OSError("no room")
+
+    with pytest.raises(OSError, match="no room"):
+        accumulate(trace, passes=1, watch=RenderSession(preview=preview))
 
 
 def test_progress_rises_to_one():

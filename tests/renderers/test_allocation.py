@@ -114,7 +114,7 @@ CAMERA = Camera.looking_at(np.array([0, 2.0, 6]), np.array([0, 0.5, 0]), width=2
 @pytest.fixture
 def few(monkeypatch: pytest.MonkeyPatch) -> None:
     """So small a picture has its rays spread too."""
-    monkeypatch.setattr(differential, "FEW_RAYS", 400)
+    monkeypatch.setattr(differential, "CHOSEN_RAYS", 400)
 
 
 def test_spread_rays_have_the_mean_of_even_ones(few, monkeypatch):
@@ -141,14 +141,14 @@ def test_spread_rays_are_the_same_on_any_threads_and_after_an_interruption(few, 
         if share >= 0.7:
             raise Stopped
 
-    render = Differential(samples=64, threads=1)
+    render = Differential(samples=128, threads=1)
     straight = render.change(SCENE, CAMERA, seed=3)
     assert straight.passes > 16
     watch = RenderSession(tmp_path / "render.passes")
     with pytest.raises(Stopped):
-        Differential(samples=64, threads=2).change(SCENE, CAMERA, seed=3, watch=watch, progress=cancel)
+        Differential(samples=128, threads=2).change(SCENE, CAMERA, seed=3, watch=watch, progress=cancel)
     assert watch.checkpoint is not None and watch.checkpoint.exists()
-    resumed = Differential(samples=64, threads=3).change(SCENE, CAMERA, seed=3, watch=watch)
+    resumed = Differential(samples=128, threads=3).change(SCENE, CAMERA, seed=3, watch=watch)
     for plane in ("objects", "difference", "matte", "objects_variance", "difference_variance"):
         assert np.array_equal(getattr(straight, plane), getattr(resumed, plane)), plane
 
@@ -156,7 +156,7 @@ def test_spread_rays_are_the_same_on_any_threads_and_after_an_interruption(few, 
 def test_a_render_of_another_plate_is_not_gone_on_with():
     """The plate says which pixels are the neediest, so the pixels depend on it."""
     one, other = (
-        Differential(samples=64)._key(SCENE, CAMERA, 3, plate, None, np.zeros(1))
+        Differential(samples=128)._key(SCENE, CAMERA, 3, plate, None, np.zeros(1))
         for plate in (np.ones((20, 24, 3)), np.full((20, 24, 3), 2.0))
     )
     assert {name for name in one if one[name] != other[name]} == {"plate"}
@@ -174,3 +174,14 @@ def test_a_pixel_has_the_same_numbers_whichever_others_are_traced_with_it(mi, mo
         where = chosen if plane.ndim == 2 else chosen[..., None]
         assert np.array_equal(some[name], plane * where), name
         assert np.array_equal(in_batches[name], plane), name
+
+
+def test_passes_that_are_traced_at_once_have_the_bits_of_each_alone(mi):
+    from relume.renderers.mitsuba.transport.estimator import Estimator
+
+    made = Estimator(SCENE, CAMERA, 4)
+    seeds = [9, 4_000_000_000, 77]
+    for seed, planes in zip(seeds, made.traced_together(4, seeds), strict=True):
+        alone = made.traced(4, seed)
+        assert alone.keys() == planes.keys()
+        assert all(np.array_equal(alone[name], planes[name]) for name in alone)

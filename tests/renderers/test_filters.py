@@ -5,12 +5,12 @@ import pytest
 
 from lights import constant, lone, of_directions, spiky, spread, sunny
 from quads import around, filtered, supersampled
-from relume.light.reflection.lobes import Mirror
+from relume.light.reflection.lobes import Lambert, Mirror
 from relume.renderers.prefiltered.filters import Filter, Mip, Plain, Preintegrated, Quadrilateral, Spans, Subdivision
 from relume.renderers.prefiltered.prefiltered import Prefiltered
 from relume.renderers.prefiltered.shading_inputs import Samples, term
 from relume.scene.cameras.camera import Camera
-from relume.scene.materials.reflective import Layer, mirror
+from relume.scene.materials.reflective import Layer, Towards, mirror
 from relume.scene.scene import Scene
 from relume.scene.shapes.shapes import Sphere
 from relume.sphere.directions import normalised, rotation_about
@@ -401,6 +401,40 @@ def test_pixels_that_are_not_chosen_stay_as_they_are(filter):
     expected = np.full((10, 3), 7.0)
     expected[[2, 9]] = 7.5
     np.testing.assert_allclose(seen[:, :3], expected, rtol=1e-6)
+
+
+def test_neighbours_and_samples_apart_are_looked_up_alike_term_by_term_or_at_once():
+    light, quads = spiky(32), around(spread(3000), 0.2)
+    corners, middles = quads.reshape(-1, 3).astype(np.float32), normalised(quads.mean(1)).astype(np.float32)
+    samples = Samples(
+        middles, np.roll(middles, 1, axis=0), np.zeros(3000, np.int32),
+        np.arange(12_000, dtype=np.int32).reshape(-1, 4), corners, corners, np.zeros(12_000, np.int32),
+    )  # fmt: skip
+    plain, spans = Plain(), Spans(samples, 2)
+    table, whole = plain.prepared(light.radiance), np.arange(3000, dtype=np.int32)
+    black, layer = np.zeros((1, 3)), Layer(Lambert(), Towards.NORMAL)
+    diffuse, shiny = term(layer, np.full((1, 3), 0.5), black), term(Layer(Mirror()), np.ones((1, 3)), black)
+    together, apart, once = np.zeros((3, 3000, 4), np.float32)
+    for each in (diffuse, shiny):
+        plain.add(together, whole, spans, each, table)
+        for first in range(3):
+            plain.add(apart, whole[first::3].copy(), spans, each, table)
+    plain.add_all(once, spans, [(whole, diffuse, table), (whole, shiny, table)])
+    expected = 0.5 * light.lookup(middles)
+    mirrored = 2 * np.sum(middles * samples.to_eye, axis=1, keepdims=True) * middles - samples.to_eye
+    expected = expected + light.lookup(normalised(mirrored))
+    np.testing.assert_allclose(together[:, :3], expected, rtol=1e-3, atol=1e-4 * light.radiance.max())
+    np.testing.assert_array_equal(apart, together)
+    np.testing.assert_array_equal(once, together)
+
+
+def test_a_normal_that_is_no_number_is_seen_and_harms_no_neighbour():
+    light, quads = spiky(32), around(spread(40), 0.2)
+    broken = quads.mean(1)
+    broken[7] = np.nan
+    seen = filtered(Plain(), light, quads, middles=broken)
+    assert np.isnan(seen[7]).all()
+    np.testing.assert_allclose(np.delete(seen, 7, 0), np.delete(filtered(Plain(), light, quads), 7, 0), rtol=1e-3)
 
 
 @pytest.mark.parametrize("filter", [Subdivision(), Quadrilateral(), Preintegrated()], ids=lambda f: type(f).__name__)

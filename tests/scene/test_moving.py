@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import warnings
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -142,6 +143,15 @@ def test_the_box_and_the_sphere_round_solids():
     centre, radius = bounding_sphere(solids[1])
     assert centre.tolist() == [1, 1, 1.5] and radius == pytest.approx(np.sqrt(1 + 2.25))
     assert bounding_sphere(solids[0])[1] == 0.5
+    # A mesh keeps what it found, and one that is moved has its own.
+    mesh = Mesh(POINTS.astype(np.float32), np.array([[0, 1, 2]], np.int32), GREY)
+    for moved in (0.0, 2.0):
+        there = replace(mesh, vertices=mesh.vertices + np.float32(moved))
+        for _ in range(2):
+            centre, radius = bounding_sphere(there)
+            assert (centre - moved).tolist() == [1, 1, 1.5] and radius == pytest.approx(np.sqrt(1 + 2.25))
+            centre += 1  # of the caller's own
+        assert (bounds([there]) - moved).tolist() == bounds([Polygon(POINTS, GREY)]).tolist()
 
 
 def test_traced_frames_show_each_moment_of_a_scene_and_prepare_only_what_changed(monkeypatch):

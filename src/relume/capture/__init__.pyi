@@ -17,6 +17,7 @@ from .brackets.shoot import MergePlan as MergePlan
 from .brackets.shoot import merge_shoot as merge_shoot
 from .brackets.shoot import plan_merge as plan_merge
 from .denoising import denoise as denoise
+from .example_room import example_room as example_room
 from .exposure.advice import BracketAdvice as BracketAdvice
 from .exposure.advice import advise_brackets as advise_brackets
 from .exposure.bracket import Bracket as Bracket

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from importlib.resources import files
 from pathlib import Path
 from typing import Annotated
 
@@ -22,14 +21,5 @@ def demo(
 ) -> None:
     """Insert five objects into the photograph of a room, and say where the pictures are."""
     with warnings_as_doubts(output) as doubts:
-        found = inserted(rl.read_shot(_room() / "shot.toml"), out, output, threads)
+        found = inserted(rl.read_shot(rl.capture.example_room() / "shot.toml"), out, output, threads)
         finish(output, [*doubts, *found], rest=out / "report.html")
-
-
-def _room() -> Path:
-    """The example: beside the package in a checkout, inside it when installed from a wheel."""
-    package = Path(str(files("relume")))
-    for folder in (package / "examples" / "room", package.parents[1] / "examples" / "room"):
-        if (folder / "shot.toml").is_file():
-            return folder
-    raise rl.errors.UnreadableFile("the example room is not installed; use a checkout of relume, or its wheel")

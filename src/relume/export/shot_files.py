@@ -111,6 +111,8 @@ def complete_folder(folder: str | os.PathLike[str], last: str) -> Iterator[Path]
         try:
             yield temporary
             if not folder.exists() or not any(folder.iterdir()):
+                if folder.exists():
+                    folder.rmdir()  # Windows puts no folder in the place of another
                 os.replace(temporary, folder)
                 return
             names = sorted(path.name for path in temporary.iterdir())

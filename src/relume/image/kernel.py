@@ -4,6 +4,9 @@ A kernel is a private loop beside the friendly function that validates and alloc
 proof: a test that reaches it and holds it against a slow twin, a closed form or an identity, as the table in
 `tests/architecture/kernels.py` says. Tuples of arrays are unpacked before the loop: inside it every access would count
 references. Import this module only where a kernel is used: it imports Numba.
+
+Kernels are compiled for one common processor rather than for the one at hand, so that those in a wheel
+(`scripts/kernels_in_wheel.py`) run on all of its kind, and give the same bits on each (docs/decisions/0073).
 """
 
 from __future__ import annotations
@@ -11,18 +14,42 @@ from __future__ import annotations
 import hashlib
 import os
 import re
+import shutil
 import tempfile
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from concurrent.futures import ThreadPoolExecutor
 from functools import lru_cache
 from pathlib import Path
 from typing import Any
 
+import llvmlite.binding as llvm
 import numba
+from numba.core.caching import InTreeCacheLocator
+
+_CONFIG: Any = numba.config  # pyright: ignore[reportPrivateImportUsage]
+
+# What processors of desktops and servers have had since 2013 (Intel) and 2015 (AMD).
+_COMMON = "x86-64-v3"
+_FEATURES = ("avx", "avx2", "bmi", "bmi2", "cx16", "f16c", "fma", "lzcnt", "movbe", "popcnt", "sahf", "sse4.2", "xsave")
 
 # Sums may be reordered and products fused, but nothing may assume that there is no NaN or infinity: a NaN has to
 # arrive where it can be seen, and a ray that misses is at infinity.
 _FLAGS = {"nsz", "arcp", "contract", "afn", "reassoc"}
+
+
+def is_common(features: Mapping[str, bool]) -> bool:
+    """Whether a processor with these features, as LLVM names them, runs what is compiled for the common one."""
+    return all(features.get(name, False) for name in _FEATURES)
+
+
+# Numba reads this once, when it first compiles in this process. What a user sets in the environment stays.
+if (
+    _CONFIG.ENABLE_AVX
+    and (_CONFIG.CPU_NAME, _CONFIG.CPU_FEATURES) == (None, None)
+    and llvm.get_process_triple().startswith("x86_64")
+    and is_common(llvm.get_host_cpu_features())
+):
+    _CONFIG.CPU_NAME, _CONFIG.CPU_FEATURES = _COMMON, ""
 
 
 @lru_cache
@@ -30,7 +57,8 @@ def cache_folder(module: str) -> str:
     """Where a module's compiled kernels are kept: a folder for this very source.
 
     Numba alone looks at the file that holds a kernel, not at those whose functions and numbers are compiled into it:
-    these are all that it imports.
+    these are all that it imports. A wheel brings its kernels in `relume/kernels`; where nothing may be written there,
+    they are copied to where the user may, since Numba adds to them what else is called.
     """
     package = Path(__file__).parents[1]
     own = package / (module.removeprefix("relume.").replace(".", "/") + ".py")
@@ -46,28 +74,64 @@ def cache_folder(module: str) -> str:
     for path in sorted(sources):
         digest.update(sources[path])
     name = f"kernels-{own.stem}-{digest.hexdigest()[:12]}"
+    brought = package / "kernels" / name
+    folder = _writable(package / ("kernels" if brought.is_dir() else "__pycache__")) / name
+    if brought.is_dir() and not folder.exists():
+        folder.parent.mkdir(parents=True, exist_ok=True)
+        _copied(brought, folder)
+    return str(folder)
+
+
+def _writable(first: Path) -> Path:
+    """The first place for kernels that may be written to; the user's choice goes before all."""
     # An installation may be write-protected, and so may the home of a user on a render node.
-    for place in (package / "__pycache__", Path.home() / ".cache" / "relume"):
+    chosen = [Path(_CONFIG.CACHE_DIR)] if _CONFIG.CACHE_DIR else []
+    for place in (*chosen, first, Path.home() / ".cache" / "relume"):
         try:
             place.mkdir(parents=True, exist_ok=True)
         except OSError:
             continue
         if os.access(place, os.W_OK):
-            return str(place / name)
-    return str(Path(tempfile.gettempdir()) / f"relume-{os.getuid() if hasattr(os, 'getuid') else ''}" / name)
+            return place
+    return Path(tempfile.gettempdir()) / f"relume-{os.getuid() if hasattr(os, 'getuid') else ''}"
+
+
+def _copied(brought: Path, folder: Path) -> None:
+    """Copy kernels whole or not at all; another process may do the same at once."""
+    with tempfile.TemporaryDirectory(dir=folder.parent, prefix=".kernels-") as half:
+        copy = Path(half) / folder.name
+        copy.mkdir()
+        for each in brought.iterdir():
+            shutil.copyfile(each, copy / each.name)
+        try:
+            copy.rename(folder)
+        except OSError:
+            if not folder.is_dir():
+                raise
+
+
+class KeptWithSource(InTreeCacheLocator):
+    """Tells Numba where it keeps a kernel, and for which source: no path and no time is part of either."""
+
+    def __init__(self, function: Callable[..., Any], path: str) -> None:
+        super().__init__(function, path)
+        self._cache_path = cache_folder(function.__module__)
+
+    def get_source_stamp(self) -> str:
+        """The folder's name, which holds a hash of all that is compiled."""
+        return Path(self._cache_path).name
 
 
 def _compiled(fast: set[str] | bool) -> Callable[[Callable[..., Any]], Any]:
     """Compiled on first use, kept on disk, without the interpreter's lock, division by zero as in NumPy."""
 
     def decorate(function: Callable[..., Any]) -> Any:
-        config: Any = numba.config  # pyright: ignore[reportPrivateImportUsage]
-        before = config.CACHE_DIR
-        config.CACHE_DIR = before or cache_folder(function.__module__)
+        before = _CONFIG.CACHE_LOCATOR_CLASSES
+        _CONFIG.CACHE_LOCATOR_CLASSES = before or f"{__name__}.{KeptWithSource.__name__},UserWideCacheLocator"
         try:
             return numba.njit(cache=True, nogil=True, fastmath=fast, error_model="numpy")(function)
         finally:
-            config.CACHE_DIR = before
+            _CONFIG.CACHE_LOCATOR_CLASSES = before
 
     return decorate
 

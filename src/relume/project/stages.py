@@ -12,7 +12,9 @@ import json
 import time
 import zipfile
 from collections.abc import Callable, Iterator
+from concurrent.futures import Future, ThreadPoolExecutor
 from contextlib import contextmanager
+from contextvars import copy_context
 from dataclasses import dataclass, field, fields, is_dataclass
 from datetime import datetime
 from pathlib import Path
@@ -20,7 +22,7 @@ from typing import Any, TypeVar
 
 import numpy as np
 
-from relume.errors import Doubt, GatheredDoubts, OutputNotWritten, warn
+from relume.errors import Doubt, GatheredDoubts, OutputNotWritten, doubts_kept_back, warn
 from relume.image import mapped_arrays
 from relume.image.files import replacing
 from relume.image.mapped_arrays import Mapped, give_back_freed
@@ -57,10 +59,8 @@ class Stages:
         """
         key = fingerprint([program(), name, made_from])
         path = self.folder / f"{name}.npz"
-        for folder in (self.folder, *self.others):
-            arrays = _kept(folder / path.name, key, self.mapped)
-            if arrays is not None:
-                return unpacked(arrays), True
+        if (arrays := self._found(name, key)) is not None:
+            return unpacked(arrays), True
         result = make()
         arrays = {_KEY: np.array(key), **packed(result)}
         try:
@@ -74,19 +74,29 @@ class Stages:
             result = unpacked(self.mapped.read(path))
         return result, False
 
+    def has(self, name: str, made_from: object) -> bool:
+        """Whether `get` would find the result of a step kept."""
+        return self._found(name, fingerprint([program(), name, made_from])) is not None
+
+    def _found(self, name: str, key: str) -> dict[str, np.ndarray] | None:
+        kept = (_kept(folder / f"{name}.npz", key, self.mapped) for folder in (self.folder, *self.others))
+        return next((arrays for arrays in kept if arrays is not None), None)
+
 
 @dataclass(frozen=True, eq=False)
 class Steps:
     """How the steps of a job run: where their results are kept, who is informed, and a record of both.
 
-    seconds : of each step so far
+    seconds : of each step so far; of one that was begun before, what was still to be waited for
     kept : the steps whose results an earlier run had made
+    begun : the steps that threads work on
     """
 
     stages: Stages
     progress: Progress = lambda step, share: None
     seconds: dict[str, float] = field(default_factory=dict)
     kept: list[str] = field(default_factory=list)
+    begun: dict[str, Future[tuple[Any, list[Doubt]]]] = field(default_factory=dict)
 
     @contextmanager
     def timed(self, name: str) -> Iterator[None]:
@@ -105,7 +115,12 @@ class Steps:
 
         def with_warnings() -> tuple[Result, tuple[Doubt, ...]]:
             with GatheredDoubts() as gathered:
-                result = make()
+                if name in self.begun:
+                    result, kept_back = self.begun.pop(name).result()
+                    for doubt in kept_back:
+                        warn(doubt.line, doubt.effect)
+                else:
+                    result = make()
             return result, gathered.doubts
 
         with self.timed(name):
@@ -115,6 +130,22 @@ class Steps:
         for doubt in doubts:
             warn(doubt.line, doubt.effect)
         return result
+
+    def begin(self, name: str, made_from: object, make: Callable[[], Result]) -> None:
+        """Begin a step in a thread, unless its result is kept, for `keep` to wait for; others go on beside it.
+
+        make : may neither gather doubts by `GatheredDoubts` nor use Mitsuba
+        """
+        if self.stages.has(name, made_from):
+            return
+
+        def work() -> tuple[Result, list[Doubt]]:
+            with doubts_kept_back() as doubts:
+                return make(), doubts
+
+        pool = ThreadPoolExecutor(1)
+        self.begun[name] = pool.submit(copy_context().run, work)
+        pool.shutdown(wait=False)
 
 
 def packed(value: object) -> dict[str, np.ndarray]:

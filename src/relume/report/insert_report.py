@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
+from functools import partial
 from pathlib import Path
 
 import numpy as np
 
-from relume.image import files
+from relume.image import bands, files
 from relume.project.insertion.outcome import Inserted
 from relume.project.insertion.sequence import SequenceMade, sparkles
 from relume.report import plots
@@ -21,18 +23,23 @@ WIDTH = 480
 
 def write_insert_report(result: Inserted, path: Path) -> None:
     """Write the page: before and after, response curves, light, matte, signed difference, energy audit, timings."""
-    after, before = plots.encoded(result.picture.pixels), plots.encoded(result.composited.before.pixels)
+    # Pictures are encoded beside the plots, which take longest and are first.
+    works: list[Callable[[], str]] = [
+        *(partial(_response, camera, result) for camera in result.calibrated.calibrations),
+        *(partial(work, result) for work in (_before_and_after, _difference, _surfaces, _light)),
+    ]
+    *responses, slid, difference, surfaces, light = bands.side_by_side(works, result.plate.radiance.size // 3)
     parts = [
         *(note(each.words) for each in result.doubts),
-        slide(before, after, "Before, to the left of the handle; after, to the right."),
+        slid,
         heading("What the objects changed"),
-        _difference(result),
+        difference,
         heading("The real surfaces"),
-        _surfaces(result),
+        surfaces,
         heading("The light"),
-        _light(result),
+        light,
         heading("The camera's response"),
-        *(_response(camera, result) for camera in result.calibrated.calibrations),
+        *responses,
         heading("Energy audit"),
         _audit(result),
         heading("Timings"),
@@ -40,6 +47,11 @@ def write_insert_report(result: Inserted, path: Path) -> None:
                for stage, seconds in result.seconds.items()]),
     ]  # fmt: skip
     files.write_text(path, page("relume insert", parts))
+
+
+def _before_and_after(result: Inserted) -> str:
+    after, before = plots.encoded(result.picture.pixels), plots.encoded(result.composited.before.pixels)
+    return slide(before, after, "Before, to the left of the handle; after, to the right.")
 
 
 def _difference(result: Inserted) -> str:

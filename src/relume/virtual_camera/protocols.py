@@ -18,6 +18,10 @@ class Relative:
         return False
 
 
+class Pixelwise:
+    """A tone operator by which a pixel is shown by itself and the adaptation alone, so that rows may be shown apart."""
+
+
 class Absolute:
     """What asks for luminances in cd/m²: pictures in that unit, or with `View.luminance_scale`."""
 

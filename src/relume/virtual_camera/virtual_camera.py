@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Iterable, Iterator
+from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 
@@ -12,10 +13,10 @@ from relume.errors import warn
 from relume.image.colour import luminance
 from relume.image.photograph import Photograph
 from relume.image.radiance import RadianceMap
-from relume.virtual_camera.protocols import Adaptation, Optics, ToneOperator
+from relume.virtual_camera.protocols import Adaptation, Optics, Pixelwise, ToneOperator
 from relume.virtual_camera.settling import Settled
 from relume.virtual_camera.tone.display.code_table import Clipping
-from relume.virtual_camera.tone.display.encoding import Display, DisplayP3, Srgb, encoded
+from relume.virtual_camera.tone.display.encoding import Display, DisplayP3, Srgb, encoded_and_clipped
 from relume.virtual_camera.tone.display.writing import profile_of, write_display
 from relume.virtual_camera.tone.metered import LinearExposure, MeteredExposure
 from relume.virtual_camera.validation import validate_radiance
@@ -137,8 +138,13 @@ class VirtualCamera:
         tone, factor = self.tone, 2.0**self.stops
         if isinstance(tone, LinearExposure):
             return ToneMapped(image, tone.gain(adaptation, view) * factor, self.display, adaptation)
-        brighter = image if factor == 1 else image * np.float32(factor)
-        return ToneMapped(tone.display_values(brighter, view, adaptation), 1.0, self.display, adaptation)
+
+        def shown(rows: np.ndarray) -> np.ndarray:
+            return tone.display_values(rows if factor == 1 else rows * np.float32(factor), view, adaptation)
+
+        if isinstance(tone, Pixelwise):
+            return ToneMapped(image, 1.0, self.display, adaptation, shown)
+        return ToneMapped(shown(image), 1.0, self.display, adaptation)
 
     def tone_map_frames(
         self,
@@ -185,16 +191,23 @@ class VirtualCamera:
 class ToneMapped:
     """A picture before it is encoded: `gain` × `values` are linear display values, Rec. 709, 1 the display's white.
 
-    values : (H, W, 3) float32, not clipped; for plain exposure the radiance itself, so that it is not copied
+    source : (H, W, 3) float32: the values, not clipped; for plain exposure the radiance itself, which is not copied
     gain : factor on them
     display : what they were made for
     adaptation : what the tone operator had adapted to
+    through : what makes values of rows of `source`, where they are not yet: a file is written without all at once
     """
 
-    values: np.ndarray
+    source: np.ndarray
     gain: float
     display: Display
     adaptation: Adaptation
+    through: Callable[[np.ndarray], np.ndarray] | None = None
+
+    @cached_property
+    def values(self) -> np.ndarray:
+        """(H, W, 3) float32, not clipped."""
+        return self.source if self.through is None else self.through(self.source)
 
     @property
     def display_values(self) -> np.ndarray:
@@ -211,11 +224,11 @@ class ToneMapped:
                 f"only a file can hold a picture for {type(self.display).__name__}: write "
                 "camera.tone_map(picture).write(path), or choose the display Srgb"
             )
-        pixels = encoded(self.values, self.display, gain=self.gain)
+        pixels, _ = encoded_and_clipped(self.source, self.display, gain=self.gain, through=self.through)
         return Photograph(
             pixels, name, profile=profile_of(self.display) if isinstance(self.display, DisplayP3) else None
         )
 
     def write(self, path: str | os.PathLike[str]) -> Clipping:
         """Write the picture for its display, and return how much of it is white or black; raises as `write_display`."""
-        return write_display(path, self.values, self.display, gain=self.gain)
+        return write_display(path, self.source, self.display, gain=self.gain, through=self.through)

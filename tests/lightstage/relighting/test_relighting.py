@@ -15,6 +15,7 @@ from relume.lightstage.relighting.relighting import (
     weighted_sum_per_pixel,
     weighted_sums,
 )
+from relume.lightstage.relighting.sum_kernel import add_weighted, blended
 from small_stages import chosen
 
 GENERATOR = np.random.default_rng(3)
@@ -77,6 +78,31 @@ def test_values_of_every_kind_are_summed_as_what_they_stand_for(kind):
         expected += values[index].astype(np.float64) * (E1[index] * (1 if scale is None else float(scale[index])))
     found = weighted_sum(Pictures(values, LIGHTS, scale=scale), E1).radiance
     np.testing.assert_array_equal(found, expected.astype(np.float32))
+
+
+@pytest.mark.parametrize("size", [1.0, 1e-310, 1e300])
+def test_bytes_give_the_same_bits_however_small_or_large_the_light_is(size):
+    # Seven lights, so that some are summed by fours; more values than one call takes, and a few at the end.
+    values = GENERATOR.integers(0, 256, (7, 49_152 + 3 * 41), np.uint8)
+    weights = GENERATOR.normal(size=(7, 2, 3)) * size
+    expected = np.zeros((2, values.shape[1]))
+    for each, weight in zip(values, weights, strict=True):
+        expected += each.astype(np.float64) * np.tile(weight, (1, values.shape[1] // 3))
+    for threads in (1, 2):
+        totals = np.zeros_like(expected)
+        add_weighted(values, weights, totals, threads)
+        np.testing.assert_array_equal(totals, expected)
+
+
+@pytest.mark.parametrize("kind", [np.float16, np.float32])
+@pytest.mark.parametrize("count", [1, 8, 11])
+def test_pictures_blended_in_single_precision_are_the_matrix_product(kind, count):
+    # Also numbers so small that half a float has few digits for them.
+    values = (GENERATOR.normal(size=(count, 999)) * 10.0 ** GENERATOR.integers(-7, 3, (count, 999))).astype(kind)
+    weights = GENERATOR.normal(size=(count, 3))
+    expected = np.einsum("nk,nk->k", values.astype(np.float64), np.tile(weights, (1, 333)))
+    most = np.einsum("nk,nk->k", np.abs(values).astype(np.float64), np.abs(np.tile(weights, (1, 333))))
+    assert (np.abs(blended(values, weights) - expected) <= 1e-6 * most).all()
 
 
 def test_every_half_is_read_as_numpy_reads_it():

@@ -5,9 +5,11 @@ Photographs: check, align, response, ghosts, merge, lens. Camera raws: exposures
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import replace
+from functools import partial
 from itertools import groupby
+from typing import TypeVar
 
 import numpy as np
 
@@ -30,10 +32,13 @@ from relume.capture.response.ratios import Ratios
 from relume.capture.response.saturation import White, whitened
 from relume.capture.response.small_lamps import with_small_lamps
 from relume.errors import NotABracket, warn
+from relume.image.bands import side_by_side
 from relume.image.colour_space import in_rec709
 from relume.image.photograph import Photograph, RawPhotograph
 from relume.image.radiance import SATURATED, RadianceMap
 from relume.image.response import Response
+
+Result = TypeVar("Result")
 
 ODD = 0.02
 """Share of the picture in which one frame contradicts all the others before a warning is given."""
@@ -56,11 +61,11 @@ def merge_photographs(
     with steps.step("check"):
         # What a camera did to its frames' white is undone before anything is measured by them.
         brackets = [of_one_white(bracket) for bracket in brackets]
-        doubts = [check(bracket, response) for bracket in brackets]
-    aligned: list[Aligned | None] = [None] * len(brackets)
+        doubts = _each([partial(check, bracket, response) for bracket in brackets], brackets)
+    aligned: Sequence[Aligned | None] = [None] * len(brackets)
     if settings.align:
         with steps.step("align"):
-            aligned = [align(bracket) for bracket in brackets]
+            aligned = _each([partial(align, bracket) for bracket in brackets], brackets)
     placed = [one.bracket if one else bracket for one, bracket in zip(aligned, brackets, strict=True)]
     placed, whites = _with_true_whites(placed)
 
@@ -80,28 +85,52 @@ def merge_photographs(
     ratios = None if calibration is None else calibration.ratios
     stops = {} if ratios is None else ratios.in_stops()
 
-    # Bracket by bracket: ghosts, merge, lens.
+    # Ghosts, merge, and bracket by bracket the lens, which is read in the first.
+    deghosted: Sequence[Deghosted | None] = [None] * len(placed)
+    if settings.deghost:
+        with steps.step("deghost"):
+            deghosted = _each([partial(_deghosted, bracket, response) for bracket in placed], placed)
+        for one in deghosted:
+            if one is not None:
+                _warn_of_an_odd_frame(one)
+    with steps.step("merge"):
+        given = calibration is None
+        works = [
+            partial(_merged, bracket, one.bracket if one else bracket, response, settings, given)
+            for bracket, one in zip(placed, deghosted, strict=True)
+        ]
+        pictures = _each(works, placed)
     lens, merged = LensSteps(settings, steps), []
-    for bracket, moved, doubt in zip(placed, aligned, doubts, strict=True):
-        deghosted = None
-        first, *others = bracket.photographs
-        if settings.deghost and others:
-            with steps.step("deghost"):
-                deghosted = deghost(bracket, response)
-            _warn_of_an_odd_frame(deghosted)
-        with steps.step("merge"):
-            still = deghosted.bracket if deghosted else bracket
-            picture = merge(still, response, weighting=settings.weighting, believed=below_white(still))
-            picture = with_small_lamps(picture, still, response)
-            doubt = (*doubt, *hue_doubts(bracket, picture, given=calibration is None))
-            # The response was that of the photographs' own channels, and so were these.
-            picture = in_rec709(picture, first)
-        found = lens.applied(picture, bracket, response, doubt)
-        if deghosted is not None and deghosted.ghosts.any():
-            found = replace(found, clipping=replace(found.clipping, moved=_saturated_where_moved(picture, deghosted)))
+    for bracket, moved, one, doubt, (picture, hues) in zip(placed, aligned, deghosted, doubts, pictures, strict=True):
+        found = lens.applied(picture, bracket, response, (*doubt, *hues))
+        if one is not None and one.ghosts.any():
+            found = replace(found, clipping=replace(found.clipping, moved=_saturated_where_moved(picture, one)))
         corrections = {p.name: stops[p.name] for p in bracket.photographs if p.name in stops}
-        merged.append(replace(found, aligned=moved, deghosted=deghosted, corrections=corrections))
+        merged.append(replace(found, aligned=moved, deghosted=one, corrections=corrections))
     return merged, MergedCamera(merged[0].camera, response, calibration)
+
+
+def _each(works: Sequence[Callable[[], Result]], brackets: Sequence[Bracket]) -> list[Result]:
+    """A step of every bracket, side by side where their photographs are small."""
+    return side_by_side(works, max(one.photographs[0].pixels.size // 3 for one in brackets))
+
+
+def _deghosted(bracket: Bracket, response: Response) -> Deghosted | None:
+    return deghost(bracket, response) if len(bracket.photographs) > 1 else None
+
+
+def _merged(
+    bracket: Bracket, still: Bracket, response: Response, settings: MergeSettings, given: bool
+) -> tuple[RadianceMap, tuple[BracketDoubt, ...]]:
+    """A bracket's map before anything of the lens, and doubts about its hues.
+
+    still : the bracket without what moved
+    given : whether the response is that of a profile
+    """
+    picture = merge(still, response, weighting=settings.weighting, believed=below_white(still))
+    picture = with_small_lamps(picture, still, response)
+    # The response was that of the photographs' own channels, and so were these.
+    return in_rec709(picture, bracket.photographs[0]), hue_doubts(bracket, picture, given=given)
 
 
 def _recovered(
@@ -130,9 +159,8 @@ def _recovered(
 def _with_true_whites(brackets: Sequence[Bracket]) -> tuple[list[Bracket], list[White]]:
     """The brackets with each frame's white where shorter ones show it; a note names frames that end below white."""
     found, whites = [], []
-    for bracket in brackets:
-        corrected, ends = whitened(bracket)
-        found.append(corrected)
+    for white, ends in _each([partial(whitened, bracket) for bracket in brackets], brackets):
+        found.append(white)
         whites += ends
         for name, each in groupby((end for end in ends if end.least is not None), key=lambda end: end.name):
             pressed = list(each)

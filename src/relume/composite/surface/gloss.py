@@ -16,7 +16,7 @@ import numpy as np
 
 from relume.composite.surface.two_views import Shared, ViewOfProbe, common_points, plate_points
 from relume.image.radiance import RadianceMap
-from relume.renderers.mitsuba.lobes import Arriving, arriving
+from relume.renderers.mitsuba.lobes import Arriving, Ready, arriving, ready
 from relume.scene.cameras.camera import Camera
 from relume.scene.materials.materials import Colour, Material
 from relume.scene.scene import Scene
@@ -109,13 +109,13 @@ def fit_gloss(
     probe : None for a light that does not show the surface; then the photograph alone says what it can, and the usual
         values with their spread stand in for the rest
     """
-    notes = []
+    notes, light = [], ready(scene)
     if probe is not None:
         shared = common_points(plate, camera, scene, index, usable, probe)
         if len(shared.points) >= FEWEST:
-            draws = [_from_two(shared, camera, scene, seed, STARTS)]
+            draws = [_from_two(shared, camera, light, seed, STARTS)]
             near = (np.array([draws[0][0].gloss.f0, draws[0][0].gloss.roughness]),)
-            draws += [_from_two(shared, camera, scene, seed + draw, near) for draw in range(1, DRAWS)]
+            draws += [_from_two(shared, camera, light, seed + draw, near) for draw in range(1, DRAWS)]
             found = _with_usual(draws)
             if found.scatter <= DISAGREE:
                 return found
@@ -130,7 +130,7 @@ def fit_gloss(
             )
     else:
         notes.append("the light does not show the surface itself; the photograph alone was used for its gloss")
-    return _from_one(plate_points(plate, camera, scene, index, usable), camera, scene, seed, tuple(notes))
+    return _from_one(plate_points(plate, camera, scene, index, usable), camera, light, seed, tuple(notes))
 
 
 def _with_usual(draws: list[tuple[FittedGloss, np.ndarray]]) -> FittedGloss:
@@ -153,10 +153,10 @@ def _with_usual(draws: list[tuple[FittedGloss, np.ndarray]]) -> FittedGloss:
 
 
 def _from_two(
-    shared: Shared, camera: Camera, scene: Scene, seed: int, starts: tuple[np.ndarray, ...]
+    shared: Shared, camera: Camera, light: Ready, seed: int, starts: tuple[np.ndarray, ...]
 ) -> tuple[FittedGloss, np.ndarray]:  # fmt: skip
-    to_camera = arriving(scene, shared.points, shared.normals, camera.eyes_towards(shared.points), seed=seed)
-    to_probe = arriving(scene, shared.points, shared.normals, shared.seen_from, seed=seed)
+    to_camera = arriving(light, shared.points, shared.normals, camera.eyes_towards(shared.points), seed=seed)
+    to_probe = arriving(light, shared.points, shared.normals, shared.seen_from, seed=seed)
     # Of groups, because weights that follow a place's own errors favour the places that err low.
     plate_error = PATTERN * _of_groups(shared.plate, shared.cells)
     at_camera, at_probe = _splits(to_camera), _splits(to_probe)
@@ -185,8 +185,8 @@ def _of_groups(values: np.ndarray, cells: np.ndarray) -> np.ndarray:
     return (sums / np.bincount(cells)[:, None])[cells]
 
 
-def _from_one(shared: Shared, camera: Camera, scene: Scene, seed: int, notes: tuple[str, ...]) -> FittedGloss:
-    to_camera = arriving(scene, shared.points, shared.normals, camera.eyes_towards(shared.points), seed=seed)
+def _from_one(shared: Shared, camera: Camera, light: Ready, seed: int, notes: tuple[str, ...]) -> FittedGloss:
+    to_camera = arriving(light, shared.points, shared.normals, camera.eyes_towards(shared.points), seed=seed)
     scale, at_camera = PATTERN * shared.plate, _splits(to_camera)
 
     def residuals(theta: np.ndarray, gain: float = 1.0) -> np.ndarray:

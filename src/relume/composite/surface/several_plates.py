@@ -29,7 +29,7 @@ from relume.composite.surface.two_views import MOST, normals_at, shown_at, value
 from relume.composite.surface.varying_gloss import Observations, VaryingGloss, fit_varying_gloss, gloss_lights
 from relume.errors import GatheredDoubts
 from relume.image.radiance import RadianceMap
-from relume.renderers.mitsuba.lobes import arriving
+from relume.renderers.mitsuba.lobes import arriving, ready
 from relume.renderers.mitsuba.path_tracer import Mitsuba
 from relume.renderers.raytrace.raycast import RayCaster
 from relume.renderers.renderer import Renderer
@@ -298,7 +298,7 @@ def _lights_of(
     """The gloss and the base that places send to a view, and (N, 3) what white matte ones would: means over several
     sets of directions."""
     surface = view.scene.local[index]
-    scene = view.scene.with_local([surface, *(each for each in view.scene.local if each is not surface)])
+    scene = ready(view.scene.with_local([surface, *(each for each in view.scene.local if each is not surface)]))
     eyes = view.camera.eyes_towards(points)
     arrived = [arriving(scene, points, normals, eyes, seed=seed + k) for k in range(DRAWS)]
     drawn = [gloss_lights(each.gloss_and_base) for each in arrived]

@@ -9,11 +9,16 @@ from __future__ import annotations
 import os
 import secrets
 import shutil
+import time
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
 
 from relume.errors import OutputNotWritten
+
+WINDOWS = os.name == "nt"
+TRIED_AGAIN = (0.05, 0.2, 0.8)
+"""Seconds to wait before a file is put in its place again where Windows refused."""
 
 
 @contextmanager
@@ -39,7 +44,7 @@ def replacing(path: str | os.PathLike[str]) -> Iterator[Path]:
             if path.exists():
                 shutil.copymode(path, temporary)  # a file that only its owner may read stays so
             _flush(temporary)
-            os.replace(temporary, path)
+            _rename(temporary, path)
         except BaseException:
             temporary.unlink(missing_ok=True)
             raise
@@ -54,16 +59,38 @@ def write_text(path: str | os.PathLike[str], text: str) -> None:
         temporary.write_bytes(text.encode("utf-8"))
 
 
+def relative_name(path: str | os.PathLike[str], folder: str | os.PathLike[str]) -> str:
+    """How a file beside others in `folder` may name `path`, with /; the whole path where it is on another drive."""
+    try:
+        return Path(os.path.relpath(path, folder)).as_posix()
+    except ValueError:  # Windows' drives have no way from one to the other
+        return Path(path).absolute().as_posix()
+
+
+def _rename(temporary: Path, path: Path) -> None:
+    """Put the file in its place; Windows refuses while another program has the old one open, as scanners do briefly."""
+    for wait in (*TRIED_AGAIN, None):
+        try:
+            os.replace(temporary, path)
+            return
+        except PermissionError:
+            if not WINDOWS or wait is None:
+                raise
+            time.sleep(wait)
+
+
 def _reason(path: Path, error: OSError) -> str:
     if not path.parent.exists():
         return f"the folder {path.parent} does not exist; create it first"
     if not path.parent.is_dir():
         return f"{path.parent} is a file, not a folder; choose another place"
+    if WINDOWS and isinstance(error, PermissionError) and error.errno is not None and path.exists():
+        return "another program has it open, or it may not be replaced; close it there, or choose another place"
     return " ".join(str(error.strerror or error).split()) + "; choose another place, or mend this one"
 
 
 def _flush(path: Path) -> None:
-    if path.is_dir() and os.name == "nt":  # Windows opens no folder, and flushes renames by itself
+    if path.is_dir() and WINDOWS:  # Windows opens no folder, and flushes renames by itself
         return
     handle = os.open(path, os.O_RDONLY if path.is_dir() else os.O_RDWR)
     try:

@@ -148,7 +148,9 @@ def synthesised(coefficients: np.ndarray, kernels: np.ndarray, spin: int, rows: 
         # The light is real: what negative orders hold is the conjugate of the positive ones.
         rings[1:] *= 2
     waves = np.zeros((columns, rows, rings.shape[2]), complex)
-    np.add.at(waves, orders % columns, rings)
+    # Orders beyond the table's own frequencies come down to them.
+    for begin in range(0, len(orders), columns):
+        waves[orders[begin : begin + columns] % columns] += rings[begin : begin + columns]
     table = np.asarray(ifft(waves, axis=0, workers=-1)) * columns
     table = table.reshape(columns, rows, len(kernels), channels)
     return np.moveaxis(table, (0, 1, 2), (2, 1, 0))

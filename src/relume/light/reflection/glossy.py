@@ -54,9 +54,12 @@ class GlossyMap:
         # Over a pole south is north: odd k change sign.
         k = (np.arange(self.tables.shape[3]) + 1) // 2
         over = np.where(k % 2, -1, 1).astype(np.float32)[:, None]
-        top, bottom = (np.roll(self.tables[:, row], half, 2) * over for row in (slice(0, 1), slice(-1, None)))
-        tall = np.concatenate([top, self.tables, bottom], axis=1)
-        return np.ascontiguousarray(np.concatenate([tall[:, :, -1:], tall, tall[:, :, :1]], axis=2))
+        views, rows, columns = self.tables.shape[:3]
+        wide = np.empty((views, rows + 2, columns + 2, *self.tables.shape[3:]), np.float32)
+        wide[:, 1:-1, 1:-1] = self.tables
+        wide[:, 0, 1:-1], wide[:, -1, 1:-1] = (np.roll(self.tables[:, row], half, 1) * over for row in (0, -1))
+        wide[:, :, 0], wide[:, :, -1] = wide[:, :, -2], wide[:, :, 1]
+        return wide
 
     def lookup(self, normals: np.ndarray, views: np.ndarray) -> np.ndarray:
         """Reflected radiance (…, 3) for unit normals and unit directions to the eye (…, 3)."""
@@ -92,26 +95,42 @@ def glossy_map(
     degree = int(np.clip(np.ceil(12 / brdf.width), 48, 400))
     # At exactly 90° a view sees no surface.
     angles = np.minimum(np.linspace(0, np.pi / 2, views), np.pi / 2 - 1e-3)
-    tilts, albedos, kernels = zip(*(_kernels(brdf, angle, degree, azimuths) for angle in angles), strict=True)
+    polar, weights = quadrature(brdf.width, degree)
+    # (azimuths + 1, degree + 1, angles): the same for every view.
+    functions = np.array(list(wigner(np.arange(azimuths + 1), 0, polar, degree))).transpose(1, 0, 2).copy()
+    tilts, albedos, kernels = zip(*(_kernels(brdf, angle, polar, weights, functions) for angle in angles), strict=True)
     source = cut_up(as_latlong(light), brdf.width / 2)
     coefficients = analysed(Flux(source.radiance, source.mapping.solid_angles(source.size)), degree)
-    tables = np.empty((views, rows, 2 * rows, 2 * azimuths + 1, 3), np.float32)
+    # Each part as it is made, then all parts of a row put side by side: one after the other would go over all memory.
+    parts = np.empty((2 * azimuths + 1, 2 * rows, rows, views, 3), np.float32)
     for k in range(azimuths + 1):
-        part = synthesised(coefficients, np.stack([kernel[k] for kernel in kernels]), k, rows)
-        tables[..., max(2 * k - 1, 0), :] = np.real(part)
+        part = synthesised(coefficients, np.stack([kernel[k] for kernel in kernels]), k, rows).transpose(2, 1, 0, 3)
+        parts[max(2 * k - 1, 0)] = part.real
         if k:
-            tables[..., 2 * k, :] = np.imag(part)
+            parts[2 * k] = part.imag
+    tables = np.empty((views, rows, 2 * rows, 2 * azimuths + 1, 3), np.float32)
+    # Colours are moved as one value each.
+    colours, made = (array.view("V12")[..., 0] for array in (parts, tables))
+    for row in range(rows):
+        made[:, row] = colours[:, :, row].transpose(2, 1, 0)
     return GlossyMap(tables, np.array(tilts), np.array(albedos), brdf, light.unit)
 
 
 def albedo(brdf: Reflectance, view_angle: float) -> float:
     """∫ f_r N·L dω: what a surface reflects of constant light of 1, seen from that angle."""
-    return _kernels(brdf, view_angle, 0, 0)[1]
+    polar, weights = quadrature(brdf.width, 0)
+    return _kernels(brdf, view_angle, polar, weights, np.ones((1, 1, len(polar))))[1]
 
 
-def _kernels(brdf: Reflectance, view_angle: float, degree: int, azimuths: int) -> tuple[float, float, np.ndarray]:
-    """The lobe's tilt, its integral, and its coefficients (azimuths + 1, degree + 1) for `synthesised`."""
-    polar, weights = quadrature(brdf.width, degree)
+def _kernels(
+    brdf: Reflectance, view_angle: float, polar: np.ndarray, weights: np.ndarray, functions: np.ndarray
+) -> tuple[float, float, np.ndarray]:
+    """The lobe's tilt, its integral, and its coefficients (azimuths + 1, degree + 1) for `synthesised`.
+
+    polar, weights : (P,) of the quadrature
+    functions : (azimuths + 1, degree + 1, P), d^l_k0 at the polar angles
+    """
+    azimuths, degree = functions.shape[0] - 1, functions.shape[1] - 1
     azimuth = np.pi * (np.arange(_AROUND) + 0.5) / _AROUND
     measure = weights[:, None] * (2 * np.pi / _AROUND)
     if azimuths:
@@ -126,11 +145,11 @@ def _kernels(brdf: Reflectance, view_angle: float, degree: int, azimuths: int) -
         tilt = float(np.arctan2(-centre[0], centre[2]))
     lobe = brdf(view_angle, _directions(-tilt, polar, azimuth))
     coefficients = np.zeros((azimuths + 1, degree + 1))
+    scale = np.sqrt((2 * np.arange(degree + 1) + 1) / (4 * np.pi))
+    profiles = lobe @ np.cos(np.outer(azimuth, np.arange(azimuths + 1))) / _AROUND
     for k in range(azimuths + 1):
-        profile = (lobe * np.cos(k * azimuth)).mean(1) * (1 if k == 0 else 2)
-        legendre = np.array([values[0] for values in wigner(np.array([k]), 0, polar, degree)])
-        scale = np.sqrt((2 * np.arange(degree + 1) + 1) / (4 * np.pi))
-        coefficients[k] = 2 * np.pi * scale * (legendre @ (profile * weights))
+        profile = profiles[:, k] * (1 if k == 0 else 2)
+        coefficients[k] = 2 * np.pi * scale * (functions[k] @ (profile * weights))
     return tilt, float((lobe * measure).sum()), coefficients
 
 

@@ -14,7 +14,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from relume.lightstage.direct_light.light_directions import DirectedLight
-from relume.lightstage.direct_light.surface import Geometry, Sample, direct_light, over_neighbours, samples_of
+from relume.lightstage.direct_light.surface import Geometry, Reached, Sample, direct_light, over_neighbours, samples_of
 from relume.lightstage.field.field import ReflectanceField
 from relume.lightstage.field.lights import StageLights
 from relume.lightstage.relighting.interpolation import Barycentric, Interpolation, Smooth
@@ -103,7 +103,7 @@ class DirectModel:
         def under(begin: int, end: int) -> list[np.ndarray]:
             return [
                 self.gathered(
-                    direct_light(self.geometry, samples, pixels, directions[i], radii[i], self.alpha, 1), wide, rows
+                    direct_light(self.geometry, samples, pixels, directions[i], radii[i], self.alpha), wide, rows
                 )
                 for i in range(begin, end)
             ]
@@ -154,12 +154,10 @@ def _found_alpha(
     (sample,) = samples_of(geometry, camera, rows, 1)
     values = np.concatenate([source.block(slice(0, len(lights)), slice(row, row + 1)) for row in rows], axis=1)
     values = values.reshape(len(lights), -1, 3)[:, sample.pixels]
+    reached = [Reached.of(geometry, [sample], direction, radius) for direction in lights.directions]
     errors = []
     for alpha in ALPHAS:
-        basis = [
-            direct_light(geometry, [sample], len(rows) * camera.width, direction, radius, alpha)
-            for direction in lights.directions
-        ]
+        basis = [each.shone(len(rows) * camera.width, alpha) for each in reached]
         errors.append(unexplained(values, np.stack(basis)[..., sample.pixels], lights))
     return ALPHAS[int(np.argmin(errors))]
 
@@ -195,17 +193,16 @@ def direct_picture(
     rays, count = light.looked_at(), len(samples)
 
     def some(begin: int, end: int) -> np.ndarray:
-        total = np.zeros((3, 2, pixels), np.float32)
+        each = np.empty((end - begin, 2 * pixels), np.float32)
         for i in range(begin, end):
             wanted, first = rays[i].tolist()
             chosen = [samples[(first + j) % count] for j in range(wanted)] if wanted < count else samples
-            one = direct_light(model.geometry, chosen, pixels, light.directions[i], light.radii[i], model.alpha, 1)
-            for channel in range(3):
-                total[channel] += one * np.float32(light.irradiances[i, channel])
-        return total
+            one = direct_light(model.geometry, chosen, pixels, light.directions[i], light.radii[i], model.alpha)
+            each[i - begin] = one.reshape(-1)
+        return light.irradiances[begin:end].T.astype(np.float32) @ each
 
     parts = in_threads(some, len(light.directions), model.threads, chunk=_TOGETHER)
-    total = sum(parts, np.zeros((3, 2, pixels), np.float32))
+    total = sum(parts, np.zeros((3, 2 * pixels), np.float32)).reshape(3, 2, pixels)
     return np.moveaxis(model.gathered(total, wide, rows), 0, 2)
 
 

@@ -11,14 +11,13 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from relume.renderers.raytrace.parallel_light import Shadows
 from relume.renderers.raytrace.raycast import RayCaster
 from relume.renderers.raytrace.surface import Surfaces
 from relume.scene.cameras.camera import Camera
 from relume.scene.shapes.shapes import Mesh
 from relume.sphere.directions import rotation_between
 
-_REFLECTANCE = 0.04
-"""Of a dielectric of index 1.5 at normal incidence; what is fitted scales it."""
 _GOLDEN_TURN = np.pi * (3 - np.sqrt(5))
 
 
@@ -43,11 +42,13 @@ class Geometry:
     """A mesh made ready for rays.
 
     caster, surfaces : its triangles
+    shadows : the same, for light from infinity
     extent : metres, the diagonal of its box
     """
 
     caster: RayCaster
     surfaces: Surfaces
+    shadows: Shadows
     extent: float
 
     @staticmethod
@@ -57,7 +58,8 @@ class Geometry:
             raise ValueError("no mesh was given; give one or leave the geometry out")
         vertices = np.concatenate([mesh.vertices for mesh in meshes])
         extent = float(np.linalg.norm(vertices.max(axis=0) - vertices.min(axis=0)))
-        return Geometry(RayCaster.of(meshes), Surfaces.of(meshes), extent)
+        caster = RayCaster.of(meshes)
+        return Geometry(caster, Surfaces.of(meshes), Shadows.of(caster), extent)
 
 
 def samples_of(
@@ -97,14 +99,46 @@ def disc_directions(centre: np.ndarray, radius: float, count: int) -> np.ndarray
     return local @ rotation_between([0.0, 0.0, 1.0], centre).T
 
 
+@dataclass(frozen=True, eq=False)
+class Reached:
+    """What a light reaches of samples, before their gloss is known.
+
+    samples, lights : each sample and the direction (3,) float32 that it is lit from
+    incident : of each sample (K,) float32, n·l
+    lit : of each sample, its points with light, int64
+    """
+
+    samples: Sequence[Sample]
+    lights: tuple[np.ndarray, ...]
+    incident: tuple[np.ndarray, ...]
+    lit: tuple[np.ndarray, ...]
+
+    @staticmethod
+    def of(geometry: Geometry, samples: Sequence[Sample], direction: np.ndarray, radius: float) -> Reached:
+        """Light comes to each sample from a place of its own on the disc of `radius` radians about a direction."""
+        lights, incidents, lit = [], [], []
+        for sample, towards in zip(samples, disc_directions(direction, radius, len(samples)), strict=True):
+            light = towards.astype(np.float32)
+            incident = sample.normals @ light
+            facing = np.flatnonzero(incident > 0)
+            lit.append(facing[~geometry.shadows.over(sample.points[facing], towards)])
+            lights.append(light)
+            incidents.append(incident)
+        return Reached(samples, tuple(lights), tuple(incidents), tuple(lit))
+
+    def shone(self, pixels: int, alpha: float) -> np.ndarray:
+        """`direct_light` of so many pixels, for a width of gloss."""
+        # Numba is imported only where the kernel is used.
+        from relume.lightstage.direct_light.shading_kernel import add_light
+
+        found = np.zeros((2, pixels), np.float32)
+        for sample, light, incident, lit in zip(self.samples, self.lights, self.incident, self.lit, strict=True):
+            add_light(found, sample.pixels, sample.normals, sample.towards_eye, light, incident, lit, np.float32(alpha))
+        return found / np.float32(len(self.samples))
+
+
 def direct_light(
-    geometry: Geometry,
-    samples: Sequence[Sample],
-    pixels: int,
-    direction: np.ndarray,
-    radius: float,
-    alpha: float,
-    threads: int | None = None,
+    geometry: Geometry, samples: Sequence[Sample], pixels: int, direction: np.ndarray, radius: float, alpha: float
 ) -> np.ndarray:
     """What a light of irradiance 1 does to each pixel: (2, pixels) float32, irradiance and reflected gloss.
 
@@ -115,33 +149,7 @@ def direct_light(
     direction, radius : (3,) unit and radians, the disc of the light
     alpha : width of the microfacets' slopes
     """
-    found = np.zeros((2, pixels), np.float32)
-    for sample, towards in zip(samples, disc_directions(direction, radius, len(samples)), strict=True):
-        light = towards.astype(np.float32)
-        incident = sample.normals @ light
-        facing = np.flatnonzero(incident > 0)
-        rays = np.broadcast_to(towards, (len(facing), 3))
-        lit = facing[~geometry.caster.occluded(sample.points[facing], rays, threads=threads)]
-        found[0, sample.pixels[lit]] += incident[lit]
-        found[1, sample.pixels[lit]] += _gloss(
-            sample.normals[lit], sample.towards_eye[lit], light, incident[lit], alpha
-        )
-    return found / np.float32(len(samples))
-
-
-def _gloss(
-    normals: np.ndarray, towards_eye: np.ndarray, light: np.ndarray, incident: np.ndarray, alpha: float
-) -> np.ndarray:
-    half = towards_eye + light
-    half /= np.linalg.norm(half, axis=1, keepdims=True)
-    outgoing = np.maximum(np.einsum("kc,kc->k", normals, towards_eye), np.float32(1e-3))
-    slope = np.einsum("kc,kc->k", normals, half) ** 2 * (alpha**2 - 1) + 1
-    distribution = alpha**2 / (np.pi * slope**2)
-    masked = outgoing * np.sqrt(alpha**2 + (1 - alpha**2) * incident**2)
-    shadowed = incident * np.sqrt(alpha**2 + (1 - alpha**2) * outgoing**2)
-    attenuation = 2 * incident * outgoing / (masked + shadowed)
-    fresnel = _REFLECTANCE + (1 - _REFLECTANCE) * (1 - np.einsum("kc,kc->k", towards_eye, half)) ** 5
-    return distribution * attenuation * fresnel / (4 * outgoing)
+    return Reached.of(geometry, samples, direction, radius).shone(pixels, alpha)
 
 
 def over_neighbours(values: np.ndarray, columns: int, share: float) -> np.ndarray:

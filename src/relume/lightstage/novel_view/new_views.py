@@ -40,6 +40,7 @@ from relume.scene.shapes.shapes import Mesh
 PIXELS = 8192
 """Pixels worked on at once: with 300 lights a block of one part is 30 MB."""
 _ROWS = 32
+_LIT_PIXELS = 2**16
 _BESIDE = 8
 """Rows beside those of the mesh that are looked at too: its background, and what a pixel gathers."""
 
@@ -213,7 +214,9 @@ def _direct(
     model: DirectModel, camera: Camera, light: DirectedLight, cluster: Cluster, place: Path | str | None
 ) -> np.ndarray:
     """Direct light (2, H · W, 3) as the pixels of a new camera gather it."""
-    bands, shared = cut(camera.height, _ROWS), (replace(model, camera=camera), light)
+    # Light after light goes over a band: few large ones, since each asks the mesh anew.
+    bands = cut(camera.height, max(1, _LIT_PIXELS // camera.width))
+    shared = replace(model, camera=camera), light
     made = by_bands(_direct_rows, shared, bands, cluster=cluster, place=place)
     return np.concatenate(made.each("direct"), axis=1)
 

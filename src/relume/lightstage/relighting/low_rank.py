@@ -31,15 +31,6 @@ class Spikes:
     pixels: np.ndarray
     lights: np.ndarray
 
-    def added(self, picture: np.ndarray, irradiances: np.ndarray) -> np.ndarray:
-        """The picture (pixels, 3) float64 with the spikes under these irradiances (N, 3) added."""
-        if len(self.pixels) == 0:
-            return picture
-        first = np.flatnonzero(np.append(True, np.diff(self.pixels) != 0))
-        result = picture.copy()
-        result[self.pixels[first]] += np.add.reduceat(self.values * irradiances[self.lights], first, axis=0)
-        return result
-
 
 @dataclass(frozen=True, eq=False)
 class LowRank:
@@ -70,14 +61,12 @@ class LowRank:
 
     def relight(self, irradiances: np.ndarray) -> RadianceMap:
         """The subject under light of irradiances (N, 3), within `error`; ValueError as of `relighting.weighted_sum`."""
-        from relume.lightstage.relighting.sum_kernel import add_weighted
+        from relume.lightstage.relighting.sum_kernel import add_points, blended
 
         given = checked(self.lights, irradiances)
-        count, (rows, columns) = len(self.basis), self.shape
-        totals = np.zeros((1, rows * columns * 3))
-        add_weighted(self.basis.reshape(count, -1), (self.coefficients @ given)[:, None], totals)
-        picture = self.spikes.added(totals.reshape(-1, 3), given)
-        return RadianceMap(picture.reshape(rows, columns, 3).astype(np.float32))
+        picture = blended(self.basis.reshape(len(self.basis), -1), self.coefficients @ given).reshape(-1, 3)
+        add_points(picture, self.spikes.pixels, self.spikes.lights, self.spikes.values, given)
+        return RadianceMap(picture.reshape(*self.shape, 3))
 
 
 def compress_low_rank(

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from itertools import chain
 
 import numpy as np
 
@@ -104,6 +105,8 @@ def blend_views(
     A direction that no view sees is filled smoothly from round about it, marked OUTSIDE, and its confidence is 0.
     Raises BallNotFound where the registration finds that views do not overlap; ValueError for no views.
     """
+    from relume.image.kernel import in_threads
+
     if not views:
         raise ValueError("no views of the ball were given; give one at least")
     # Lay the views on one another.
@@ -119,9 +122,12 @@ def blend_views(
     points = pixel_points(LatLong(), size, subdivision)
     cell = LatLong().solid_angles(size * subdivision)[:, 0]
     total, weight = np.zeros((size, 2 * size, 3)), np.zeros((size, 2 * size))
-    sure, saturated, clipped = np.zeros_like(weight), np.zeros_like(weight), 0.0
+    sure, saturated = np.zeros_like(weight), np.zeros_like(weight)
     best = max(map(finest, placed))
-    for chosen in np.array_split(np.arange(size), min(size, 8 * subdivision)):
+    strips = np.array_split(np.arange(size), min(size, 8 * subdivision))
+
+    def work(begin: int, end: int) -> list[float]:
+        chosen, clipped = strips[begin], []
         rows = slice(chosen[0] * subdivision, (chosen[-1] + 1) * subdivision)
         directions = LatLong().directions(points[rows])
         cells = (len(chosen), subdivision, 2 * size, subdivision)
@@ -138,7 +144,10 @@ def blend_views(
             weight[chosen] += share.reshape(cells).sum((1, 3))
             lost = over * share / whole
             saturated[chosen] += lost.reshape(cells).mean((1, 3))
-            clipped += float(((over > 0.5) * share / whole).sum(1) @ cell[rows])
+            clipped.append(float(((over > 0.5) * share / whole).sum(1) @ cell[rows]))
+        return clipped
+
+    clipped = sum(chain.from_iterable(in_threads(work, len(strips), chunk=1)), 0.0)
     # What no view saw is filled from its rim.
     confidence = np.minimum(sure / subdivision**2, 1) ** (1 / SHARPNESS)
     known = confidence > UNSEEN

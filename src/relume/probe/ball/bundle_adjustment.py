@@ -116,6 +116,8 @@ class Bundle:
         """The adjustment that lays the views on one another; `limit` is the most a view is turned, radians."""
         from scipy.optimize import least_squares
 
+        from relume.image.kernel import in_threads
+
         count, free = len(self.views), 3 * (len(self.views) - 1)
         rims = np.repeat([RIM_LIMIT * view.outline.radius for view in self.views], 3 if self.adjusting else 0)
         upper = np.array([*[limit] * free, *rims, NEAREST])
@@ -134,16 +136,19 @@ class Bundle:
         def slopes(guess: np.ndarray) -> np.ndarray:
             found = self._parts(guess, count)
             seen = self.logarithms(found)
-            base, columns = self._misfits(seen, found, believed), []
-            for place, step in enumerate(steps):
+            base = self._misfits(seen, found, believed)
+
+            def column(place: int, _: int) -> np.ndarray:
+                step = steps[place]
                 forward = self._parts(guess + step * (np.arange(len(guess)) == place), count)
                 if owner[place] < 0:
                     moved = self.logarithms(forward)
                 else:
                     moved = seen.copy()
                     moved[owner[place]] = self._logarithm(forward, owner[place])
-                columns.append((self._misfits(moved, forward, believed) - base) / step)
-            return np.stack(columns, axis=1)
+                return (self._misfits(moved, forward, believed) - base) / step
+
+            return np.stack(in_threads(column, len(steps), chunk=1), axis=1)
 
         start = np.zeros(len(upper))
         start[-1] = 0.01

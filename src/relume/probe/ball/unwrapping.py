@@ -115,9 +115,10 @@ class BallView:
         if min(self.reflectance.normal) < 1:
             radiance = radiance / self.reflectance.at(incidence)
         # The outermost pixel mixes the ball with what is behind it.
-        outermost = 1 - np.sin(gamma) / (self.distance - np.cos(gamma)) * np.sqrt(self.distance**2 - 1)
+        tangent = np.sin(gamma) / (self.distance - np.cos(gamma))
+        outermost = 1 - tangent * np.sqrt(self.distance**2 - 1)
         clean = shown & (outermost * self.outline.radius > MIXED)
-        stretch = 1 + (np.sin(gamma) / (self.distance - np.cos(gamma))) ** 2  # 1/cos² α: the picture is flat
+        stretch = 1 + tangent**2  # 1/cos² α: the picture is flat
         sampling = np.where(clean, self.focal_length * stretch * np.maximum(alpha_rise, 0) / beta_rise, 0)
         return Seen(radiance, np.where(shown, incidence, 0), sampling, saturated)
 

@@ -6,11 +6,10 @@ import os
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from relume.capture.response.camera_profile import CameraProfile, read_profile
 from relume.image import files
 from relume.image.colour_space import name_of
 from relume.image.files.read_options import ReadOptions
@@ -22,13 +21,6 @@ from relume.virtual_camera.film.film import Film
 from relume.virtual_camera.film.undeveloping import undevelop
 from relume.virtual_camera.lens.undoing import undo_optics
 from relume.virtual_camera.lens.vignetting import MeasuredVignetting
-from relume.virtual_camera.plate_matching.camera_matching import (
-    Softness,
-    match_camera,
-    profiled_response,
-    profiled_scale,
-    profiled_vignetting,
-)
 from relume.virtual_camera.protocols import Optics, Undoable
 from relume.virtual_camera.tone.display.encoding import Srgb
 from relume.virtual_camera.tone.display.stops import stops_sheet
@@ -37,6 +29,12 @@ from relume.virtual_camera.tone.metered import FixedExposure, MeteredExposure
 from relume.virtual_camera.validation import validate_radiance
 from relume.virtual_camera.view import View
 from relume.virtual_camera.virtual_camera import IN_ORDER, ToneMapped, VirtualCamera
+
+if TYPE_CHECKING:
+    from relume.capture.response.camera_profile import CameraProfile
+
+# What cameras' profiles and plates are read with is imported where it is used: few pictures are developed by them, and
+# it would take a tenth of the time of all others.
 
 Progress = Callable[[str, float], None]
 """Called with the name of a stage and the share of it that is done."""
@@ -167,7 +165,9 @@ def develop_file(
     # The lens once: what is written beside the picture is of the light that it drew.
     progress("developing", 0.0)
     image = replace(scene, radiance=camera.image(scene.radiance, view)) if camera.optics else scene
-    made = sensor.tone_map(image, view)
+    # What was read is valid, and need not be looked through again.
+    adaptation = sensor.tone.adapt(scene.radiance, view) if image is scene else None
+    made = sensor.tone_map(image, view) if adaptation is None else sensor.tone_mapped(scene.radiance, view, adaptation)
     progress("developing", 1.0)
     if made.gain != 1:
         facts["display values per unit of radiance"] = made.gain
@@ -227,6 +227,9 @@ def camera_for(settings: DevelopSettings, picture: RadianceMap) -> tuple[Virtual
     """
     camera, preset = settings.preset.camera, settings.preset
     if settings.match is not None:
+        from relume.capture.response.camera_profile import read_profile
+        from relume.virtual_camera.plate_matching.camera_matching import Softness, match_camera
+
         profile = None if settings.response is None else read_profile(Path(settings.response))
         match = match_camera(files.read_photograph(settings.match), picture, profile)
         for part in match.optics:
@@ -238,6 +241,8 @@ def camera_for(settings: DevelopSettings, picture: RadianceMap) -> tuple[Virtual
         return camera, {}
     if preset.has_tone:
         raise ValueError("a response takes the place of tone, film and shutter; leave them and the preset's tone out")
+    from relume.virtual_camera.plate_matching.camera_matching import profiled_response
+
     curve = profiled_response(_profile(Path(settings.response)))
     exposure = settings.exposure
     if exposure is None:
@@ -254,6 +259,12 @@ def _film_of(photograph: Photograph, settings: DevelopSettings) -> tuple[Film, s
     facts: Facts = {"exposure from": source, "response": name_of(photograph)}
     if settings.response is None:
         return Film(factor), "relative", None, facts
+    from relume.virtual_camera.plate_matching.camera_matching import (
+        profiled_response,
+        profiled_scale,
+        profiled_vignetting,
+    )
+
     profile = _profile(Path(settings.response))
     response, vignetting = profiled_response(profile), profiled_vignetting(profile)
     facts["response"] = Path(settings.response).name
@@ -268,6 +279,8 @@ def _film_of(photograph: Photograph, settings: DevelopSettings) -> tuple[Film, s
 
 def _profile(path: Path) -> CameraProfile:
     """A camera's profile that holds a response; raises ValueError naming the file of one of raws."""
+    from relume.capture.response.camera_profile import read_profile
+
     profile = read_profile(path)
     if profile.response is None:
         raise ValueError(f"{path.name}: a profile of camera raws, which holds no response; give another")

@@ -4,11 +4,13 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import replace
+from functools import partial
 
 import numpy as np
 
 from relume.capture.brackets.result import MergedBracket
 from relume.errors import InvalidShot, NotABracket, warn
+from relume.image.bands import side_by_side
 from relume.image.radiance import RadianceMap
 from relume.probe.ball.blending import Probe, blend_views
 from relume.probe.ball.probing import rim_doubts
@@ -19,7 +21,7 @@ from relume.probe.ball.silhouette import Outline
 from relume.probe.ball.unwrapping import BallView, unwrap_ball
 from relume.project.insertion.ball_camera import BallCamera
 from relume.project.insertion.slips import held_to_tape
-from relume.project.shot_file.light_table import BallPhotographs
+from relume.project.shot_file.light_table import Ball, BallPhotographs
 from relume.project.shot_file.shot import Shot
 
 FEWEST = 0.01
@@ -52,34 +54,43 @@ def blended(shot: Shot, merged: Sequence[MergedBracket], stood: BallCamera | Non
     ball, tables = shot.light.ball, shot.light.balls or ()
     if ball is None or not tables:
         raise InvalidShot("light: balls and ball are both needed")
-    views: list[BallView] = []
-    for index, (table, bracket) in enumerate(zip(tables, merged, strict=True)):
-        picture = bracket.picture
-        if picture.clipped is not None and (picture.clipped == 0).mean() < FEWEST:
-            raise NotABracket(f"{bracket.name}: almost nothing is measured; add longer and shorter exposures")
-        picture = replace(picture, variance=None)
-        centre = ball.centre if stood is None else stood.centre
-        place, focal_length = table.camera, table.focal_length or bracket.focal_length
-        outline = picked_outline(table, picture, bracket.name, focal_length)
-        if place is None and stood is not None:
-            place = stood.fit.camera.position
-            # The plate's own lens where the plate's camera took it; of a crop the EXIF's is that of the whole.
-            outline = stood.outline if not views and stood.outline is not None else outline
-            if not views:
-                focal_length = table.focal_length if stood.outline is None else stood.fit.camera.focal_length
-        view = unwrap_ball(
-            picture, camera=np.array(place), centre=np.array(centre), focal_length=focal_length,
-            radius=ball.radius, outline=outline, name=bracket.name,
-            reflectance=_reflectance(ball.reflectance),
-            measured=table.camera is not None and ball.centre is not None,
-        )  # fmt: skip
-        remedy = "`relume probe --picture` draws it; choose it with light.balls.pick"
-        for doubt in rim_doubts(view, bracket.name, remedy, picked=outline is not None):
-            warn(doubt.line, doubt.effect)
-        if stood is not None and stood.outline is not None and outline is stood.outline:
-            view = stood.turned(view)
-        elif focal_length is not None and table.camera is not None and ball.centre is not None:
-            view = held_to_tape(view, index, table, ball)
-        views.append(view)
+    works = [
+        partial(_view, shot, ball, index, table, bracket, stood)
+        for index, (table, bracket) in enumerate(zip(tables, merged, strict=True))
+    ]
+    views = side_by_side(works, max(each.picture.radiance.size // 3 for each in merged))
     known = all(table.camera is not None for table in tables[1:])
     return blend_views(views, size=shot.light.size, registration=KnownPlaces() if known else UnknownPlaces())
+
+
+def _view(
+    shot: Shot, ball: Ball, index: int, table: BallPhotographs, bracket: MergedBracket, stood: BallCamera | None
+) -> BallView:  # fmt: skip
+    """One view of the ball, unwrapped where its camera stood; its number in the shot is `index`."""
+    picture = bracket.picture
+    if picture.clipped is not None and (picture.clipped == 0).mean() < FEWEST:
+        raise NotABracket(f"{bracket.name}: almost nothing is measured; add longer and shorter exposures")
+    picture = replace(picture, variance=None)
+    centre = ball.centre if stood is None else stood.centre
+    place, focal_length = table.camera, table.focal_length or bracket.focal_length
+    outline = picked_outline(table, picture, bracket.name, focal_length)
+    if place is None and stood is not None:
+        place = stood.fit.camera.position
+        # The plate's own lens where the plate's camera took it; of a crop the EXIF's is that of the whole.
+        outline = stood.outline if index == 0 and stood.outline is not None else outline
+        if index == 0:
+            focal_length = table.focal_length if stood.outline is None else stood.fit.camera.focal_length
+    view = unwrap_ball(
+        picture, camera=np.array(place), centre=np.array(centre), focal_length=focal_length,
+        radius=ball.radius, outline=outline, name=bracket.name,
+        reflectance=_reflectance(ball.reflectance),
+        measured=table.camera is not None and ball.centre is not None,
+    )  # fmt: skip
+    remedy = "`relume probe --picture` draws it; choose it with light.balls.pick"
+    for doubt in rim_doubts(view, bracket.name, remedy, picked=outline is not None):
+        warn(doubt.line, doubt.effect)
+    if stood is not None and stood.outline is not None and outline is stood.outline:
+        return stood.turned(view)
+    if focal_length is not None and table.camera is not None and ball.centre is not None:
+        return held_to_tape(view, index, table, ball)
+    return view

@@ -10,7 +10,7 @@ from relume.capture.exposure.bracket import Bracket
 from relume.composite.differential import Additive, Ratio, composed
 from relume.composite.mattes import read_matte
 from relume.errors import warn
-from relume.image.bands import in_bands
+from relume.image.bands import SMALL, in_bands
 from relume.image.colour_space import to_own_primaries
 from relume.image.photograph import Photograph
 from relume.image.radiance import RadianceMap
@@ -141,13 +141,24 @@ def composited(
 
 def plate_look(shot: Shot, calibrated: Calibrated, development: Development, steps: Steps) -> Look:
     """The plate's sharpness and grain, which the objects are given; measured once."""
+    made_from = _look_made_from(shot, calibrated, development)
+    return steps.keep("match", made_from, lambda: _look(shot, calibrated, development))
+
+
+def begin_plate_look(shot: Shot, calibrated: Calibrated, development: Development, steps: Steps) -> None:
+    """Begin to measure it beside what follows; not of a large plate, which takes memory and all cores for it."""
+    if calibrated.plate.radiance.size <= 3 * SMALL:
+        made_from = _look_made_from(shot, calibrated, development)
+        steps.begin("match", made_from, lambda: _look(shot, calibrated, development))
+
+
+def _look_made_from(shot: Shot, calibrated: Calibrated, development: Development) -> list[object]:
     bracket = development.bracket
-    made_from = [
+    return [
         calibrated.plate, development.index, calibrated.cameras,
         None if bracket is None else [bracket.exposures, [each.pixels for each in bracket.photographs]],
         shot.match.sharpness, shot.match.grain, shot.plate.denoise,
     ]  # fmt: skip
-    return steps.keep("match", made_from, lambda: _look(shot, calibrated, development))
 
 
 def _in_photograph(

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import os
 import re
 from collections.abc import Mapping, Sequence
 from pathlib import Path
@@ -10,6 +9,7 @@ from pathlib import Path
 import numpy as np
 
 from relume.errors import InvalidShot, UnreadableFile, warn
+from relume.image.files.atomic import relative_name
 from relume.image.files.video import is_video, read_video
 from relume.project.keyed_values import BETWEEN, motion_of, placement_at, table_at, values_at
 from relume.project.shot_file.added_lights import AddedLight
@@ -104,7 +104,7 @@ def _at(shot: Shot, frame: float, exposed: bool) -> Shot:
         # Between two frames, and while the shutter is open beyond the last, the plate is that of the nearest.
         plates = _plates(shot, table.plates)
         number = min(plates, key=lambda number: abs(number - frame - table.offset))
-        name = os.path.relpath(plates[number], shot.folder)
+        name = relative_name(plates[number], shot.folder)
         of_video = number if is_video(plates[number]) else None
         changes["plate"] = shot.plate.model_copy(update={"photographs": [name], "frame": of_video})
         # Every frame of a film has grain of its own, and so have the objects in it.

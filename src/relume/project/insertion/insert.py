@@ -18,7 +18,7 @@ from relume.cluster.connection import connect
 from relume.errors import GatheredDoubts, ranked, warn
 from relume.project.forecast import memory_for, require_room
 from relume.project.insertion.agreement import on_one_scale
-from relume.project.insertion.composite import composited, development_of, plate_look
+from relume.project.insertion.composite import begin_plate_look, composited, development_of, plate_look
 from relume.project.insertion.doubts import doubts_at_borders, doubts_on
 from relume.project.insertion.frame_shots import at_frame
 from relume.project.insertion.outcome import Inserted, require_folder, write_outcome, write_picture
@@ -109,8 +109,9 @@ def insert(
         calibrated = calibrate(shot, photographs, steps)
         fit = find_camera(shot, calibrated, steps)
         calibrated = on_one_scale(shot, calibrated, fit.camera)
-        place = find_place(shot, calibrated, fit, meshes, renderer, steps)
         development = development_of(shot, calibrated)
+        begin_plate_look(shot, calibrated, development, steps)
+        place = find_place(shot, calibrated, fit, meshes, renderer, steps)
         rendering = Rendering(renderer, threads, motion, restart, force and HardStop(force), workers, about)
         change = render_change(shot, calibrated, place, meshes, development.film, steps, rendering)
         composite = composited(shot, calibrated, place, change, development, steps)

@@ -7,7 +7,6 @@ is not given is guessed, and stands in the file with a comment, so that it can b
 from __future__ import annotations
 
 import json
-import os
 from collections.abc import Sequence
 from dataclasses import dataclass
 from glob import escape
@@ -19,6 +18,7 @@ import numpy as np
 from relume.capture.exposure.named_times import seconds_in_names, times_in_names
 from relume.errors import NotABracket, OutputNotWritten, UnreadableFile, warn
 from relume.image import files
+from relume.image.files.atomic import relative_name
 from relume.project.shot_file.ball_table import GUESSED_PLACE, GUESSED_SIZE
 from relume.scene.shapes.meshes import read_meshes
 
@@ -92,7 +92,7 @@ class NewShot:
         measured = "by caliper or tape" if self.radius is not None else "a guess: measure the ball and give half of it"
         known = GUESSED_RADIUS if self.radius is None else self.radius
         lines = [
-            "# Written by `relume insert`; every key is in docs/shot-file.md. The camera is found from the ball.",
+            "# Written by `relume insert`; every key is in docs/reference/shot-file.md. The ball gives the camera.",
             *(self._map(folder, known, measured) if self.light is not None else self._balls(folder, known, measured)),
             f"render = {{ {', '.join(f'{key} = {json.dumps(value)}' for key, value in NEW_RENDER.items())} }}",
         ]
@@ -210,11 +210,7 @@ def _names(folder: Path, paths: Sequence[Path], *, patterns: bool = True) -> str
             raise UnreadableFile(f"{path}: a folder; give the files in it, like {path.as_posix()}/*")
         if not path.is_file():
             raise UnreadableFile(f"{path}: no such file; check the path")
-        try:
-            name = os.path.relpath(path.resolve(), folder.resolve())
-        except ValueError:  # another drive
-            name = str(path.resolve())
-        name = Path(name).as_posix()
+        name = relative_name(path.resolve(), folder.resolve())
         names.append(escape(name) if patterns and any(c in name for c in "*?[") else name)
     # TOML's basic strings escape as JSON's do.
     return json.dumps(names, ensure_ascii=False).replace("\x7f", "\\u007f")

@@ -19,7 +19,14 @@ import numpy as np
 
 from relume.errors import UnsupportedScene, warn
 from relume.renderers.mitsuba.distant import require_inside
-from relume.renderers.mitsuba.limits import FEW_RAYS, GUIDE_SAMPLES, GUIDES, PASS_RAYS, samples_a_pass
+from relume.renderers.mitsuba.limits import (
+    CHOSEN_RAYS,
+    GUIDE_SAMPLES,
+    GUIDES,
+    PASS_RAYS,
+    passes_of_change,
+    samples_a_pass,
+)
 from relume.renderers.mitsuba.path_tracer import Mitsuba, PathTracing, _mitsuba, in_worker
 from relume.renderers.mitsuba.scene import why_not
 from relume.renderers.progressive.accumulation import NO_SESSION, Planes, RenderSession, accumulate, pass_seed
@@ -114,7 +121,8 @@ class Differential(PathTracing):
             from relume.renderers.mitsuba.transport.estimator import Estimator
 
             # How many passes, of how many samples, at which times of the shutter.
-            samples = samples_a_pass(self.samples, camera, 1 if self.quick else None)
+            fewest = passes_of_change(self.samples, camera) if moments is None else None
+            samples = samples_a_pass(self.samples, camera, 1 if self.quick else fewest)
             full = max(self.samples // samples, 1 if self.quick else 2)
             even, passes, share = _spread_of(full, samples, camera) if moments is None else (full, full, 1.0)
             backdrop = np.zeros((camera.height, camera.width, 3)) if plate is None else plate
@@ -122,10 +130,10 @@ class Differential(PathTracing):
             times = shutter.times(passes, seed) if moments is not None else np.zeros(passes)
             at = {pass_seed(seed, index): float(time) for index, time in enumerate(times)}
 
-            def trace(seed: int, chosen: np.ndarray | None = None) -> Planes:
-                estimator = still if moments is None else Estimator(*moments(at[seed]), self.depth)
-                return estimator.traced(samples, seed, chosen)
+            def moved(seed: int) -> Planes:
+                return Estimator(*moments(at[seed]), self.depth).traced(samples, seed)  # pyright: ignore[reportOptionalCall]
 
+            trace: Callable[..., Planes] = Together(still, samples, list(at)[:even]) if moments is None else moved
             if watch.workers is not None:
                 if moments is not None:
                     raise ValueError("workers trace a still; of what moves they make whole frames (insert_frames)")
@@ -244,6 +252,25 @@ class Lit:
     seed: int
 
 
+class Together:
+    """The passes of a change in this process: some whole ones at once, and those whose pixels are chosen one by one."""
+
+    def __init__(self, still: Estimator, samples: int, seeds: Sequence[int]) -> None:
+        self.still, self.samples, self.seeds = still, samples, seeds
+        self.places = {seed: index for index, seed in enumerate(seeds)}
+        self.ahead: dict[int, Planes] = {}
+
+    def __call__(self, seed: int, chosen: np.ndarray | None = None) -> Planes:
+        """The planes of a pass."""
+        if chosen is not None:
+            return self.still.traced(self.samples, seed, chosen)
+        if seed not in self.ahead:
+            first = self.places[seed]
+            these = self.seeds[first : first + self.still.together(self.samples)]
+            self.ahead = dict(zip(these, self.still.traced_together(self.samples, these), strict=True))
+        return self.ahead.pop(seed)
+
+
 class SpreadChange:
     """The passes of a change by workers: whole ones ahead, and of those whose pixels are chosen a share each."""
 
@@ -276,7 +303,7 @@ def _spread_of(full: int, samples: int, camera: Camera) -> tuple[int, int, float
 
     Half of the rays show which pixels are noisy, the other half go to those; no pass is too small for its start.
     """
-    share = max(NEEDIEST, FEW_RAYS / (samples * camera.width * camera.height))
+    share = max(NEEDIEST, CHOSEN_RAYS / (samples * camera.width * camera.height))
     if full < 2 * LEAST or share > 0.5:
         return full, full, 1.0
     even = max(LEAST, full // 2)

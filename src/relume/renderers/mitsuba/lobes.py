@@ -70,20 +70,33 @@ class Arriving:
             return np.array(surface.eval(mi.BSDFContext(), si, mi.Vector3f(self.towards_light.T))).T
 
 
-def arriving(scene: Scene, points: np.ndarray, normals: np.ndarray, viewers: np.ndarray, *, seed: int = 0) -> Arriving:
-    """Draw directions at points (N, 3) with unit normals (N, 3) that are seen from `viewers`, (3,) or (N, 3), metres.
+@dataclass(frozen=True, eq=False)
+class Ready:
+    """A scene's light and local surfaces as Mitsuba has them, for `arriving` to be asked several times."""
 
-    Other local surfaces hide light and send what they shine. Raises UnsupportedScene in Mitsuba's scalar variants.
-    """
+    world: Any
+
+
+def ready(scene: Scene) -> Ready:
+    """Make a scene ready; raises UnsupportedScene in Mitsuba's scalar variants."""
     with _mitsuba(None, None) as mi:
         if "_ad_" not in mi.variant():
             raise UnsupportedScene(
                 "the scalar variant of Mitsuba cannot find a gloss; install LLVM 16 or newer, or give the gloss"
             )
+        eye = Camera(1, 1, 1.0, np.array(scene.probe, np.float64), np.eye(3))
+        return Ready(mi.load_dict(scene_dictionary(mi, scene.without_objects(), eye)))
+
+
+def arriving(scene: Ready, points: np.ndarray, normals: np.ndarray, viewers: np.ndarray, *, seed: int = 0) -> Arriving:
+    """Draw directions at points (N, 3) with unit normals (N, 3) that are seen from `viewers`, (3,) or (N, 3), metres.
+
+    Other local surfaces hide light and send what they shine.
+    """
+    with _mitsuba(None, None) as mi:
         import drjit as dr
 
-        eye = Camera(1, 1, 1.0, np.array(scene.probe, np.float64), np.eye(3))
-        world = mi.load_dict(scene_dictionary(mi, scene.without_objects(), eye))
+        world = scene.world
         lobes = [(mi.load_dict(_lobe(mi, roughness)), count) for roughness, count in LOBES]
         way = np.asarray(viewers, np.float64) - points
         way /= np.linalg.norm(way, axis=-1, keepdims=True)

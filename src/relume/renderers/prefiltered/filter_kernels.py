@@ -41,38 +41,6 @@ class Pyramid(NamedTuple):
     rows: np.ndarray
 
 
-_BLOCK = 256
-"""Samples whose image points are found together, by vector instructions, before they are looked up one by one."""
-
-
-@kernel
-def plain(light, chosen, samples, term, table):
-    """Look up at the middles and add, in one go: the way that has to be fastest, for a colour held in the weight."""
-    normals, views, kind, ratio, weight = samples.normal, samples.to_eye, term.kind, term.ratio, term.weight
-    entries, rows = table.reshape(-1), table.shape[0] - 2
-    facing, u, v = np.empty(_BLOCK, np.float32), np.empty(_BLOCK, np.float32), np.empty(_BLOCK, np.float32)
-    x, y, z = np.empty(_BLOCK, np.float32), np.empty(_BLOCK, np.float32), np.empty(_BLOCK, np.float32)
-    for begin in range(0, len(chosen), _BLOCK):
-        count = min(_BLOCK, len(chosen) - begin)
-        for k in range(count):
-            index = np.uint32(chosen[begin + k])
-            nx, ny, nz = normals[index, 0], normals[index, 1], normals[index, 2]
-            ex, ey, ez = views[index, 0], views[index, 1], views[index, 2]
-            x[k], y[k], z[k] = key(kind, ratio, nx, ny, nz, ex, ey, ez)
-            facing[k] = nx * ex + ny * ey + nz * ez
-        for k in range(count):
-            u[k], v[k] = polar_point(x[k], y[k], z[k])
-        # No branch in this loop, or its channels are no longer worked on together.
-        for k in range(count):
-            index = np.uint32(chosen[begin + k])
-            seen = looked_up(entries, 0, rows, u[k], v[k])
-            red, green, blue, fourth = by_cosine(weight, facing[k])
-            light[index, 0] += red * seen[0]
-            light[index, 1] += green * seen[1]
-            light[index, 2] += blue * seen[2]
-            light[index, 3] += fourth * seen[3]
-
-
 @kernel
 def looked_up_at(seen, chosen, points, table):
     """The table at the middles' image points (P, 2)."""

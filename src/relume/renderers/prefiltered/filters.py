@@ -6,7 +6,7 @@ Each is a frozen value for `Prefiltered(filter=…)`. `prepared(table)` makes of
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 from typing import Any, Protocol
 
@@ -14,10 +14,13 @@ import numpy as np
 
 from relume.image.kernel import in_threads
 from relume.renderers.prefiltered import filter_kernels as kernels
+from relume.renderers.prefiltered.plain_kernel import plain
 from relume.renderers.prefiltered.shading_inputs import Samples, Term
 from relume.sphere.bilinear_kernels import padded
 from relume.sphere.mappings.mapping import LatLong
 
+_NEAR = 8192
+"""Samples whose normals, views and light a core keeps in its own cache."""
 Lookup = Callable[[np.ndarray, np.ndarray], None]
 """Writes what samples see, whose indices (Q,) are given second, to `seen` (Q, 4) float32."""
 
@@ -87,18 +90,34 @@ class Filter(Protocol):
         """Add the term of the `chosen` samples, (Q,) indices, to `light` (P, 4) float32."""
         ...
 
+    def add_all(self, light: np.ndarray, spans: Spans, parts: Sequence[tuple[np.ndarray, Term, Any]]) -> None:
+        """Add several terms, each of its chosen samples and with its table."""
+        for chosen, term, prepared in parts:
+            self.add(light, chosen, spans, term, prepared)
+
 
 @dataclass(frozen=True)
 class Plain(Filter):
     """Bilinear interpolation at the pixel's middle (§7.1); highlights on curved surfaces break up."""
 
     def add(self, light: np.ndarray, chosen: np.ndarray, spans: Spans, term: Term, prepared: Any) -> None:
-        if not len(term.colour):
-            in_threads(
-                lambda begin, end: kernels.plain(light, chosen[begin:end], spans.samples, term, prepared),
-                len(chosen), spans.threads,
-            )  # fmt: skip
-            return
+        self.add_all(light, spans, [(chosen, term, prepared)])
+
+    def add_all(self, light: np.ndarray, spans: Spans, parts: Sequence[tuple[np.ndarray, Term, Any]]) -> None:
+        # Samples stay in a core's own cache while all the terms of one colour, which choose the same, look them up.
+        even = [part for part in parts if not len(part[1].colour)]
+
+        def work(begin: int, end: int) -> None:
+            for near in range(begin, end, _NEAR):
+                for chosen, term, prepared in even:
+                    plain(light, chosen[near : min(near + _NEAR, end)], spans.samples, term, prepared)
+
+        in_threads(work, max((len(chosen) for chosen, _, _ in even), default=0), spans.threads)
+        for chosen, term, prepared in parts:
+            if len(term.colour):
+                self._add_coloured(light, chosen, spans, term, prepared)
+
+    def _add_coloured(self, light: np.ndarray, chosen: np.ndarray, spans: Spans, term: Term, prepared: Any) -> None:
         points = spans.middles(term, 2)
         spans.add(light, chosen, term, lambda seen, here: kernels.looked_up_at(seen, here, points, prepared))
 

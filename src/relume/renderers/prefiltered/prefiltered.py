@@ -152,12 +152,14 @@ class Shading:
             chosen = np.flatnonzero(material == index).astype(np.int32)
             if not chosen.size:
                 continue
+            looked_up = []
             for layer, table in layers:
                 part, lit = self._part(layer, uv, chosen, len(light))
                 if isinstance(table, GlossyMap):
                     self._add_glossy(light, lit, spans, part, table)
                 else:
-                    self.filter.add(light, lit, spans, part, table)
+                    looked_up.append((lit, part, table))
+            self.filter.add_all(light, spans, looked_up)
         return light[:, :3]
 
     def _part(self, layer: ShadedLayer, uv: np.ndarray, chosen: np.ndarray, count: int) -> tuple[Term, np.ndarray]:

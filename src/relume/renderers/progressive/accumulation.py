@@ -8,13 +8,16 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable, Collection, Mapping
+from concurrent.futures import Future, ThreadPoolExecutor
 from dataclasses import dataclass
 from pathlib import Path
 from threading import Lock
+from types import TracebackType
 
 import numpy as np
 
-from relume.errors import Interrupted
+from relume.errors import Doubt, Interrupted, doubts_kept_back, warn
+from relume.image.bands import SMALL
 from relume.renderers.progressive.checkpoint import Checkpoint, read_checkpoint, remove_checkpoint, write_checkpoint
 from relume.renderers.progressive.convergence import Sums, Target
 from relume.renderers.progressive.graceful_shutdown import HardStop, StopFlag, interruptible
@@ -97,7 +100,7 @@ def accumulate(
     sums, met = loop.begun()
     report = progress or (lambda share: None)
     due = 1 << sums.passes.bit_length()
-    with interruptible(force=watch.force, save=loop.save) as asked:
+    with _Shown(watch.preview) as shown, interruptible(force=watch.force, save=loop.save) as asked:
         try:
             while sums.passes < passes and not (target is not None and met >= target.confirmations):
                 _leave_if(asked, loop, sums, passes)
@@ -110,9 +113,9 @@ def accumulate(
                 loop.done(sums, met)
                 report(sums.passes / passes)
                 # A preview at each doubling.
-                if watch.preview is not None and sums.passes >= due:
+                if sums.passes >= due:
                     due = 2 * sums.passes
-                    watch.preview(sums)
+                    shown.show(sums)
         except (Interrupted, KeyboardInterrupt):  # kept already, or a second signal that allows no more time
             raise
         except BaseException:
@@ -177,3 +180,40 @@ class _Loop:
                 return
             write_checkpoint(path, Checkpoint(self.key, sums.planes(), sums.passes, {"met": met}))
             self.saved = sums.passes
+
+
+class _Shown:
+    """Shows previews of small pictures while the next pass is traced, one at a time; the last before the loop ends."""
+
+    def __init__(self, preview: Preview | None) -> None:
+        self.preview = preview
+        self.pool = ThreadPoolExecutor(1)
+        self.last: Future[list[Doubt]] | None = None
+
+    def __enter__(self) -> _Shown:
+        return self
+
+    def __exit__(self, kind: type[BaseException] | None, error: BaseException | None, at: TracebackType | None) -> None:
+        self.pool.shutdown()
+        if error is None:
+            self._finish()
+
+    def show(self, sums: Sums) -> None:
+        """Raises what the preview before raised."""
+        if self.preview is None:
+            return
+        self._finish()
+        if max(plane.size for plane in sums.totals.values()) > 3 * SMALL:
+            self.preview(sums)
+        else:
+            self.last = self.pool.submit(self._shown, self.preview, sums)
+
+    def _shown(self, preview: Preview, sums: Sums) -> list[Doubt]:
+        with doubts_kept_back() as doubts:
+            preview(sums)
+        return doubts
+
+    def _finish(self) -> None:
+        last, self.last = self.last, None
+        for doubt in [] if last is None else last.result():
+            warn(doubt.line, doubt.effect)

@@ -24,8 +24,9 @@ STEP_COST = 1.0
 class Tree:
     """Boxes within boxes.
 
-    boxes : (M, 12) float32, two children's each, as low and high x, low and high y, low and high z
-    children : (M, 2) int32, references to the two: a node's number, or of a leaf ~(8·first + count)
+    boxes : (M, 24) float32, four children's: their low x, their high x, low y, high y, low z, high z; those of a child
+        that is none are ∞ and −∞
+    children : (M, 4) int32, references to the four: a node's number, or of a leaf ~(8·first + count)
     order : (P,) int32, the primitives' numbers as the leaves hold them, first … first + count
     root : reference to the whole
     depth : nodes above the deepest leaf
@@ -46,13 +47,17 @@ def build_tree(boxes: np.ndarray) -> Tree:
     if boxes.ndim != 2 or boxes.shape[1] != 6 or boxes.dtype != np.float32:
         raise ValueError(f"boxes are {boxes.dtype} {boxes.shape}; expected float32 (P, 6)")
     if not len(boxes):
-        none = np.zeros((0, 12), np.float32), np.zeros((0, 2), np.int32), np.zeros(0, np.int32)
+        none = np.zeros((0, 24), np.float32), np.zeros((0, 4), np.int32), np.zeros(0, np.int32)
         return Tree(*none, root=~0, depth=0)
     order = np.arange(len(boxes), dtype=np.int32)
     nodes = np.empty((len(boxes) - 1, 12), np.float32)
     children = np.empty((len(boxes) - 1, 2), np.int32)
     root, count, depth = _build(boxes.copy(), order, nodes, children)
-    return Tree(nodes[:count].copy(), children[:count].copy(), order, int(root), int(depth))
+    if not count:
+        return Tree(np.zeros((0, 24), np.float32), np.zeros((0, 4), np.int32), order, int(root), 0)
+    wide_boxes, wide_children = np.empty((count, 24), np.float32), np.empty((count, 4), np.int32)
+    count, depth = _fold(nodes, children, int(root), int(depth), wide_boxes, wide_children)
+    return Tree(wide_boxes[:count].copy(), wide_children[:count].copy(), order, 0, int(depth))
 
 
 @exact_kernel
@@ -100,6 +105,47 @@ def _build(boxes, order, nodes, children):
             for i in range(6):
                 nodes[parent >> 1, (parent & 1) * 6 + i] = box[i]
     return root, made, deepest
+
+
+@exact_kernel
+def _fold(nodes, children, root, depth, wide_boxes, wide_children):
+    """Make nodes of four children from those of two, the largest opened first: their number, and the depth."""
+    waiting = np.empty((3 * depth + 4, 3), np.int64)  # a node of two, where its node of four is noted, and the depth
+    of, which = np.empty(4, np.int64), np.empty(4, np.int64)  # each child: the node of two that has it, as which
+    waiting[0, 0], waiting[0, 1], waiting[0, 2] = root, -1, 1
+    top, made, deepest = 1, 0, 0
+    while top > 0:
+        top -= 1
+        node, parent, level = waiting[top, 0], waiting[top, 1], waiting[top, 2]
+        if parent >= 0:
+            wide_children[parent >> 2, parent & 3] = made
+        deepest = max(deepest, level)
+        of[0], which[0], of[1], which[1], count = node, 0, node, 1, 2
+        while count < 4:
+            opened, largest = -1, -1.0
+            for k in range(count):
+                if children[of[k], which[k]] >= 0:
+                    b = 6 * which[k]
+                    row = nodes[of[k]]
+                    area = _half_area((row[b], row[b + 1], row[b + 2], row[b + 3], row[b + 4], row[b + 5]))
+                    if area > largest:
+                        opened, largest = k, area
+            if opened < 0:
+                break
+            inner = children[of[opened], which[opened]]
+            of[opened], which[opened], of[count], which[count] = inner, 0, inner, 1
+            count += 1
+        for k in range(4):
+            child = children[of[k], which[k]] if k < count else 0
+            for side in range(6):
+                nothing = np.float32(-np.inf if side & 1 else np.inf)
+                wide_boxes[made, 4 * side + k] = nodes[of[k], 6 * which[k] + side] if k < count else nothing
+            wide_children[made, k] = child
+            if k < count and child >= 0:
+                waiting[top, 0], waiting[top, 1], waiting[top, 2] = child, 4 * made + k, level + 1
+                top += 1
+        made += 1
+    return made, deepest
 
 
 @exact_small

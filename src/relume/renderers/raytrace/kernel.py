@@ -14,6 +14,7 @@ from numba.extending import intrinsic
 from numba.np.arrayobj import make_array
 
 from relume.image.kernel import exact_inlined, exact_kernel, exact_small
+from relume.renderers.raytrace.four_boxes import MISSED, cross_boxes, key_of
 from relume.renderers.raytrace.patch_kernel import LEVELS, PIECE, meet_leaf
 from relume.renderers.raytrace.polygon_kernel import meet_polygon
 
@@ -80,7 +81,8 @@ unowned: Any = intrinsic(_unowned)
 def scratch(geometry):
     """What `meet` notes while it works: what is yet to be visited, where the ray enters it, and pieces of a patch that
     are yet to be looked at. One for each thread."""
-    return np.empty(geometry.depth + 1, np.int64), np.empty(geometry.depth + 1), np.empty(LEVELS * PIECE)
+    room = 3 * (geometry.depth + 1)
+    return np.empty(room, np.int64), np.empty(room, np.int64), np.empty(LEVELS * PIECE)
 
 
 @exact_inlined
@@ -109,27 +111,25 @@ def meet(
             if abs(x) <= planes[k, 1] and abs(z) <= planes[k, 2]:
                 best, reach, nearest = t, t * (1 + TIE), len(form) + k
 
-    # A direction of 0 makes a distance ±∞, or NaN in the very plane of a side, which `_cross_box` leaves out.
+    # A direction of 0 makes a distance ±∞, or NaN in the very plane of a side, which `cross_boxes` leaves out.
     dx, dy, dz = direction
     inverse = (1 / dx, 1 / dy, 1 / dz, _LATER / dx, _LATER / dy, _LATER / dz)
     near = (0 if inverse[0] > 0 else 1, 2 if inverse[1] > 0 else 3, 4 if inverse[2] > 0 else 5)
     axes, eye, shear = _shear_along(origin, direction)
-    reference, top = root, 0
+    reference, top, last = root, 0, key_of(reach)
     while not (any_will_do and nearest >= 0):
         if reference >= 0:
-            enter, leave = _cross_box(boxes, reference, 0, near, origin, inverse, beyond, reach)
-            other_enter, other_leave = _cross_box(boxes, reference, 6, near, origin, inverse, beyond, reach)
-            one, other = children[reference, 0], children[reference, 1]
-            if enter <= leave:
-                reference = one
-                if other_enter <= other_leave:
-                    if other_enter < enter:
-                        reference, other, other_enter = other, one, enter
-                    waiting[top], entry[top] = other, other_enter
+            first, second_box, third_box, farthest = cross_boxes(boxes, reference, near, origin, inverse, beyond, reach)
+            if first < MISSED:
+                if second_box < MISSED:
+                    # Those that were missed are written too, and written over.
+                    waiting[top], entry[top] = children[reference, farthest & 3], farthest
+                    top += farthest < MISSED
+                    waiting[top], entry[top] = children[reference, third_box & 3], third_box
+                    top += third_box < MISSED
+                    waiting[top], entry[top] = children[reference, second_box & 3], second_box
                     top += 1
-                continue
-            if other_enter <= other_leave:
-                reference = other
+                reference = children[reference, first & 3]
                 continue
         else:
             first = ~reference >> 3
@@ -144,7 +144,8 @@ def meet(
                     t, v, w = meet_leaf(measures, form[k] - LEAF, origin, direction, beyond, reach, footprint, pieces)
                 if beyond < t < reach and _before(t, best, shape, k, nearest):
                     best, reach, nearest, second, third = t, t * (1 + TIE), k, v, w
-        while top > 0 and entry[top - 1] >= reach:
+            last = key_of(reach)
+        while top > 0 and entry[top - 1] >= last:
             top -= 1
         if top == 0:
             break
@@ -159,29 +160,6 @@ def _before(t, best, shape, candidate, nearest):
     if nearest < 0 or shape[candidate] == shape[nearest]:
         return t < best
     return t < best * (1 - TIE if shape[candidate] > shape[nearest] else 1 + TIE)
-
-
-@exact_small
-def _cross_box(boxes, node, first, near, origin, inverse, enter, leave):
-    """Where in [enter, leave] a ray enters the box whose sides begin at `first`, and where it leaves it at the latest.
-
-    near : the side of each axis that the ray comes to first
-    inverse : of the direction, and of the same a little shorter
-    """
-    x, y, z = first + near[0], first + near[1], first + near[2]
-    t = (boxes[node, x] - origin[0]) * inverse[0]
-    enter = t if t > enter else enter
-    t = (boxes[node, y] - origin[1]) * inverse[1]
-    enter = t if t > enter else enter
-    t = (boxes[node, z] - origin[2]) * inverse[2]
-    enter = t if t > enter else enter
-    t = (boxes[node, x ^ 1] - origin[0]) * inverse[3]
-    leave = t if t < leave else leave
-    t = (boxes[node, y ^ 1] - origin[1]) * inverse[4]
-    leave = t if t < leave else leave
-    t = (boxes[node, z ^ 1] - origin[2]) * inverse[5]
-    leave = t if t < leave else leave
-    return enter, leave
 
 
 @exact_small

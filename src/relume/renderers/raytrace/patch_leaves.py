@@ -6,6 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from relume.image.kernel import exact_kernel
 from relume.renderers.raytrace.patch_point import BEYOND, TOUCH
 from relume.scene.shapes.shapes import Patches
 
@@ -15,8 +16,6 @@ FINEST = 4
 """A patch is halved this often at most along u and along v."""
 STEEPEST, NO_AREA = 2.0, -1.0
 """Stand for a sine where there is none: no slope is greater, and every one is."""
-BLOCK = 4096
-"""Leaves whose normals are looked at together."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -81,31 +80,59 @@ def split(patches: Patches) -> Leaves:
 def _cones(net: np.ndarray, axes: np.ndarray | None = None) -> tuple[np.ndarray, np.ndarray]:
     """The mean normal of each piece (L, 3), unless it is given, and the sine of the greatest angle of a normal to it:
     STEEPEST for a right angle or more, NO_AREA where there is no normal."""
-    begins = range(0, max(len(net), 1), BLOCK)
-    blocks = [_cones_at_once(net[i : i + BLOCK], None if axes is None else axes[i : i + BLOCK]) for i in begins]
-    axes, sines = (np.concatenate(part) for part in zip(*blocks, strict=True))
-    return axes, sines
+    means = np.zeros((len(net), 3)) if axes is None else axes.copy()
+    sines = np.empty(len(net))
+    _write_cones(np.ascontiguousarray(net), axes is None, means, sines, np.empty((144, 3)))
+    return means, sines
 
 
-def _cones_at_once(net: np.ndarray, axes: np.ndarray | None) -> tuple[np.ndarray, np.ndarray]:
-    """`_cones` of a few pieces.
+@exact_kernel
+def _write_cones(net, find_means, means, sines, units):
+    """`_cones`, into `means` and `sines`; `units` is scratch.
 
     Every normal ∂P/∂u × ∂P/∂v is a mean, with weights of 0 or more, of the products of control points' differences
     along u and along v. So is that of any two means of such differences, which is why a ray to which none of these
     products is at right angles meets the piece in one place at most.
     """
-    along_u, along_v = np.diff(net, axis=1).reshape(-1, 12, 1, 3), np.diff(net, axis=2).reshape(-1, 1, 12, 3)
-    products = np.cross(along_u, along_v).reshape(-1, 144, 3)
-    lengths = np.linalg.norm(products, axis=-1)
-    scale = np.sum(along_u**2, axis=(1, 2, 3)) + np.sum(along_v**2, axis=(1, 2, 3))
-    # Where points coincide, as at a pole, or lie in line, what is left of a product points anywhere.
-    counted = lengths > 1e-12 * scale[:, None]
-    units = products / np.where(counted, lengths, 1)[..., None]
-    means = np.where(counted[..., None], units, 0).sum(axis=1) if axes is None else axes
-    means = means / np.maximum(np.linalg.norm(means, axis=-1, keepdims=True), 1e-300)
-    cosines = np.where(counted, np.einsum("lkj,lj->lk", units, means), 1).min(axis=1)
-    sines = np.where(cosines > 0, np.sqrt(np.maximum(1 - cosines**2, 0)) + 1e-9, STEEPEST)
-    return means, np.where(counted.any(axis=1), sines, NO_AREA)
+    for piece in range(len(net)):
+        scale = 0.0
+        for j in range(3):
+            for k in range(4):
+                for c in range(3):
+                    along_u = net[piece, j + 1, k, c] - net[piece, j, k, c]
+                    along_v = net[piece, k, j + 1, c] - net[piece, k, j, c]
+                    scale += along_u * along_u + along_v * along_v
+        count, mx, my, mz = 0, 0.0, 0.0, 0.0
+        for a in range(12):
+            j, k = a // 4, a % 4
+            ux = net[piece, j + 1, k, 0] - net[piece, j, k, 0]
+            uy = net[piece, j + 1, k, 1] - net[piece, j, k, 1]
+            uz = net[piece, j + 1, k, 2] - net[piece, j, k, 2]
+            for b in range(12):
+                i, h = b // 3, b % 3
+                vx = net[piece, i, h + 1, 0] - net[piece, i, h, 0]
+                vy = net[piece, i, h + 1, 1] - net[piece, i, h, 1]
+                vz = net[piece, i, h + 1, 2] - net[piece, i, h, 2]
+                x, y, z = uy * vz - uz * vy, uz * vx - ux * vz, ux * vy - uy * vx
+                length = np.sqrt(x * x + y * y + z * z)
+                # Where points coincide, as at a pole, or lie in line, what is left of a product points anywhere.
+                if length > 1e-12 * scale:
+                    x, y, z = x / length, y / length, z / length
+                    units[count, 0], units[count, 1], units[count, 2] = x, y, z
+                    mx, my, mz = mx + x, my + y, mz + z
+                    count += 1
+        if not find_means:
+            mx, my, mz = means[piece, 0], means[piece, 1], means[piece, 2]
+        length = max(np.sqrt(mx * mx + my * my + mz * mz), 1e-300)
+        mx, my, mz = mx / length, my / length, mz / length
+        cosine = 1.0
+        for k in range(count):
+            cosine = min(cosine, units[k, 0] * mx + units[k, 1] * my + units[k, 2] * mz)
+        means[piece, 0], means[piece, 1], means[piece, 2] = mx, my, mz
+        if count == 0:
+            sines[piece] = NO_AREA
+        else:
+            sines[piece] = np.sqrt(max(1 - cosine * cosine, 0.0)) + 1e-9 if cosine > 0 else STEEPEST
 
 
 def _frames(net: np.ndarray, axis: np.ndarray) -> np.ndarray:

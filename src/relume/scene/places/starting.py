@@ -10,6 +10,7 @@ from pathlib import Path
 
 from relume.errors import InvalidPlace
 from relume.image import files
+from relume.image.files.atomic import relative_name
 from relume.scene.places.bodies import BODIES
 from relume.scene.places.photogrammetry.reading import KnownDistance, read_photogrammetry
 from relume.scene.places.photographs import photograph_facts, pictures_in
@@ -126,7 +127,7 @@ def _photogrammetry_text(
 
 def _relative(path: Path, out: Path) -> str:
     """The path from the place file's folder, quoted."""
-    return _quoted(os.path.relpath(path.absolute(), out.absolute().parent).replace(os.sep, "/"))
+    return _quoted(relative_name(path.absolute(), out.absolute().parent))
 
 
 def _quoted(text: str) -> str:

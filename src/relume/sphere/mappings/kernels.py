@@ -12,6 +12,7 @@ _HALF, _ONE, _TWO = np.float32(0.5), np.float32(1), np.float32(2)
 _PI, _QUARTER = np.float32(np.pi), np.float32(np.pi / 4)
 _TINY = np.float32(1e-30)
 _NODES, _WEIGHTS = np.polynomial.legendre.leggauss(16)
+_FEW_NODES, _FEW_WEIGHTS = np.polynomial.legendre.leggauss(4)
 RIM = 16
 """Pixels from the rim of an orthographic disc within which solid angles grow too fast for a sum of four densities."""
 FINE = 1024
@@ -269,16 +270,20 @@ def _rim_solid_angle(kind, across, rows, row, column):
     """Steradians of a pixel near the rim of a disc, by Green's theorem: ∮ (1 − cos θ) dψ round the pixel."""
     left, top, step = 2 * column / rows - 1, 2 * row / rows - 1, 2 / rows
     total = 0.0
-    for node in range(len(_NODES)):
-        x, y = left + (_NODES[node] + 1) / rows, top + (_NODES[node] + 1) / rows
-        weight = _WEIGHTS[node] / rows
+    for upright in range(2):
+        first, other = (left, top) if upright else (top, left)
         for side in range(2):
-            edge = left + side * step
-            squared = edge * edge + y * y
-            total += (2 * side - 1) * weight * _cap(kind, across, squared) * edge / max(squared, 1e-300)
-            edge = top + side * step
-            squared = edge * edge + x * x
-            total += (2 * side - 1) * weight * _cap(kind, across, squared) * edge / max(squared, 1e-300)
+            edge = first + side * step
+            # Where the rim does not cross an edge of a small pixel, a few nodes are as good as many.
+            near, far = abs(other + 0.5 * step) - 0.5 * step, abs(other + 0.5 * step) + 0.5 * step
+            crossed = edge * edge + max(near, 0.0) ** 2 < 1 < edge * edge + far * far
+            many = crossed or rows < 64 or kind == ORTHOGRAPHIC
+            nodes, weights = (_NODES, _WEIGHTS) if many else (_FEW_NODES, _FEW_WEIGHTS)
+            for node in range(len(nodes)):
+                along = other + (nodes[node] + 1) / rows
+                squared = edge * edge + along * along
+                cap = _cap(kind, across, squared)
+                total += (2 * side - 1) * weights[node] / rows * cap * edge / max(squared, 1e-300)
     return max(total, 0.0)
 
 
@@ -312,10 +317,13 @@ def solid_angle(kind, across, down, rows, columns, row, column):
     if kind == LAT_LONG:
         return (np.cos(np.pi * row / rows) - np.cos(np.pi * (row + 1) / rows)) * 2 * np.pi / columns
     if kind == EQUIDISTANT or kind == EQUISOLID or kind == ORTHOGRAPHIC:
-        middle = np.hypot(2 * (column + 0.5) / columns - 1, 2 * (row + 0.5) / rows - 1)
-        if middle > 1 + 1.5 * 2 / rows:
+        x, y, half = abs(2 * (column + 0.5) / columns - 1), abs(2 * (row + 0.5) / rows - 1), 1 / rows
+        if max(x - half, 0.0) ** 2 + max(y - half, 0.0) ** 2 >= 1:
             return 0.0
-        if middle > 1 - (RIM if kind == ORTHOGRAPHIC else 1.5) * 2 / rows:
+        fine = (x + half) ** 2 + (y + half) ** 2 <= 1
+        if kind == ORTHOGRAPHIC:
+            fine = np.hypot(x, y) <= 1 - RIM * 2 / rows
+        if not fine:
             return _rim_solid_angle(kind, across, rows, row, column)
     # Gauss's rule of two points a side, in as many parts as make a coarse image fine.
     parts = 1 if columns >= 64 else (127 // columns + 1) // 2 * 2

@@ -7,14 +7,17 @@ from __future__ import annotations
 
 import numpy as np
 
-from relume.image.kernel import inlined, kernel
+from relume.image.kernel import kernel
 from relume.sphere.mappings.kernels import FINE, RIM, neighbour, solid_angle, spread
 from relume.sphere.mappings.layouts import EQUIDISTANT, EQUISOLID, LAT_LONG, ORTHOGRAPHIC
+from relume.sphere.vector_steps import ask_for, between_four
 
 RUN = 16
 """Pixels along a row that share their number of cells."""
 SHARED = 4
 """Lines that share it."""
+AHEAD = 24
+"""Cells from one that is looked up to one whose pixels are asked for: a map is larger than what a core keeps."""
 _HALF, _ONE = np.float32(0.5), np.float32(1)
 
 
@@ -57,35 +60,30 @@ def round_caps(light, rows, columns, caps, begin, end):
     caps : (2·K·columns, 3) of the first and last K rows; begin…end of 2·K
     """
     deep = caps.shape[0] // columns // 2
-    band = np.empty(3 * columns, np.float32)
+    band = np.empty((3 * columns, 3), np.float32)
     for line in range(begin, end):
         row = line if line < deep else rows - 2 * deep + line
         width = 1 / np.sin(np.pi * (row + 0.5) / rows)
         reach = int(np.ceil(width / 2 - 0.5))
         share = width / 2 - reach + 0.5
         start, out, length = row * columns, line * columns, columns + 2 * reach
-        for channel in range(3):
-            for i in range(reach):
-                band[i] = light[start + columns - reach + i, channel]
-                band[reach + columns + i] = light[start + i, channel]
-            for i in range(columns):
-                band[reach + i] = light[start + i, channel]
-            running = 0.0
-            for i in range(1, 2 * reach):
-                running += band[i]
-            for i in range(length - 2 * reach):
-                first, last = np.float64(band[i]), np.float64(band[i + 2 * reach])
-                caps[out + i, channel] = (running + share * (first + last)) / width
-                running += last - band[i + 1]
-
-
-@inlined
-def _mixed(entries, upper, lower, across, down):
-    """One channel, bilinear between four neighbours, in a form that gives back constants to the bit."""
-    a, b = entries[upper], entries[upper + np.uint64(3)]
-    c, d = entries[lower], entries[lower + np.uint64(3)]
-    above, below = a + across * (b - a), c + across * (d - c)
-    return above + down * (below - above)
+        band[:reach] = light[start + columns - reach : start + columns]
+        band[reach : reach + columns] = light[start : start + columns]
+        band[reach + columns : length] = light[start : start + reach]
+        one, two, three = 0.0, 0.0, 0.0
+        for i in range(1, 2 * reach):
+            one, two, three = one + band[i, 0], two + band[i, 1], three + band[i, 2]
+        # Three running sums, so that none waits for itself.
+        scale, double = 1 / width, np.float64
+        old_one, old_two, old_three = double(band[0, 0]), double(band[0, 1]), double(band[0, 2])
+        for i in range(columns):
+            last, after, into = np.uint64(i + 2 * reach), np.uint64(i + 1), np.uint64(out + i)
+            new_one, new_two, new_three = double(band[last, 0]), double(band[last, 1]), double(band[last, 2])
+            caps[into, 0] = (one + share * (old_one + new_one)) * scale
+            caps[into, 1] = (two + share * (old_two + new_two)) * scale
+            caps[into, 2] = (three + share * (old_three + new_three)) * scale
+            old_one, old_two, old_three = double(band[after, 0]), double(band[after, 1]), double(band[after, 2])
+            one, two, three = one + (new_one - old_one), two + (new_two - old_two), three + (new_three - old_three)
 
 
 @kernel
@@ -116,39 +114,53 @@ def divisions(planes, step, begin, wide, high, counts):
 
 
 @kernel
-def cells(planes, line, wide, high, begin, xs, ys, owner, parts, count):
-    """Appends a line's cells to `count` (1,) earlier ones; those that a disc does not show are left out.
+def cells(planes, begin, end, wide, high, xs, ys, owner, parts):
+    """Fills the cells of lines begin…end, but for those that a disc does not show; returns how many there are.
 
-    begin : the first line whose pixels own cells; line begin owns with 0…columns
+    wide, high : (lines, runs), of `divisions`; pixels own cells by their place in these lines
     parts : of how many cells a pixel would be, each owner's
     """
     kind, rows, columns = planes.kind, planes.rows, planes.columns
     disc = kind == EQUIDISTANT or kind == EQUISOLID or kind == ORTHOGRAPHIC
-    row, place, first_owner = line % rows, count[0], (line - begin) * columns
-    middle = 2 * (row + 0.5) / rows - 1
-    for column in range(columns):
-        if disc:
-            # A pixel whose nearest corner lies beyond the rim shows nothing.
-            left = max(abs(column + 0.5 - columns * 0.5) - 0.5, 0.0)
-            above = max(abs(row + 0.5 - rows * 0.5) - 0.5, 0.0)
-            if left * left + above * above >= rows * rows * 0.25:
-                continue
-        parts[first_owner + column] = wide[column // RUN] * high[column // RUN]
-        before, across_many, down_many = place, wide[column // RUN], high[column // RUN]
-        for j in range(down_many):
-            down = 2 * (row + (j + 0.5) / down_many) / rows - 1
-            for i in range(across_many):
-                across = 2 * (column + (i + 0.5) / across_many) / columns - 1
-                if not disc or across * across + down * down <= 1:
-                    xs[place], ys[place], owner[place] = across, down, first_owner + column
+    place, own, edge = 0, 0, rows * rows * 0.25
+    for line in range(end - begin):
+        row = (begin + line) % rows
+        for run in range(wide.shape[1]):
+            across_many, down_many = wide[line, run], high[line, run]
+            many, step, step_down = across_many * down_many, 2 / (columns * across_many), 2 / (rows * down_many)
+            top = 2 * row / rows - 1 + 0.5 * step_down
+            first_column, last_column = run * RUN, min(run * RUN + RUN, columns)
+            # Whether the rim comes near any of the run's pixels.
+            far = max(abs(first_column - columns * 0.5), abs(last_column - columns * 0.5))
+            off = abs(row + 0.5 - rows * 0.5)
+            rim = disc and far * far + (off + 0.5) * (off + 0.5) > edge
+            for column in range(first_column, last_column):
+                own += 1
+                cut = False
+                if rim:
+                    # A pixel whose nearest corner lies beyond the rim shows nothing.
+                    middle = abs(column + 0.5 - columns * 0.5)
+                    left, above = max(middle - 0.5, 0.0), max(off - 0.5, 0.0)
+                    if left * left + above * above >= edge:
+                        continue
+                    cut = (middle + 0.5) * (middle + 0.5) + (off + 0.5) * (off + 0.5) > edge
+                parts[own - 1] = many
+                before, first = place, 2 * column / columns - 1 + 0.5 * step
+                for j in range(down_many):
+                    down = top + j * step_down
+                    for i in range(across_many):
+                        across = first + i * step
+                        if not cut or across * across + down * down <= 1:
+                            at = np.uint64(place)
+                            xs[at], ys[at], owner[at] = across, down, own - 1
+                            place += 1
+                if place == before:
+                    # None of its cells is on the disc: the nearest point of the rim stands for the sliver that is.
+                    across, down = 2 * (column + 0.5) / columns - 1, 2 * (row + 0.5) / rows - 1
+                    shrunk = (1 - 1e-6) / np.sqrt(across * across + down * down)
+                    xs[place], ys[place], owner[place] = across * shrunk, down * shrunk, own - 1
                     place += 1
-        if place == before:
-            # None of its cells is on the disc: the nearest point of the rim stands for the sliver that is.
-            across = 2 * (column + 0.5) / columns - 1
-            shrunk = (1 - 1e-6) / np.sqrt(across * across + middle * middle)
-            xs[place], ys[place], owner[place] = across * shrunk, middle * shrunk, first_owner + column
-            place += 1
-    count[0] = place
+    return place
 
 
 @kernel
@@ -189,91 +201,87 @@ def locate(source, deep, plane, xs, ys, place):
 
 
 @kernel
-def settle(source, plane, place, xs, ys, owner, weight, light, caps, values, inside, every):
+def across_edges(source, plane, place, light, caps):
+    """The neighbours (M, 12) of places near an edge, rim or seam, upper left first; of such n is now which of them."""
+    rows, columns = source.rows, source.columns
+    deep = len(caps) // columns // 6
+    low, high = deep * columns, (rows - deep) * columns
+    count = 0
+    for i in range(len(place)):
+        count += place[i] < -1
+    beyond, count = np.empty((count, 12), np.float32), 0
+    for i in range(len(place)):
+        if place[i] >= -1:
+            continue
+        row, column = (-2 - place[i]) // (columns + 2) - 1, (-2 - place[i]) % (columns + 2) - 1
+        for k in range(4):
+            index = neighbour(
+                source.kind, source.across, source.down, rows, columns, source.stride, source.origins, source.frames,
+                source.whole, plane[i], row + k // 2, column + k % 2,
+            )  # fmt: skip
+            for channel in range(3):
+                if deep > 0 and index < low:
+                    beyond[count, 3 * k + channel] = caps[3 * index + channel]
+                elif deep > 0 and index >= high:
+                    beyond[count, 3 * k + channel] = caps[3 * (index - high + low) + channel]
+                else:
+                    beyond[count, 3 * k + channel] = light[3 * index + channel]
+        place[i] = -2 - count
+        count += 1
+    return beyond
+
+
+@kernel
+def settle(stride, place, xs, ys, owner, weight, light, caps, beyond, values, inside, every):
     """Looks cells up in a source; their weighted means and the sums of their weights go to the pixels that own them.
 
+    stride : columns of the source
     owner : of one pixel's cells, one behind the other
     light : (3·N,) float32, the source's pixels
     caps : see `round_caps`, flat; empty where the source is no lat-long
+    beyond : of `across_edges`
     values : (K, 3) float32, the mean of what the source shows
     inside, every : (K,) float32, the weights of the cells that the source shows, and of all
     """
-    kind, across, down, rows, columns = source.kind, source.across, source.down, source.rows, source.columns
-    stride, origins, frames, whole = source.stride, source.origins, source.frames, source.whole
-    deep = len(caps) // columns // 6
-    low, high = deep * columns, (rows - deep) * columns
-    channels = len(light)
-    step = np.uint64(3 * stride)
-    one_on, two_on = np.uint64(1), np.uint64(2)
-    corners = np.empty(12, np.float32)
-    own, shown, total = -1, np.float32(0), np.float32(0)
-    first_one, first_two, first_three = np.float32(0), np.float32(0), np.float32(0)
-    more_one, more_two, more_three = np.float32(0), np.float32(0), np.float32(0)
-    for i in range(len(xs) + 1):
-        # The pixel before is done: its mean, which is never below 0, is written.
-        if i == len(xs) or owner[i] != own:
-            if own >= 0:
-                scale = _ONE / max(shown, np.float32(1e-30))
-                values[own, 0] = max(first_one + more_one * scale, np.float32(0))
-                values[own, 1] = max(first_two + more_two * scale, np.float32(0))
-                values[own, 2] = max(first_three + more_three * scale, np.float32(0))
-                inside[own], every[own] = shown, total
-            if i == len(xs):
-                break
-            own, shown, total = owner[i], np.float32(0), np.float32(0)
-            first_one, first_two, first_three = np.float32(0), np.float32(0), np.float32(0)
-            more_one, more_two, more_three = np.float32(0), np.float32(0), np.float32(0)
-        share = weight[i]
-        total += share
-        where = place[i]
-        if where == -1:
-            continue
-        right, below = xs[i], ys[i]
-        # The cell's colour: from the source's pixels, from the round caps at its poles, or across an edge.
-        if 0 <= where < channels:
-            begin = np.uint64(where)
-            one = _mixed(light, begin, begin + step, right, below)
-            two = _mixed(light, begin + one_on, begin + step + one_on, right, below)
-            three = _mixed(light, begin + two_on, begin + step + two_on, right, below)
-        elif where >= channels:
-            begin = np.uint64(where - channels)
-            one = _mixed(caps, begin, begin + step, right, below)
-            two = _mixed(caps, begin + one_on, begin + step + one_on, right, below)
-            three = _mixed(caps, begin + two_on, begin + step + two_on, right, below)
-        else:
-            row, column = (-2 - where) // (columns + 2) - 1, (-2 - where) % (columns + 2) - 1
-            for k in range(4):
-                index = neighbour(
-                    kind,
-                    across,
-                    down,
-                    rows,
-                    columns,
-                    stride,
-                    origins,
-                    frames,
-                    whole,
-                    plane[i],
-                    row + k // 2,
-                    column + k % 2,
-                )
-                for channel in range(3):
-                    if deep > 0 and index < low:
-                        corners[3 * k + channel] = caps[3 * index + channel]
-                    elif deep > 0 and index >= high:
-                        corners[3 * k + channel] = caps[3 * (index - high + low) + channel]
-                    else:
-                        corners[3 * k + channel] = light[3 * index + channel]
-            one = _mixed(corners, np.uint64(0), np.uint64(6), right, below)
-            two = _mixed(corners, np.uint64(1), np.uint64(7), right, below)
-            three = _mixed(corners, np.uint64(2), np.uint64(8), right, below)
-        # Weighted sums of the differences from the pixel's first cell, which keep more digits.
-        if shown == 0:
-            first_one, first_two, first_three = one, two, three
-        shown += share
-        more_one += share * (one - first_one)
-        more_two += share * (two - first_two)
-        more_three += share * (three - first_three)
+    channels, count = len(light), len(xs)
+    # Signed addresses: with unsigned ones numbers that may be below 0 are added in floating point.
+    pixels, averaged = np.int64(light.ctypes.data), np.int64(caps.ctypes.data) - 4 * channels
+    edges, below = np.int64(beyond.ctypes.data), np.int64(12 * stride)
+    i = 0
+    while i < count:
+        # Unsigned, so that no index is asked whether it counts from the end.
+        own, shown, total = owner[np.uint64(i)], np.float32(0), np.float32(0)
+        first_one, first_two, first_three = np.float32(0), np.float32(0), np.float32(0)
+        more_one, more_two, more_three = np.float32(0), np.float32(0), np.float32(0)
+        while i < count and owner[np.uint64(i)] == own:
+            at = np.uint64(i)
+            share, where, later = weight[at], place[at], place[np.uint64(min(i + AHEAD, count - 1))]
+            soon = (pixels if later < channels else averaged) + 4 * later
+            ask_for(soon)
+            ask_for(soon + below)
+            total += share
+            if where != -1:
+                # The cell's colour: from the source's pixels, from the round caps at its poles, or across an edge.
+                upper = (pixels if where < channels else averaged) + 4 * where
+                lower = upper + below
+                if where < 0:
+                    upper = edges + 48 * (-2 - where)
+                    lower = upper + 24
+                one, two, three = between_four(upper, lower, xs[at], ys[at])
+                # Weighted sums of the differences from the pixel's first cell, which keep more digits.
+                if shown == 0:
+                    first_one, first_two, first_three = one, two, three
+                shown += share
+                more_one += share * (one - first_one)
+                more_two += share * (two - first_two)
+                more_three += share * (three - first_three)
+            i += 1
+        # The pixel's mean, which is never below 0.
+        scale, mine = _ONE / max(shown, np.float32(1e-30)), np.uint64(own)
+        values[mine, 0] = max(first_one + more_one * scale, np.float32(0))
+        values[mine, 1] = max(first_two + more_two * scale, np.float32(0))
+        values[mine, 2] = max(first_three + more_three * scale, np.float32(0))
+        inside[mine], every[mine] = shown, total
 
 
 @kernel
@@ -286,15 +294,17 @@ def finish(planes, begin, end, values, inside, every, parts, least, saturated, r
     """
     kind, rows, columns, stride, origins = planes.kind, planes.rows, planes.columns, planes.stride, planes.origins
     disc = kind == EQUIDISTANT or kind == EQUISOLID or kind == ORTHOGRAPHIC
+    rim = RIM if kind == ORTHOGRAPHIC else 2
     total = np.zeros(3)
     for line in range(begin, end):
         row = line % rows
         start = origins[line // rows] + row * stride
         ring = solid_angle(kind, planes.across, planes.down, rows, columns, row, row) if kind == LAT_LONG else 0.0
-        above, most = (2 * (row + 0.5) / rows - 1) ** 2, (1 - 2 * RIM / rows) * abs(1 - 2 * RIM / rows)
+        above, most = (2 * (row + 0.5) / rows - 1) ** 2, (1 - 2 * rim / rows) * abs(1 - 2 * rim / rows)
+        pitch, cell = 2 / columns, 4.0 / (rows * columns)
         one, two, three = 0.0, 0.0, 0.0
         for column in range(columns):
-            index, own = start + column, (line - begin) * columns + column
+            index, own = np.uint64(start + column), np.uint64((line - begin) * columns + column)
             if every[own] == 0:
                 continue
             a, b, c = values[own, 0], values[own, 1], values[own, 2]
@@ -308,8 +318,8 @@ def finish(planes, begin, end, values, inside, every, parts, least, saturated, r
             angle = ring
             if kind != LAT_LONG:
                 # Of fine images the densities at the cells are good enough, but not where a rim cuts pixels.
-                if columns >= FINE and not (disc and above + (2 * (column + 0.5) / columns - 1) ** 2 > most):
-                    angle = every[own] / parts[own] * (4.0 / (rows * columns))
+                if columns >= FINE and not (disc and above + ((column + 0.5) * pitch - 1) ** 2 > most):
+                    angle = every[own] / parts[own] * cell
                 else:
                     angle = solid_angle(kind, planes.across, planes.down, rows, columns, row, column)
             one, two, three = one + a * angle, two + b * angle, three + c * angle

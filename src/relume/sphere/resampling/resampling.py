@@ -18,6 +18,7 @@ from relume.sphere.mappings.layouts import LAT_LONG, Layout, Planes
 from relume.sphere.mappings.mapping import LatLong, Mapping
 from relume.sphere.resampling.kernels import (
     RUN,
+    across_edges,
     cells,
     divisions,
     finish,
@@ -124,11 +125,9 @@ def _gathered(
         owned = (last - begin) * target.columns
         values = np.empty((owned, 3), np.float32)
         inside, every, parts = np.zeros((3, owned), np.float32)
-        count = np.zeros(1, np.int64)
-        for line in range(begin, last):
-            i = line - lines.start
-            cells(target, line, wide[i], high[i], begin, xs, ys, owner, parts, count)
-        xs, ys, x, y, z, weight, owner, plane = (a[: count[0]] for a in (xs, ys, x, y, z, weight, owner, plane))
+        here = slice(begin - lines.start, last - lines.start)
+        count = cells(target, begin, last, wide[here], high[here], xs, ys, owner, parts)
+        xs, ys, x, y, z, weight, owner, plane = (a[:count] for a in (xs, ys, x, y, z, weight, owner, plane))
         toward(target.kind, target.across, target.down, xs, ys, x, y, z, weight)
         turned(turns[begin // target.rows], x, y, z)
         found(source.kind, source.across, source.down, source.frames, source.whole, x, y, z, plane, xs, ys)
@@ -136,9 +135,10 @@ def _gathered(
         least, saturated = np.full(marked, 255, np.uint8), np.zeros(marked, np.uint8)
         if marked:
             mark(source, plane, xs, ys, owner, codes, least, saturated)
-        place = np.empty(count[0], np.int64)
+        place = np.empty(count, np.int64)
         locate(source, len(caps) // (6 * source.columns), plane, xs, ys, place)
-        settle(source, plane, place, xs, ys, owner, weight, light, caps, values, inside, every)
+        beyond = across_edges(source, plane, place, light, caps)
+        settle(source.stride, place, xs, ys, owner, weight, light, caps, beyond, values, inside, every)
         total += finish(target, begin, last, values, inside, every, parts, least, saturated, result, covered, marks)
         begin = last
     return total

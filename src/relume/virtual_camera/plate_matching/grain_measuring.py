@@ -36,14 +36,22 @@ def photograph_grain(
     None when the photograph has too few flat patches and there is no response.
     """
     white = float(np.iinfo(photograph.pixels.dtype).max)
-    found = flat_patches(
-        photograph.pixels.astype(np.float64), clean, darkest=0.01 * white, brightest=0.99 * white, least=2 * ROUNDING
-    )
+    found = _flat(photograph, clean)
     if found is None:
         return None if response is None else _by_response(response, white)
+    return _measured(found, ROUNDING) if response is None else _corrected(found, response, white)
+
+
+def _flat(photograph: Photograph, clean: np.ndarray | None) -> FlatPatches | None:
+    white = float(np.iinfo(photograph.pixels.dtype).max)
+    return flat_patches(
+        photograph.pixels.astype(np.float64), clean, darkest=0.01 * white, brightest=0.99 * white, least=2 * ROUNDING
+    )
+
+
+def _corrected(found: FlatPatches, response: Response, white: float) -> Grain:
+    """The grain of flat patches, and of values that none of them shows as the response has it."""
     grain = _measured(found, ROUNDING)
-    if response is None:
-        return grain
     given = _by_response(response, white)
     deviation = given.deviation.copy()
     for c, values in enumerate(given.values):
@@ -78,9 +86,10 @@ def bracket_grain(bracket: Bracket, index: int, response: Response) -> Grain | N
     clean = film.pixel_values(merged.radiance) * (white / 255)
     if merged.clipped is not None:
         clean[merged.clipped != 0] = np.nan
-    if photograph_grain(cut[index], clean=clean) is None:
+    found = _flat(cut[index], clean)
+    if found is None:
         return photograph_grain(photograph, response=response)
-    return photograph_grain(cut[index], clean=clean, response=response)
+    return _corrected(found, response, white)
 
 
 def _middle(shape: tuple[int, ...]) -> list[tuple[int, int]]:

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from relume.image.colour import luminance
-from relume.virtual_camera.protocols import Adaptation, Relative
+from relume.virtual_camera.protocols import Adaptation, Pixelwise, Relative
 from relume.virtual_camera.view import View
 
 NEAR_BLACK = 1e-6
@@ -38,7 +38,7 @@ class _Keyed(Relative):
 
 
 @dataclass(frozen=True)
-class Reinhard(_Keyed):
+class Reinhard(_Keyed, Pixelwise):
     """Middle grey by the log average, highlights rolled off as film does; colours keep their proportions.
 
     key : the display value that the log average goes to before highlights are compressed; 0.18 is a grey card's. 0.36

@@ -131,6 +131,6 @@ def _library(path: str | os.PathLike[str]) -> ModuleType:
         import pillow_heif
     except ImportError:
         raise UnreadableFile(
-            f"{path}: an HEIF photograph, and no library here reads it; pip install pillow-heif, or save it as JPEG"
+            f"{path}: an HEIF photograph, and no library here reads it; pip install 'relume[heif]', or save it as JPEG"
         ) from None
     return pillow_heif

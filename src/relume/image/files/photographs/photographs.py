@@ -28,7 +28,7 @@ from relume.image.files.photographs.form import Form
 from relume.image.files.photographs.header import form_of
 from relume.image.files.photographs.jpeg_coding import coding_of
 from relume.image.files.photographs.jpeg_decoding import decoded
-from relume.image.files.photographs.jpeg_segments import header_at, length_of
+from relume.image.files.photographs.jpeg_segments import APP1, APP2, ICC, header_at, length_of, segment
 from relume.image.files.photographs.salvage import PROFILE, embedded_profile, opened, salvaged
 from relume.image.files.read_options import ReadOptions
 from relume.image.files.signatures import kind_of, one_line
@@ -43,7 +43,8 @@ _STRIP = 2**18  # bytes before compression
 _LEVEL = 6  # of libdeflate
 _RGB, _UNDEFINED = 2, 7  # TIFF 6.0: photometric interpretation, section 6; a type, section 2
 _MOST_EXIF = 65533  # bytes behind the length of a JPEG's segment
-_MOST_PROFILE = 255 * (65533 - 14)  # of numbered pieces (ICC.1:2022, B.4)
+_PIECE = 65533 - 14  # bytes of a numbered piece of a profile (ICC.1:2022, B.4)
+_MOST_PROFILE = 255 * _PIECE
 _LONG_TEXT = 1024  # letters; five of these fit
 
 
@@ -139,21 +140,26 @@ def write_jpeg(path: str | os.PathLike[str], photograph: Photograph) -> None:
 
     Warns of pixels that are `outside`, which a JPEG cannot mark, and of texts that are too long for its EXIF.
     """
+    import imagecodecs
+
     if photograph.pixels.dtype != np.uint8:
         raise ValueError(f"pixels are {photograph.pixels.dtype}; a JPEG holds uint8: write .png")
     if max(photograph.size) > 65500:
         raise ValueError(f"the photograph is {photograph.size} pixels; a JPEG's side is at most 65500: write .png")
-    # Not straight into the file: on a full disk Pillow takes a short write for a whole one.
-    encoded = io.BytesIO()
     block, lost = _within_segment(photograph)
     profile = _profile_to_write(path, photograph)
     if profile is not None and len(profile) > _MOST_PROFILE:
         lost.append(f"its profile of {len(profile)} bytes")
         profile = None
-    picture = Image.fromarray(photograph.pixels)
-    picture.save(encoded, "JPEG", quality=95, subsampling=0, exif=block, icc_profile=profile)
-    with replacing(path) as temporary:
-        temporary.write_bytes(encoded.getvalue())
+    encoded = memoryview(imagecodecs.jpeg8_encode(photograph.pixels, level=95, subsampling="444"))
+    pieces = [] if profile is None else [profile[at : at + _PIECE] for at in range(0, len(profile), _PIECE)]
+    own = [segment(APP1, block)] if block else []
+    own += [segment(APP2, ICC + bytes((at, len(pieces))) + piece) for at, piece in enumerate(pieces, 1)]
+    # JFIF's segment is the first, and says how the colours are stored.
+    first = 4 + int.from_bytes(encoded[4:6])
+    with replacing(path) as temporary, open(temporary, "wb") as file:
+        for part in (encoded[:first], *own, encoded[first:]):
+            file.write(part)
     if photograph.outside is not None and (count := int(np.count_nonzero(photograph.outside))):
         lost.append(f"which {count} of its pixels are outside the picture")
     if lost:

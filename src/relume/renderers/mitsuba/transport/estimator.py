@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from copy import copy
 from dataclasses import replace
 from typing import Any
@@ -36,8 +37,9 @@ from relume.scene.cameras.camera import Camera
 from relume.scene.materials.materials import Material
 from relume.scene.scene import Scene
 
-LOOKS = 2
-"""Directions towards light from each real surface: a shadow ray costs a third of the rest of a sample."""
+LOOKS = 8, 2
+"""Directions towards light from the first real surface, of which only those towards objects need a shadow ray, and from
+those after it: what is changed there is faint."""
 
 
 class Estimator(Tracing):
@@ -95,25 +97,28 @@ class Estimator(Tracing):
 
         chosen : (H, W) bool, the pixels to trace; the planes are 0 elsewhere. All unless given
         """
+        return self.traced_together(samples, [seed], chosen)[0]
+
+    def traced_together(self, samples: int, seeds: Sequence[int], chosen: np.ndarray | None = None) -> list[Planes]:
+        """The same of several passes at once, with the same bits; at most as many as `together` says."""
         height, width = self.camera.height, self.camera.width
         pixels = np.arange(height * width) if chosen is None else np.flatnonzero(chosen)
-        planes = self.on_picture(pixels, self.of_pixels(pixels, samples, seed))
+        every = [self.on_picture(pixels, planes) for planes in self._of_pixels(pixels, samples, seeds)]
         if self.world.smooth and pixels.size:
-            planes = with_light(planes, self.lit(samples, seed), chosen)
-        return planes
+            lights = self.lit_together(samples, seeds)
+            every = [with_light(planes, light, chosen) for planes, light in zip(every, lights, strict=True)]
+        return every
 
     def of_pixels(self, pixels: np.ndarray, samples: int, seed: int) -> Planes:
         """The same planes of these pixels alone, (N, …), but for what is followed from the light."""
+        return self._of_pixels(pixels, samples, [seed])[0]
+
+    def _of_pixels(self, pixels: np.ndarray, samples: int, seeds: Sequence[int]) -> list[Planes]:
         if not pixels.size:
             planes = {name: np.zeros((0, 3), np.float32) for name in ("objects", "difference", "taken")}
-            return planes | {"matte": np.zeros(0, np.float32)}
-        self.flooded(samples, seed)
-        planes = self._over(samples, seed, self._traced, pixels)
-        # What is the same in all pixels, as 0 where there is no surface, may come as one value.
-        return {
-            name: values if len(values) == len(pixels) else np.repeat(values, len(pixels), axis=0)
-            for name, values in planes.items()
-        }
+            return [planes | {"matte": np.zeros(0, np.float32)} for _ in seeds]
+        self.flooded(samples, seeds[0])
+        return self._over(samples, seeds, self._traced, pixels)
 
     def _traced(self, numbers: Numbers) -> dict[str, Any]:
         world = self.world

@@ -25,6 +25,7 @@ class Lens:
     def __init__(self, camera: Camera) -> None:
         self.camera = camera
         self.across, self.down = map(opaque.number, camera.principal_point)
+        self.width, self.height = opaque.number(camera.width), opaque.number(camera.height)
         self.focus, self.focal_length = opaque.number(min(float(camera.focus), FAR)), opaque.number(camera.focal_length)
         self.turn, self.back = opaque.matrix(camera.rotation), opaque.matrix(camera.rotation.T)
         self.place = opaque.point(camera.position)
@@ -39,7 +40,7 @@ class Lens:
             across, up = (x - self.across) / self.focal_length, (self.down - y) / self.focal_length
         else:
             # Corner samples of the pixels, so that what lies between is within a thousandth of a pixel.
-            u, v = (x + 0.5) / (camera.width + 1), (y + 0.5) / (camera.height + 1)
+            u, v = (x + 0.5) / (self.width + 1), (y + 0.5) / (self.height + 1)
             across, up = self.straight.eval(mi.Point2f(u, v))
         towards, origin = mi.Vector3f(across, up, -1), self._on_lens(aperture)
         if camera.aperture > 0:
@@ -95,7 +96,7 @@ class Lens:
             ahead &= upright
         x = self.across + self.focal_length * across
         y = self.down - self.focal_length * up
-        ahead &= (x >= 0) & (x < camera.width) & (y >= 0) & (y < camera.height)
+        ahead &= (x >= 0) & (x < self.width) & (y >= 0) & (y < self.height)
         factor = dr.square(self.focal_length / distance) * stretch / (cosine * cosine * cosine)
         back = si.spawn_ray(way / distance)
         back.maxt = distance * (1 - 1e-4)

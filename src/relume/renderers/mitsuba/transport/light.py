@@ -91,10 +91,14 @@ class SceneLight:
         """Whether there is no light at all."""
         return not self.shares.any()
 
-    def sample(self, place: Any, choice: Any, point: Any, active: Any, dim: Any = False) -> Sample:
+    def sample(
+        self, place: Any, choice: Any, point: Any, active: Any, dim: Any = False,
+        wanted: Callable[[Any], Any] | None = None,
+    ) -> Sample:  # fmt: skip
         """A direction towards one of the lights, chosen by `choice`, within it by `point` (two numbers from 0 to 1).
 
         dim : where only what is not `emitted` is wanted
+        wanted : of a direction whether it is of use (`LightMap.sample`)
         """
         direction, distance = mi.Vector3f(0, 1, 0), mi.Float(0)
         weight, density, valid = mi.Color3f(0), mi.Float(0), mi.Bool(False)
@@ -103,7 +107,9 @@ class SceneLight:
             share = self._sampled[index]
             mine = active & (choice >= low) & ((choice < low + share) | (index == len(self.shares) - 1))
             low += share
-            found = source.sample(place, point, mine)
+            found = (
+                source.sample(place, point, mine, wanted) if source is self.map else source.sample(place, point, mine)
+            )
             if dim is not False:
                 kept = self.dimmed(found.weight * found.density) if source is self.map else 0
                 found = replace(found, weight=dr.select(dim, found.weight * kept, found.weight))
@@ -190,7 +196,7 @@ class SceneLight:
 
     def dimmed(self, radiance: Any) -> Any:
         """The share of the map's radiance that paths from the camera find through smooth objects; the rest is sent."""
-        brightness = dr.mean(radiance)
+        brightness = opaque.grey(radiance)
         return dr.select(brightness > self.bright, self.bright / dr.maximum(brightness, 1e-30), 1)
 
     def emitted(

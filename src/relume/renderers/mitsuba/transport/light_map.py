@@ -7,6 +7,7 @@ distant scene, and what stands there is seen from any place, so that near walls 
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from typing import Any
 
 import drjit as dr
@@ -69,7 +70,7 @@ class LightMap:
         pixel, _, within = self.emissions.sample(point, active)
         outward = _outward(*self._within(pixel, within))
         radiance = self.lookup(outward, active)
-        radiance *= dr.maximum(1 - self.bright / dr.maximum(dr.mean(radiance), 1e-30), 0)
+        radiance *= dr.maximum(1 - self.bright / dr.maximum(opaque.grey(radiance), 1e-30), 0)
         density = dr.gather(
             mi.Float, self.emission, mi.UInt32(mi.Int32(pixel.y) * self.columns + mi.Int32(pixel.x)), active
         )
@@ -109,12 +110,18 @@ class LightMap:
         found = dr.gather(mi.Float, self.density, mi.UInt32(row * self.columns + column), active)
         return (1 - UNIFORM_SHARE) * found + UNIFORM_SHARE / (4 * np.pi)
 
-    def sample(self, place: Any, point: Any, active: Any) -> Sample:
+    def sample(self, place: Any, point: Any, active: Any, wanted: Callable[[Any], Any] | None = None) -> Sample:
+        """A direction towards the distant scene.
+
+        wanted : of a direction whether it is of use; what it shows is not looked up elsewhere
+        """
         evenly = point.x < UNIFORM_SHARE
         x = dr.select(evenly, point.x / UNIFORM_SHARE, (point.x - UNIFORM_SHARE) / (1 - UNIFORM_SHARE))
         pixel, _, within = self.chances.sample(mi.Point2f(dr.minimum(x, 0.9999999), point.y), active)
         up, turn = self._within(pixel, within)
         ray = _outward(dr.select(evenly, 1 - 2 * point.y, up), dr.select(evenly, x, turn))
+        if wanted is not None and isinstance(self.distant, Infinite):
+            active = active & wanted(ray)
         radiance = self.lookup(ray, active)
         density = self.chance(ray, active)
         if isinstance(self.distant, Infinite):

@@ -9,6 +9,7 @@ import drjit as dr
 import mitsuba as mi
 import numpy as np
 
+from relume.renderers.mitsuba.transport import opaque
 from relume.scene.materials.media import Medium
 
 
@@ -83,7 +84,7 @@ class Media:
     def drawn(self, inside: Any, distance: Any) -> Any:
         """Density per metre with which `crossed` scatters at a distance."""
         scattering = self._of(self.scattering, inside)
-        return dr.mean(scattering * dr.exp(-scattering * distance))
+        return opaque.grey(scattering * dr.exp(-scattering * distance))
 
     def keeps(self, inside: Any) -> Any:
         """Whether a medium scatters light within a surface that bends it."""
@@ -111,7 +112,7 @@ class Media:
         scattered = within & (free < reach)
         way = dr.select(scattered, free, reach)
         left = dr.exp(-scattering * way)
-        ends = dr.mean(dr.select(scattered, scattering * left, left))
+        ends = opaque.grey(dr.select(scattered, scattering * left, left))
         weight = dr.select(scattered, scattering * left, left) * dr.exp(-absorption * way) / dr.maximum(ends, 1e-30)
         towards = self._turned(ray.d, inside, mi.Point2f(rng.next_float32(), rng.next_float32()))
         onward = mi.Ray3f(ray(dr.select(scattered, free, 0)), towards)

@@ -30,3 +30,8 @@ def matrix(rows: Iterable[Iterable[float]]) -> Any:
 def sphere(centre: Iterable[float], radius: float) -> tuple[Any, Any]:
     """A centre and a radius."""
     return point(centre), number(radius)
+
+
+def grey(colour: Any) -> Any:
+    """The mean of a colour's channels; Dr.Jit's own has the number of rays compiled in, a new kernel for each."""
+    return (colour.x + colour.y + colour.z) * (1 / 3)

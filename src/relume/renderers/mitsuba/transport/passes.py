@@ -11,6 +11,7 @@ import drjit as dr
 import mitsuba as mi
 import numpy as np
 
+from relume.renderers.mitsuba.arrays import aligned
 from relume.renderers.mitsuba.enclosing import filled_with, require_edges
 from relume.renderers.mitsuba.materials import bsdf, crossed_straight, emission, sends_narrowly
 from relume.renderers.mitsuba.scene import _shape, material_on
@@ -41,6 +42,8 @@ BAND = 2_000_000
 """Samples traced at once, whose values take about a quarter of a gigabyte."""
 HOLES = 16
 """Surfaces with holes that a ray from the camera is looked through one behind the other: leaves of a tree."""
+STREAM = 0xDA3E39CB94B95BDB
+"""PCG32's own stream, unless another is given."""
 MIRRORED = 16.0
 """Of the radius about all objects: how much of an endless mirror about them lamps send light to. What farther parts of
 it send on is found by chance, and of lamps without size not at all."""
@@ -103,13 +106,23 @@ class Tracing(ABC):
         other.camera, other.lens = camera, Lens(camera)
         return other
 
+    def together(self, samples: int) -> int:
+        """How many passes of so many samples a pixel are traced at once: starting takes as long for one as for some."""
+        if self.floods or self.lands:
+            return 1
+        return max(1, BAND // (samples * self.camera.width * self.camera.height))
+
     def lit(self, samples: int, seed: int) -> Planes:
         """What a pass of so many samples a pixel follows from the light, for `with_light`; of the whole picture."""
+        return self.lit_together(samples, [seed])[0]
+
+    def lit_together(self, samples: int, seeds: Sequence[int]) -> list[Planes]:
+        """The same of several passes at once, with the same bits."""
         count = max(self.camera.width * self.camera.height * samples // RAYS_OF_LIGHT, 1)
         if self.world.mirrors:
             # Of a real mirror the objects are a small part.
             count = max(count, FEWEST_RAYS)
-        return self._lit(min(count, MOST_RAYS), seed)
+        return self._lit(min(count, MOST_RAYS), seeds)
 
     def on_picture(self, pixels: np.ndarray, planes: Planes) -> Planes:
         """What `of_pixels` gave of these pixels, in order, in planes of the whole picture that are 0 elsewhere."""
@@ -127,7 +140,7 @@ class Tracing(ABC):
         """Depth, normal and albedo of what is seen first, the share of each pixel that shows anything, and a denoiser's
         guides: albedo and normal of the first thing that scatters light."""
         pixels = np.arange(self.camera.width * self.camera.height)
-        return self.on_picture(pixels, self._over(samples, seed, self._seen, pixels))
+        return self.on_picture(pixels, self._over(samples, [seed], self._seen, pixels)[0])
 
     @abstractmethod
     def _first(self, numbers: Numbers) -> tuple[Any, Any]:
@@ -153,21 +166,30 @@ class Tracing(ABC):
         """What guides a denoiser where a ray from the camera meets nothing."""
         return mi.Color3f(0)
 
-    def _over(self, samples: int, seed: int, trace: Callable[[Numbers], dict[str, Any]], pixels: np.ndarray) -> Planes:
-        """The means over the samples of each of these pixels; so many pixels at once as memory allows."""
-        most = max(1, BAND // samples)
+    def _over(
+        self, samples: int, seeds: Sequence[int], trace: Callable[[Numbers], dict[str, Any]], pixels: np.ndarray
+    ) -> list[Planes]:
+        """For each seed the means over the samples of these pixels; so many pixels at once as memory allows."""
+        most = max(1, BAND // (samples * len(seeds)))
         bands: dict[str, list[np.ndarray]] = {}
         for first in range(0, len(pixels), most):
             these = pixels[first : first + most].astype(np.uint32)
-            for name, means in self._summed(trace(Numbers(these, samples, seed)), samples).items():
-                bands.setdefault(name, []).append(np.asarray(means, np.float32))
-        return {name: np.concatenate(parts) if len(parts) > 1 else parts[0] for name, parts in bands.items()}
+            for name, means in self._summed(trace(Numbers(these, samples, seeds)), samples).items():
+                # What is the same in all pixels, as 0 where there is no surface, may come as one value.
+                rows = np.broadcast_to(means, (len(these) * len(seeds), *means.shape[1:]))
+                bands.setdefault(name, []).append(rows.reshape(len(these), len(seeds), *means.shape[1:]))
+        whole = {name: np.concatenate(parts) if len(parts) > 1 else parts[0] for name, parts in bands.items()}
+        return [
+            {name: np.ascontiguousarray(values[:, turn], np.float32) for name, values in whole.items()}
+            for turn in range(len(seeds))
+        ]
 
     def _rays(self, numbers: Numbers) -> Any:
         """Rays from the camera."""
         across, down = numbers.within_pixel()
-        width = self.camera.width
-        column, row = mi.Float(numbers.pixel % width), mi.Float(numbers.pixel // width)
+        width = dr.opaque(mi.UInt32, self.camera.width)
+        line = numbers.pixel // width
+        column, row = mi.Float(numbers.pixel - line * width), mi.Float(line)
         return self.lens.rays(column + across, row + down, two(numbers.stream))
 
     def _seen_object(self, ray: Any, numbers: Numbers) -> Any:
@@ -178,7 +200,7 @@ class Tracing(ABC):
         on, gone, stopped = mi.Ray3f(ray), mi.Float(0), mi.Bool(False)
         for _ in range(HOLES):
             si = added.compute_surface_interaction(on, mi.RayFlags.All, added.is_valid())
-            through = dr.mean(si.bsdf(on).eval_null_transmission(si, added.is_valid()))
+            through = opaque.grey(si.bsdf(on).eval_null_transmission(si, added.is_valid()))
             passes = added.is_valid() & ~stopped & (numbers.stream.next_float32() < through)
             stopped |= ~passes
             gone += dr.select(passes, added.t, 0)
@@ -195,7 +217,7 @@ class Tracing(ABC):
         if not self.pierced:
             return mi.Color3f(1)
         si = met.compute_surface_interaction(ray, mi.RayFlags.All, met.is_valid())
-        through = dr.mean(si.bsdf(ray).eval_null_transmission(si, met.is_valid()))
+        through = opaque.grey(si.bsdf(ray).eval_null_transmission(si, met.is_valid()))
         return mi.Color3f(1 / dr.maximum(1 - through, 1e-4))
 
     def _summed(self, values: dict[str, Any], samples: int) -> Planes:
@@ -208,31 +230,40 @@ class Tracing(ABC):
             planes[name] = means[0] if len(means) == 1 else np.stack(means, axis=-1)
         return planes
 
-    def _lit(self, count: int, seed: int) -> Planes:
+    def _lit(self, count: int, seeds: Sequence[int]) -> list[Planes]:
         """Light followed from the lamps through the smooth objects, added up on the picture in a fixed order."""
-        planes = self._sent(count, seed, True)
+        every = self._sent(count, seeds, True)
         if self.world.mirrors:
             # What it would be without the objects; both follow the same rays until one meets an object.
-            taken = self._sent(count, seed, False)["difference"]
-            planes |= {"difference": planes["difference"] - taken, "taken": taken}
-        return planes
+            for planes, without in zip(every, self._sent(count, seeds, False), strict=True):
+                taken = without["difference"]
+                planes |= {"difference": planes["difference"] - taken, "taken": taken}
+        return every
 
-    def _sent(self, count: int, seed: int, objects: bool) -> Planes:
-        rng = mi.PCG32(size=count, initstate=dr.opaque(mi.UInt64, seed + (1 << 40)))  # pyright: ignore[reportCallIssue]
-        spread = Spread(count, seed)
-        found = caustics(self.world, self.spheres, self.lens, spread, rng, dr.full(mi.Bool, True, count), objects)
+    def _sent(self, count: int, seeds: Sequence[int], objects: bool) -> list[Planes]:
+        spread, size = Spread(count, seeds), count * len(seeds)
+        # Of each seed the streams that it has alone: PCG32 adds a ray's place in the list to both.
+        turned = mi.UInt64(spread.index) - mi.UInt64(dr.arange(mi.UInt32, size))
+        begun = dr.gather(mi.UInt64, mi.UInt64(aligned(np.array(seeds) + (1 << 40), np.uint64)), spread.turn)
+        rng = mi.PCG32(size=size, initstate=begun + turned, initseq=turned + STREAM)  # pyright: ignore[reportCallIssue]
+        found = caustics(self.world, self.spheres, self.lens, spread, rng, dr.full(mi.Bool, True, size), objects)
         dr.eval(found)
+        return [self._splatted(found, count, turn) for turn in range(len(seeds))]
+
+    def _splatted(self, found: list[tuple[Any, Any, Any]], count: int, turn: int) -> Planes:
+        """What the rays of one of the seeds bring, added up in their order."""
         height, width = self.camera.height, self.camera.width
         planes = {name: np.zeros((height * width, 3)) for name in ("objects", "difference")}
+        mine = slice(turn * count, (turn + 1) * count)
         for point, flux, on_object in found:
-            light = np.array(flux).astype(np.float64) / count
+            light = np.array(flux)[:, mine].astype(np.float64) / count
             landed = light.max(axis=0) > 0
-            light, at = light[:, landed], np.array(point)[:, landed].astype(np.int64)
+            light, at = light[:, landed], np.array(point)[:, mine][:, landed].astype(np.int64)
             pixel = np.minimum(at[1], height - 1) * width + np.minimum(at[0], width - 1)
-            added = np.array(on_object)[landed]
-            for name, mine in (("objects", added), ("difference", ~added)):
+            added = np.array(on_object)[mine][landed]
+            for name, chosen in (("objects", added), ("difference", ~added)):
                 for channel in range(3):
-                    planes[name][:, channel] += np.bincount(pixel[mine], light[channel][mine], height * width)
+                    planes[name][:, channel] += np.bincount(pixel[chosen], light[channel][chosen], height * width)
         return {name: plane.reshape(height, width, 3) for name, plane in planes.items()}
 
 

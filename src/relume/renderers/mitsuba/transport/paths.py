@@ -8,6 +8,7 @@ import drjit
 import mitsuba
 
 from relume.renderers.mitsuba.limits import FAIR, WALK
+from relume.renderers.mitsuba.transport import opaque
 from relume.renderers.mitsuba.transport.dispersion import joined
 from relume.renderers.mitsuba.transport.photons import Photons, counted, reflected
 from relume.renderers.mitsuba.transport.sampling import Guide, Numbers, two
@@ -277,7 +278,7 @@ def _from_between(world: World, ray: Any, way: Any, inside: Any, rng: Any, activ
     extinction = media.extinction(inside)
     choice, where, point = rng.next_float32(), rng.next_float32(), two(rng)
     way = dr.minimum(way, 1e6)
-    along, chance, lamp = light.place_on(ray, way, dr.mean(extinction), choice, where)
+    along, chance, lamp = light.place_on(ray, way, opaque.grey(extinction), choice, where)
     place = ray(along)
     found = light.sample(place, choice, point, within)
     lit = within & found.valid & (chance > 0)
@@ -298,7 +299,7 @@ def _of_walk(world: World, ray: Any, way: Any, along: Any, direction: Any, insid
     """
     media = world.media
     assert media is not None
-    rate = dr.mean(media.extinction(inside))
+    rate = opaque.grey(media.extinction(inside))
     drawn = media.drawn(inside, along) * media.phase(inside, ray.d, direction)
     return drawn / dr.maximum(world.light.afar(dr.minimum(way, 1e6), rate, along), 1e-20)
 

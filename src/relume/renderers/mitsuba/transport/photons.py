@@ -109,7 +109,9 @@ def _kept(
     kept = [dr.zeros(mi.Float, count * SLOTS) for _ in range(9)]
     number = dr.zeros(mi.UInt32, count * SLOTS)
     rng = mi.PCG32(size=count, initstate=dr.opaque(mi.UInt64, seed))
-    times = follow(world, spheres, cylinders, Spread(count, seed), rng, dr.full(mi.Bool, True, count), [*kept, number])
+    times = follow(
+        world, spheres, cylinders, Spread(count, [seed]), rng, dr.full(mi.Bool, True, count), [*kept, number]
+    )
     dr.eval(times, kept, number)
     # Those that stand for more than themselves.
     weight = np.maximum(np.broadcast_to(np.array(times, np.float64), count) / SLOTS, 1) / count

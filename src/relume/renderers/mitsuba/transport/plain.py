@@ -73,11 +73,7 @@ class Plain(Tracing):
         """The planes radiance and matte of so many samples a pixel."""
         pixels = np.arange(self.camera.height * self.camera.width)
         self.flooded(samples, seed)
-        planes = self._over(samples, seed, self._traced, pixels)
-        whole = self.on_picture(pixels, {
-            name: values if len(values) == len(pixels) else np.repeat(values, len(pixels), axis=0)
-            for name, values in planes.items()
-        })  # fmt: skip
+        whole = self.on_picture(pixels, self._over(samples, [seed], self._traced, pixels)[0])
         if self.world.smooth:
             light = self.lit(samples, seed)
             whole["radiance"] = whole["radiance"] + light["objects"] + light["difference"]

@@ -30,23 +30,30 @@ Spheres = list[tuple[Any, Any]]
 
 
 class Numbers:
-    """Numbers from 0 to 1 for `samples` rays of each pixel; the same for a seed, whatever the number of threads.
+    """Numbers from 0 to 1 for `samples` rays of each pixel and seed; the same whatever the number of threads.
 
     Seeds of passes should lie far apart (`pass_seed`); `pixels` are the numbers of the pixels, in uint32. A pixel has
-    the same numbers whichever others are traced with it, so that the noise of a sequence stands still.
+    the same numbers for a seed whichever others are traced with it, so that the noise of a sequence stands still. The
+    rays of a pixel lie beside each other, those of its first seed first.
 
     Within a pixel the first numbers of its rays are a lattice, shifted by chance: farther apart than drawn ones.
     """
 
-    def __init__(self, pixels: np.ndarray, samples: int, seed: int) -> None:
-        count = pixels.size * samples
+    def __init__(self, pixels: np.ndarray, samples: int, seeds: Sequence[int]) -> None:
+        count = pixels.size * samples * len(seeds)
+        a_pass, passes = dr.opaque(mi.UInt32, samples), dr.opaque(mi.UInt32, len(seeds))
         index = dr.arange(mi.UInt32, count)
-        self.pixel: Any = dr.gather(mi.UInt32, mi.UInt32(aligned(pixels, np.uint32)), index // samples)
-        self.sample = index % samples
-        self.seed: Any = dr.opaque(mi.UInt32, seed & 0xFFFFFFFF)
+        row = index // a_pass
+        place = row // passes
+        self.pixel: Any = dr.gather(mi.UInt32, mi.UInt32(aligned(pixels, np.uint32)), place)
+        self.sample = index - row * a_pass
+        low = aligned(np.array([seed & 0xFFFFFFFF for seed in seeds]), np.uint32)
+        whole = aligned(np.array(seeds), np.uint64)
+        self.seed: Any = dr.gather(mi.UInt32, mi.UInt32(low), row - place * passes)
+        seed = dr.gather(mi.UInt64, mi.UInt64(whole), row - place * passes)
         # A ray's stream goes by its pixel and not by its place in the list, which PCG32 adds to both.
-        place = mi.UInt64(self.pixel) * samples + mi.UInt64(self.sample) - mi.UInt64(index)
-        state, sequence = dr.opaque(mi.UInt64, seed) + place, dr.opaque(mi.UInt64, 1 + seed) + place
+        place = mi.UInt64(self.pixel) * mi.UInt64(a_pass) + mi.UInt64(self.sample) - mi.UInt64(index)
+        state, sequence = seed + place, 1 + seed + place
         self.stream = mi.PCG32(size=count, initstate=state, initseq=sequence)  # pyright: ignore[reportCallIssue]
 
     def within_pixel(self) -> tuple[Any, Any]:
@@ -55,38 +62,65 @@ class Numbers:
         across, down = (_fraction(self._shift(axis) + index * step) for axis, step in enumerate(PLANE))
         return across, down
 
-    def towards_light(self, look: int, looks: int) -> tuple[Any, Any]:
-        """For the first surface of a path: which light, and where in it."""
+    def towards_light(self, look: Any, looks: int, shifts: tuple[Any, Any, Any] | None = None) -> tuple[Any, Any]:
+        """For the first surface of a path: which light, and where in it.
+
+        shifts : `light_shifts`, where a loop is to have them once
+        """
         index = mi.Float(self.sample * looks + look)
-        choice, u, v = (_fraction(self._shift(2 + axis) + index * step) for axis, step in enumerate(SPACE))
+        choice, u, v = (
+            _fraction(shift + index * step) for shift, step in zip(shifts or self.light_shifts(), SPACE, strict=True)
+        )
         return choice, mi.Point2f(u, v)
+
+    def light_shifts(self) -> tuple[Any, Any, Any]:
+        """By how much the numbers of each pixel are shifted."""
+        return self._shift(2), self._shift(3), self._shift(4)
+
+    def onward(self) -> Any:
+        """For the first surface of a path: where it goes on to (a point of a sequence as those of `Spread`)."""
+        keys = [mi.sample_tea_32(self.pixel, self._own(6 + each), 6)[0] for each in range(3)]
+        return _pair(self.sample, keys)
 
     def wavelength(self) -> Any:
         """The place of each ray's wavelength, spread evenly over those of its pixel (`Dispersion`)."""
         return _fraction(self._shift(5) + mi.Float(self.sample) * GOLDEN)
 
     def _shift(self, axis: int) -> Any:
-        return mi.sample_tea_float32(self.pixel, self.seed + mi.UInt32(0x9E3779B9 * (axis + 1) & 0xFFFFFFFF), 6)
+        return mi.sample_tea_float32(self.pixel, self._own(axis), 6)
+
+    def _own(self, axis: int) -> Any:
+        """The seed of an axis."""
+        return self.seed + mi.UInt32(0x9E3779B9 * (axis + 1) & 0xFFFFFFFF)
 
 
 class Spread:
-    """Points of unit squares for `count` rays of light, spread evenly over each square, without gaps and heaps.
+    """Points of unit squares for `count` rays of light of each seed, spread evenly over each square, without gaps and
+    heaps.
 
     Each pair is a (0, 2)-sequence of Sobol', its indices and its values scrambled by chance (Owen's scrambling by
     hashing; Burley 2020), so that each point is even by itself, and pairs and seeds know nothing of each other.
     """
 
-    def __init__(self, count: int, seed: int) -> None:
-        self.index: Any = dr.arange(mi.UInt32, count)
-        self.seed: Any = dr.opaque(mi.UInt32, (seed ^ seed >> 32) & 0xFFFFFFFF)
+    def __init__(self, count: int, seeds: Sequence[int]) -> None:
+        every, a_seed = dr.arange(mi.UInt32, count * len(seeds)), dr.opaque(mi.UInt32, count)
+        self.turn: Any = every // a_seed
+        self.index: Any = every - self.turn * a_seed
+        folded = aligned(np.array([(seed ^ seed >> 32) & 0xFFFFFFFF for seed in seeds]), np.uint32)
+        self.seed: Any = dr.gather(mi.UInt32, mi.UInt32(folded), self.turn)
 
     def pair(self, number: int) -> Any:
         """The points of a pair; rays with the same index have others in another pair."""
         tea: Any = mi.sample_tea_32
         keys = [tea(self.seed, mi.UInt32(3 * number + each))[0] for each in range(3)]
-        index = dr.brev(_scrambled(dr.brev(self.index), keys[0]))
-        # Both coordinates with their bits turned round: what a scramble of the low bits needs.
-        return mi.Point2f(_below_1(_scrambled(index, keys[1])), _below_1(_scrambled(_sobol_second(index), keys[2])))
+        return _pair(self.index, keys)
+
+
+def _pair(index: Any, keys: Sequence[Any]) -> Any:
+    """Points of an Owen-scrambled (0, 2)-sequence, by their numbers in it and three keys of the scrambles."""
+    index = dr.brev(_scrambled(dr.brev(index), keys[0]))
+    # Both coordinates with their bits turned round: what a scramble of the low bits needs.
+    return mi.Point2f(_below_1(_scrambled(index, keys[1])), _below_1(_scrambled(_sobol_second(index), keys[2])))
 
 
 def _sobol_second(index: Any) -> Any:
@@ -243,15 +277,16 @@ class Guide:
             total += share
         return [(axis, less, dr.select(total > 0, share / total, 0)) for axis, less, share in found]
 
-    def sample(self, cones: list[tuple[Any, Any, Any]], choice: Any, point: Any) -> Any:
-        """A unit vector into one of the cones."""
-        axis, less = mi.Vector3f(0, 1, 0), mi.Float(0)
+    def sample(self, cones: list[tuple[Any, Any, Any]], point: Any) -> Any:
+        """A unit vector into one of the cones, chosen by the first number of a point; even points stay even in each."""
+        axis, less, along = mi.Vector3f(0, 1, 0), mi.Float(0), mi.Float(0)
         low = mi.Float(0)
         for direction, width, share in cones:
-            mine = (choice >= low) & (share > 0)
+            mine = (point.x >= low) & (share > 0)
             axis, less = dr.select(mine, direction, axis), dr.select(mine, width, less)
+            along = dr.select(mine, (point.x - low) / dr.maximum(share, 1e-20), along)
             low += share
-        return beside(axis, point.x * less, point.y)
+        return beside(axis, dr.clip(along, 0, 1) * less, point.y)
 
     def density(self, cones: list[tuple[Any, Any, Any]], direction: Any) -> Any:
         """Per steradian, of `sample`."""

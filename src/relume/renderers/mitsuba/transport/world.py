@@ -56,6 +56,9 @@ class World:
         pierced: bool = False,
     ) -> None:  # fmt: skip
         self.local, self.objects, self.light = local, objects, light
+        # Of a single real surface: called as it is, while a choice among all surfaces has every kind of them compiled.
+        real = [] if local is None else local.shapes()
+        self.only_real = real[0].bsdf() if len(real) == 1 else None
         self.media, self.emitting, self.depth, self.smooth = media, emitting, depth, smooth
         self.outside = 0 if media is None else media.outside
         self.foggy = self.outside > 0
@@ -141,10 +144,10 @@ class World:
         """The first of all surfaces on a ray."""
         if not objects:
             return self.real(ray, active)
-        added = self.objects.ray_intersect_preliminary(ray, active=active)
         if self.local is None:
-            return self.within_walls(ray, added, active)
+            return self.within_walls(ray, self.objects.ray_intersect_preliminary(ray, active=active), active)
         real = self.real(ray, active)
+        added = self.objects.ray_intersect_preliminary(until(ray, real.t), active=active)
         return dr.select(added.t < real.t, added, real)
 
     def real(self, ray: Any, active: Any) -> Any:
@@ -165,10 +168,11 @@ class World:
     def hidden(self, ray: Any, active: Any, objects: bool = True) -> Any:
         """Whether anything stands before a ray's end."""
         found = mi.Bool(False)
-        if objects:
-            found |= self.objects.ray_test(ray, active=active)
+        # Real surfaces first, which have far fewer triangles mostly.
         if self.local is not None:
-            found |= self.local.ray_test(ray, active=active & ~found)
+            found |= self.local.ray_test(ray, active=active)
+        if objects:
+            found |= self.objects.ray_test(ray, active=active & ~found)
         return found
 
     def sees(self, inside: Any) -> Any:
@@ -272,3 +276,10 @@ def _arrives(world: World, ray: Any, inside: Any, active: Any, sizeless: Any) ->
         ray = dr.select(through, onward, ray)
         walking &= through & (dr.max(share) > 0) & (ray.maxt > 0)
     return share
+
+
+def until(ray: Any, distance: Any) -> Any:
+    """A ray that ends there, or where it did if that is nearer."""
+    shorter = mi.Ray3f(ray)
+    shorter.maxt = dr.minimum(shorter.maxt, distance)
+    return shorter

@@ -51,6 +51,7 @@ _MANTISSA = 23
 _MOST_BITS = 15  # of mantissa: a table of 16-bit sRGB then is 1.4 MB, which a core's own cache holds
 _ROUNDING = 1e-12  # of a curve: 1.055 − 0.055 is a little less than 1
 _ROWS = 64
+_THROUGH = 2**16  # pixels
 
 
 @dataclass(frozen=True, eq=False)
@@ -159,11 +160,15 @@ def _refuse_falling(shown: Callable[[np.ndarray], np.ndarray], bins: int, lowest
 
 
 def coded(
-    values: np.ndarray, table: CodeTable, gain: float | tuple[float, float, float] = 1.0
+    values: np.ndarray,
+    table: CodeTable,
+    gain: float | tuple[float, float, float] = 1.0,
+    through: Callable[[np.ndarray], np.ndarray] | None = None,
 ) -> tuple[np.ndarray, Clipping]:
     """Codes (H, W, 3) uint8 or uint16 of values (H, W, 3) float32, and how many lie beyond either end of the curve.
 
     gain : what values are multiplied by first, in float32, each channel by its own where three are given: an exposure
+    through : what becomes of values before that, some rows at a time, so that they are never whole in memory
     Raises ValueError for NaN, whose first pixel it names, and for another shape or type.
     """
     if values.ndim != 3 or values.shape[2] != 3 or values.dtype != np.float32:
@@ -181,13 +186,16 @@ def coded(
     def work(begin: int, end: int) -> np.ndarray:
         counts = np.zeros((3, 3), np.int64)
         rows, into = values[begin:end], codes[begin:end]
+        rows = rows if through is None else through(rows)
         bins = (table.starts, table.lowest, table.shift, table.comparisons)
         lookup(rows, gains, table.thresholds, *bins, bounds, into, counts)
         return counts
 
-    counts = np.sum(in_threads(work, height, chunk=_ROWS), axis=0)
+    # Rows that stay in the cache between the two, and are too few for threads of their own.
+    chunk = _ROWS if through is None else max(1, _THROUGH // width)
+    counts = np.sum(in_threads(work, height, chunk=chunk), axis=0)
     absent = int(counts[2].sum())
     if absent:
-        y, x = np.argwhere(np.isnan(values).any(-1))[0]
+        y, x = np.argwhere(np.isnan(values if through is None else through(values)).any(-1))[0]
         raise ValueError(f"{absent} values are NaN, the first at x {x}, y {y}; mend or mask them before they are shown")
     return codes, clipping_of(counts[0], counts[1], height * width)

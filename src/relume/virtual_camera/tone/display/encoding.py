@@ -111,20 +111,27 @@ def encoded(values: np.ndarray, display: Display = Srgb(), *, gain: float = 1.0)
 
 
 def encoded_and_clipped(
-    values: np.ndarray, display: Display = Srgb(), *, gain: float = 1.0
+    values: np.ndarray,
+    display: Display = Srgb(),
+    *,
+    gain: float = 1.0,
+    through: Callable[[np.ndarray], np.ndarray] | None = None,
 ) -> tuple[np.ndarray, Clipping]:
     """Codes (H, W, 3) of linear display values, and the share of pixels that the display cannot show as they are.
 
     values : (H, W, 3) float32, linear Rec. 709, 1 = white
     display : sRGB by default, which every program shows
     gain : what values are multiplied by first. Of radiance it is an exposure, and with sRGB both are one pass
+    through : what makes display values of `values`, of any of their rows alike, before that; none where they are
     returns : uint8, or uint16 for 16 bits, PQ and HLG, whose signal 1 is 65535; of a gain map the base. sRGB codes are
         the rounding of the curve exactly, those of others of the float32 values in their primaries
     Raises ValueError for NaN, whose first pixel it names, and for another shape or type.
     """
+    if through is not None and not isinstance(display, Srgb):
+        values = through(values)
     match display:
         case Srgb(bits):
-            return coded(values, _srgb(bits), gain)
+            return coded(values, _srgb(bits), gain, through)
         case HdrGainMap():
             return coded(values, _srgb(8), gain)
         case DisplayP3(bits):

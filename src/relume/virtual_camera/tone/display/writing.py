@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
@@ -32,7 +33,12 @@ _SUFFIXES = {
 
 
 def write_display(
-    path: str | os.PathLike[str], values: np.ndarray, display: Display = Srgb(), *, gain: float = 1.0
+    path: str | os.PathLike[str],
+    values: np.ndarray,
+    display: Display = Srgb(),
+    *,
+    gain: float = 1.0,
+    through: Callable[[np.ndarray], np.ndarray] | None = None,
 ) -> Clipping:
     """Write linear display values, whole or not at all, as a picture for `display`.
 
@@ -40,6 +46,7 @@ def write_display(
         ICC profile; .avif for `PQ` and `HLG`; .jpg for `HdrGainMap`
     values : (H, W, 3) float32, linear Rec. 709, 1 = white; in PQ, HLG and gain maps what is above 1 stays brighter
     gain : what values are multiplied by first; of radiance it is an exposure
+    through : what makes display values of `values` before that, as of `encoded_and_clipped`
     returns : the share of pixels that the file cannot hold as they are, for the caller to report
     Raises ValueError for NaN, another suffix or shape, and where the part that writes AVIF is missing;
     OutputNotWritten.
@@ -47,10 +54,11 @@ def write_display(
     require_suffix_for(path, display)
     suffix = Path(path).suffix.lower()
     if isinstance(display, HdrGainMap):
+        values = values if through is None else through(values)
         return _write_gain_map(path, values if gain == 1 else values * np.float32(gain), display)
     if isinstance(display, Srgb | DisplayP3) and display.bits == 16 and suffix in (".jpg", ".jpeg"):
         raise ValueError(f"{path}: a JPEG holds 8 bits a channel; write .png or .tif, or give bits=8")
-    codes, clipping = encoded_and_clipped(values, display, gain=gain)
+    codes, clipping = encoded_and_clipped(values, display, gain=gain, through=through)
     if isinstance(display, PQ | HLG):
         from relume.image.files.photographs import avif
 

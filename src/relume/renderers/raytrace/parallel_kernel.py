@@ -1,0 +1,193 @@
+"""The loop below `parallel_light`: points in cells across the light, and triangles that ask them.
+
+Heights, bounds and planes are of float32 and widened by what that rounds; a point that none of them clears is put to
+the test of `kernel`, in double precision.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from relume.image.kernel import exact_kernel, exact_small
+from relume.renderers.raytrace.kernel import _meet_triangle as meet_triangle
+from relume.renderers.raytrace.kernel import _shear_along as shear_along
+
+CLUSTER = 64
+"""Triangles that are passed over together where no point lies below them."""
+IN_CELL = 2
+"""Points of a cell, about."""
+BLOCK = 16
+"""Points that are asked at once, by vector instructions."""
+STEEP = np.float32(50)
+"""Slope of a plane from which on its triangle's highest corner stands for it."""
+MARGIN = np.float32(2e-6)
+"""Of the largest coordinate: bounds in float32 are off by a quarter of it."""
+
+
+@exact_kernel
+def hide(corners, columns, boxes, points, direction, hidden):
+    """Mark the points (N, 3) that lie in the shadow of a triangle; the other arguments as of `Shadows`."""
+    if len(points) == 0:
+        return
+    axes, _, shear = shear_along((0.0, 0.0, 0.0), (direction[0], direction[1], direction[2]))
+    x, y, z = axes
+    across, along, height, ends, margin = seen_along(points, axes, shear, boxes)
+    place, a, b, h, begins, lowest, per, wide = in_cells(across, along, height, ends, margin)
+    bounds, reach = np.empty((14, CLUSTER), np.float32), np.empty((4, CLUSTER), np.int32)
+    for cluster in range(len(boxes)):
+        most, deepest = lowest_under(boxes[cluster], axes, shear, ends, margin, lowest, per, wide)
+        if deepest >= most:
+            continue
+        begin = cluster * CLUSTER
+        size = min(CLUSTER, len(corners) - begin)
+        measure(columns, begin, size, axes, shear, ends, margin, per, bounds, reach)
+        for i in range(size):
+            most = bounds[4, i]
+            if most <= deepest or reach[0, i] > reach[1, i]:
+                continue
+            left, right, front, back = bounds[0, i], bounds[1, i], bounds[2, i], bounds[3, i]
+            here_a, here_b, base, pa, pb = bounds[5, i], bounds[6, i], bounds[7, i], bounds[8, i], bounds[9, i]
+            ua, ub, va, vb = bounds[10, i], bounds[11, i], bounds[12, i], bounds[13, i]
+            area, edge = ua * vb - ub * va, 4 * margin * (abs(ua) + abs(ub) + abs(va) + abs(vb))
+            turn = np.float32(1 if area > 0 else -1)
+            for row in range(reach[2, i], reach[3, i] + 1):
+                for j in range(begins[row * wide + reach[0, i]], begins[row * wide + reach[1, i] + 1], BLOCK):
+                    # A bit for each point of a block that lies within the bounds and below the plane.
+                    near, start = np.uint32(0), np.uint64(j)
+                    for k in range(BLOCK):
+                        at = start + np.uint64(k)
+                        inside = (a[at] >= left) & (a[at] <= right) & (b[at] >= front) & (b[at] <= back)
+                        plane = base + pa * (a[at] - here_a) + pb * (b[at] - here_b)
+                        inside &= (h[at] < most) & (h[at] < plane)
+                        near |= np.uint32(inside) << np.uint32(k)
+                    while near:
+                        bit = near & (~near + np.uint32(1))
+                        near ^= bit
+                        k = j + (np.float32(bit).view(np.int32) >> 23) - 127
+                        # Outside one of the triangle's sides, seen along the light?
+                        ra, rb = a[k] - here_a, b[k] - here_b
+                        one, other = (ua * rb - ub * ra) * turn, (ra * vb - rb * va) * turn
+                        if one < -edge or other < -edge or area * turn - one - other < -edge:
+                            continue
+                        # The test that a ray makes.
+                        point = place[k]
+                        eye = (points[point, x], points[point, y], points[point, z])
+                        distance, _, _ = meet_triangle(corners, begin + i, axes, eye, shear)
+                        if 0 < distance < np.inf:
+                            hidden[point] = True
+                            h[k] = np.inf
+
+
+@exact_kernel
+def seen_along(points, axes, shear, boxes):
+    """The points across the light, twice, and towards it; their ends across it; and how far bounds are widened."""
+    x, y, z = axes
+    count, up = len(points), 1 if shear[2] > 0 else -1
+    across, along, height = np.empty(count, np.float32), np.empty(count, np.float32), np.empty(count, np.float32)
+    low_a, low_b, high_a, high_b = np.float32(np.inf), np.float32(np.inf), np.float32(-np.inf), np.float32(-np.inf)
+    largest = np.float32(1e-30)
+    for i in range(count):
+        across[i] = points[i, x] - shear[0] * points[i, z]
+        along[i] = points[i, y] - shear[1] * points[i, z]
+        height[i] = up * points[i, z]
+        low_a, high_a = min(low_a, across[i]), max(high_a, across[i])
+        low_b, high_b = min(low_b, along[i]), max(high_b, along[i])
+        largest = max(largest, abs(height[i]))
+    for i in range(len(boxes)):
+        for k in range(6):
+            largest = max(largest, abs(boxes[i, k]))
+    margin = MARGIN * max(largest, -low_a, high_a, -low_b, high_b)
+    return across, along, height, (low_a, high_a, low_b, high_b), margin
+
+
+@exact_kernel
+def in_cells(across, along, height, ends, margin):
+    """The points sorted into cells, so that a row of cells is one stretch of them.
+
+    returns : their numbers, (a, b, height) with a block of none behind; where each cell begins and its lowest height;
+        cells a metre, and how many are in a row
+    """
+    low_a, high_a, low_b, high_b = ends
+    count, width, depth = len(across), high_a - low_a, high_b - low_b
+    share = np.float32(IN_CELL) / np.float32(count)
+    per = np.float32(1) / max(np.sqrt(width * depth * share), max(width, depth) * share, margin)
+    wide, tall = cell_of(high_a, low_a, per) + 1, cell_of(high_b, low_b, per) + 1
+    begins, lowest = np.zeros(wide * tall + 2, np.int32), np.full(wide * tall, np.float32(np.inf))
+    cells, place = np.empty(count, np.int32), np.empty(count, np.int32)
+    for i in range(count):
+        cell = cell_of(along[i], low_b, per) * wide + cell_of(across[i], low_a, per)
+        cells[i] = cell
+        begins[cell + 2] += 1
+        lowest[cell] = min(lowest[cell], height[i])
+    for cell in range(2, len(begins)):
+        begins[cell] += begins[cell - 1]
+    a, b = np.zeros(count + BLOCK, np.float32), np.zeros(count + BLOCK, np.float32)
+    h = np.full(count + BLOCK, np.float32(np.inf))
+    for i in range(count):
+        j = begins[cells[i] + 1]
+        begins[cells[i] + 1] = j + 1
+        place[j], a[j], b[j], h[j] = i, across[i], along[i], height[i]
+    return place, a, b, h, begins, lowest, per, wide
+
+
+@exact_kernel
+def lowest_under(box, axes, shear, ends, margin, lowest, per, wide):
+    """How high a box reaches, and the lowest point in the cells it covers; ∞ where it covers none."""
+    x, y, z = axes
+    low_a, high_a, low_b, high_b = ends
+    sx, sy, lz, hz = np.float32(shear[0]), np.float32(shear[1]), box[z], box[z + 3]
+    left, right = box[x] - max(sx * lz, sx * hz) - margin, box[x + 3] - min(sx * lz, sx * hz) + margin
+    front, back = box[y] - max(sy * lz, sy * hz) - margin, box[y + 3] - min(sy * lz, sy * hz) + margin
+    most, deepest = (hz if shear[2] > 0 else -lz) + margin, np.float32(np.inf)
+    if right < low_a or left > high_a or back < low_b or front > high_b:
+        return most, deepest
+    first, last = cell_of(max(left, low_a), low_a, per), cell_of(min(right, high_a), low_a, per)
+    for row in range(cell_of(max(front, low_b), low_b, per), cell_of(min(back, high_b), low_b, per) + 1):
+        for cell in range(row * wide + first, row * wide + last + 1):
+            deepest = min(deepest, lowest[cell])
+    return most, deepest
+
+
+@exact_kernel
+def measure(columns, begin, size, axes, shear, ends, margin, per, bounds, reach):
+    """What each triangle of a cluster covers, as seen along the light.
+
+    bounds : (14, CLUSTER) to fill: ends across the light, highest corner, first corner, the plane's height there and
+        its slopes, and two sides
+    reach : (4, CLUSTER) to fill: first and last column of cells, first and last row; none where last is before first
+    """
+    x, y, z = axes
+    low_a, high_a, low_b, high_b = ends
+    sx, sy, up = np.float32(shear[0]), np.float32(shear[1]), np.float32(1 if shear[2] > 0 else -1)
+    ax, ay, az, bx, by, bz = columns[x], columns[y], columns[z], columns[x + 3], columns[y + 3], columns[z + 3]
+    cx, cy, cz = columns[x + 6], columns[y + 6], columns[z + 6]
+    for i in range(size):
+        k = begin + i
+        a1, a2, a3 = ax[k] - sx * az[k], bx[k] - sx * bz[k], cx[k] - sx * cz[k]
+        b1, b2, b3 = ay[k] - sy * az[k], by[k] - sy * bz[k], cy[k] - sy * cz[k]
+        h1, h2, h3 = up * az[k], up * bz[k], up * cz[k]
+        left, right = min(a1, a2, a3) - margin, max(a1, a2, a3) + margin
+        front, back = min(b1, b2, b3) - margin, max(b1, b2, b3) + margin
+        beside = right < low_a or left > high_a or back < low_b or front > high_b
+        reach[0, i] = np.int32(1) if beside else cell_of(max(left, low_a), low_a, per)
+        reach[1, i] = np.int32(0) if beside else cell_of(min(right, high_a), low_a, per)
+        reach[2, i] = np.int32(0) if beside else cell_of(max(front, low_b), low_b, per)
+        reach[3, i] = np.int32(0) if beside else cell_of(min(back, high_b), low_b, per)
+        # The plane, raised by what differences round, as slopes and area make that grow.
+        ua, ub, va, vb, rise, other = a2 - a1, b2 - b1, a3 - a1, b3 - b1, h2 - h1, h3 - h1
+        inverse, highest = 1 / (ua * vb - ub * va), max(h1, h2, h3) + margin
+        pa, pb = (rise * vb - ub * other) * inverse, (ua * other - rise * va) * inverse
+        spread = max(right - left, back - front)
+        off = margin * (1 + 4 * spread * (spread + abs(rise) + abs(other)) * abs(inverse))
+        # Of a triangle that is seen nearly edge-on the highest corner stands for it.
+        flat = abs(pa) + abs(pb) < STEEP and off < np.float32(0.1) * spread
+        bounds[0, i], bounds[1, i], bounds[2, i], bounds[3, i], bounds[4, i] = left, right, front, back, highest
+        bounds[5, i], bounds[6, i], bounds[7, i] = a1, b1, h1 + off if flat else highest
+        bounds[8, i], bounds[9, i] = pa if flat else np.float32(0), pb if flat else np.float32(0)
+        bounds[10, i], bounds[11, i], bounds[12, i], bounds[13, i] = ua, ub, va, vb
+
+
+@exact_small
+def cell_of(value, low, per):
+    """The cell of a coordinate, counted from the lowest."""
+    return np.int32((value - low) * per)

@@ -1,0 +1,183 @@
+"""Where compiled kernels are kept: those of a wheel are used as they are, and what they lack is compiled and kept."""
+
+from __future__ import annotations
+
+import json
+import os
+import pickle
+import shutil
+import subprocess
+import sys
+import zipfile
+from pathlib import Path
+
+import pytest
+
+import relume
+from relume.image.kernel import is_common
+
+ROOT = Path(__file__).parents[2]
+MODULE = "virtual_camera/tone/luminance_kernels.py"
+CALL = f"""
+import json, sys
+import numpy as np
+from relume.{MODULE[:-3].replace("/", ".")} import channel_sums
+pixels = np.arange(12, dtype=sys.argv[1]).reshape(4, 3)
+sums = channel_sums(pixels, np.array([0.25, 0.5, 0.25], np.float32), 1, 4)
+hits, misses = (sum(counts.values()) for counts in (channel_sums.stats.cache_hits, channel_sums.stats.cache_misses))
+print(json.dumps([sums, hits, misses, channel_sums.stats.cache_path]))
+"""
+# Rows 1 to 3 of 0…11 by columns; the last row's weighted mean is its middle.
+SUMS = [3 + 6 + 9, 4 + 7 + 10, 5 + 8 + 11, 10]
+
+
+def called(
+    site: Path, home: Path, numbers: str = "float32", before: str = "", **variables: str
+) -> tuple[int, int, str]:
+    """How often a fresh process found a kernel that was kept, and did not, and where it looked; its sums are right."""
+    chosen = {name: value for name, value in os.environ.items() if not name.startswith("NUMBA_")}
+    chosen |= {"PYTHONPATH": str(site), "HOME": str(home), **variables}
+    done = subprocess.run([sys.executable, "-c", before + CALL, numbers], env=chosen, capture_output=True, text=True)
+    assert done.returncode == 0, done.stderr
+    sums, hits, misses, folder = json.loads(done.stdout)
+    assert sums == SUMS
+    return hits, misses, folder
+
+
+def times_in(folder: Path) -> dict[Path, int]:
+    """Every file of kernels and when it was written."""
+    return {path: path.stat().st_mtime_ns for path in folder.rglob("*.nb?")}
+
+
+@pytest.fixture(scope="module")
+def brought(tmp_path_factory):
+    """The package as a wheel brings it, with one kernel for one kind of arrays."""
+    site = tmp_path_factory.mktemp("built")
+    shutil.copytree(Path(relume.__file__).parent, site / "relume", ignore=shutil.ignore_patterns("__pycache__"))
+    called(site, site, NUMBA_CACHE_DIR=str(site / "relume" / "kernels"), PYTHONDONTWRITEBYTECODE="1")
+    return site
+
+
+@pytest.fixture
+def site(brought, tmp_path):
+    """It, unpacked somewhere else and at another time."""
+    shutil.copytree(brought, tmp_path / "site", copy_function=shutil.copyfile)
+    return tmp_path / "site"
+
+
+def test_kernels_that_a_package_brings_are_used_wherever_and_whenever_it_was_unpacked(site, tmp_path):
+    before = times_in(site)
+    hits, misses, folder = called(site, tmp_path / "home")
+    assert (hits, misses) == (1, 0)
+    assert Path(folder).parent == site / "relume" / "kernels"
+    assert before and times_in(site) == before
+    assert not (tmp_path / "home").exists()
+
+
+def test_a_processor_that_they_are_not_for_compiles_its_own_and_keeps_them(site, tmp_path):
+    for kept in (0, 1):
+        assert called(site, tmp_path, NUMBA_CPU_NAME="generic")[:2] == (kept, 1 - kept)
+    assert called(site, tmp_path)[:2] == (1, 0)  # and the package's are still there
+
+
+def test_another_version_of_numba_compiles_its_own_and_keeps_them(site, tmp_path):
+    (index,) = (site / "relume" / "kernels").rglob("*.nbi")
+    whole = index.read_bytes()
+    own = pickle.loads(whole)
+    index.write_bytes(whole.replace(own.encode(), ("9" * len(own)).encode(), 1))
+    for kept in (0, 1):
+        assert called(site, tmp_path)[:2] == (kept, 1 - kept)
+
+
+def test_kernels_of_another_source_are_not_used(site, tmp_path):
+    """Not only of another file: of anything that the kernel's file imports."""
+    with (site / "relume" / "image" / "kernel.py").open("a") as file:
+        file.write("# changed\n")
+    before = times_in(site / "relume" / "kernels")
+    for kept in (0, 1):
+        hits, misses, folder = called(site, tmp_path)
+        assert (hits, misses) == (kept, 1 - kept)
+        assert Path(folder).parent == site / "relume" / "__pycache__"
+    assert times_in(site / "relume" / "kernels") == before
+
+
+def test_in_a_write_protected_package_they_are_used_and_others_are_kept_with_the_user(site, tmp_path):
+    folders, home = [site, *(path for path in site.rglob("*") if path.is_dir())], tmp_path / "home"
+    for each in folders:
+        each.chmod(0o555)
+    # Root may write anywhere, and finds out here that it should not.
+    root = f"import os; may = os.access; os.access = lambda at, how: {str(site)!r} not in str(at) and may(at, how)\n"
+    before = times_in(site)
+    try:
+        for numbers, kept in (("float32", 1), ("float64", 0), ("float64", 1), ("float32", 1)):
+            hits, misses, folder = called(site, home, numbers, root, PYTHONDONTWRITEBYTECODE="1")
+            assert (hits, misses) == (kept, 1 - kept)
+            assert Path(folder).parent == home / ".cache" / "relume"
+    finally:
+        for each in folders:
+            each.chmod(0o755)
+    assert times_in(site) == before
+    assert Path(folder).stat().st_mode & 0o200
+    assert list(Path(folder).parent.iterdir()) == [Path(folder)]  # nothing half-copied is left
+
+
+def test_they_are_copied_to_the_folder_that_the_user_chose(site, tmp_path):
+    chosen = tmp_path / "chosen"
+    hits, misses, folder = called(site, tmp_path / "home", NUMBA_CACHE_DIR=str(chosen))
+    assert (hits, misses) == (1, 0)
+    assert Path(folder).parent == chosen
+
+
+def test_the_common_processor_is_one_with_all_that_it_stands_for():
+    """x86-64-v3 as the System V ABI's supplement lists it."""
+    v3 = "cx16 sahf popcnt sse3 sse4.1 sse4.2 ssse3 avx avx2 bmi bmi2 f16c fma lzcnt movbe xsave".split()
+    features = {**dict.fromkeys(v3, True), "avx512f": False}
+    assert is_common(features)
+    assert not is_common({**features, "fma": False})
+    assert not is_common({name: True for name in v3 if name != "avx2"})
+    assert not is_common({})
+
+
+def test_what_a_user_sets_for_numba_stays():
+    ask = "import relume.image.kernel, numba; print(numba.config.CPU_NAME, repr(numba.config.CPU_FEATURES))"
+    run = [sys.executable, "-c", ask]
+    seen = subprocess.run(run, env={**os.environ, "NUMBA_CPU_NAME": "nehalem"}, capture_output=True, text=True)
+    assert seen.stdout.split() == ["nehalem", "None"]
+
+
+def project(brought: Path, folder: Path) -> Path:
+    """A copy of the project that lists a single kernel."""
+    shutil.copytree(brought / "relume", folder / "src" / "relume", ignore=shutil.ignore_patterns("kernels"))
+    (folder / "examples" / "room").mkdir(parents=True)
+    (folder / "examples" / "room" / "shot.toml").touch()
+    for name in ("pyproject.toml", "README.md", "LICENSE"):
+        shutil.copy(ROOT / name, folder)
+    (folder / "scripts").mkdir()
+    for name in ("compile_kernels", "kernels_in_wheel.py"):
+        shutil.copy(ROOT / "scripts" / name, folder / "scripts")
+    name = f"relume.{MODULE[:-3].replace('/', '.')}:channel_sums"
+    line = f"{name} (float32[:, ::1], float32[::1], int64, int64,)\n"
+    assert line in (ROOT / "scripts" / "kernel_types.txt").read_text()
+    (folder / "scripts" / "kernel_types.txt").write_text(line)
+    return folder
+
+
+def test_a_wheel_brings_kernels_and_says_so_in_its_name(brought, tmp_path):
+    pytest.importorskip("hatchling", reason="hatchling builds wheels; pip install hatchling")
+    source = project(brought, tmp_path / "project")
+    build = [sys.executable, "-c", "from hatchling.build import build_wheel; print(build_wheel('.'))"]
+    chosen = {name: value for name, value in os.environ.items() if not name.startswith(("NUMBA_", "HATCH_"))}
+    names = []
+    for more in ({}, {"HATCH_BUILD_NO_HOOKS": "true"}):
+        done = subprocess.run(build, cwd=source, env={**chosen, **more}, capture_output=True, text=True)
+        assert done.returncode == 0, done.stderr
+        names.append(done.stdout.split()[-1])
+    with zipfile.ZipFile(source / names[0]) as wheel, zipfile.ZipFile(source / names[1]) as pure:
+        kernels = [name for name in wheel.namelist() if name.startswith("relume/kernels/")]
+        assert sorted(name.rpartition(".")[2] for name in kernels) == ["nbc", "nbi"]
+        assert set(wheel.namelist()) - set(pure.namelist()) == set(kernels)
+        wheel.extractall(tmp_path / "site")
+    python = f"cp{sys.version_info.major}{sys.version_info.minor}"
+    assert f"-{python}-{python}" in names[0] and "-any" not in names[0]
+    assert names[1].endswith("-py3-none-any.whl")
+    assert called(tmp_path / "site", tmp_path / "home")[:2] == (1, 0)
