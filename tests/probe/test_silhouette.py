@@ -5,9 +5,17 @@ import pytest
 
 from relume.errors import BallNotFound
 from relume.image.radiance import RadianceMap
-from relume.probe.ball.edge_tracking import refined
+from relume.probe.ball.candidates import cone_at
+from relume.probe.ball.edge_tracking import refined, robust_cone
 from relume.probe.ball.outline import find_outline
-from relume.probe.ball.silhouette import Cone, cone_through, outline_of, outline_of_circle, outline_through
+from relume.probe.ball.silhouette import (
+    Cone,
+    Grazing,
+    cone_through,
+    outline_of,
+    outline_of_circle,
+    outline_through,
+)
 from relume.probe.ball.unwrapping import unwrap_ball
 from synthetic import CENTRE, RADIUS, lobes, photograph_ball, unit
 
@@ -125,3 +133,34 @@ def test_points_that_make_no_circle_are_refused(points):
         outline_through(np.array(points, float))
     with pytest.raises(ValueError, match="radius is 0"):
         outline_of_circle(10, 10, 0)
+
+
+@pytest.mark.parametrize("focal_length", [300.0, 64000.0])
+def test_a_cone_is_found_among_points_that_lie_elsewhere(focal_length):
+    size, circle = (320.0, 240.0), (150.0, 110.0, 60.0)
+    cone = cone_at(circle, size, focal_length)
+    rim, normals = cone.silhouette(size, focal_length)
+    # Of a long lens the rays differ by a five-hundredth; a third of the rim lies anywhere.
+    points = rim + normals * np.where(np.arange(len(rim)) % 3 == 0, np.linspace(1, 15, len(rim)), 0.0)[:, None]
+    found, near = robust_cone(points, size, focal_length, 0.3)
+    assert found.distance == pytest.approx(cone.distance, rel=1e-9)
+    assert found.axis == pytest.approx(cone.axis, abs=1e-9 * 60 / focal_length)
+    assert near[np.arange(len(rim)) % 3 > 0].all() and near.mean() < 0.7
+
+
+@pytest.mark.parametrize("focal_length", [300.0, 64000.0])
+@pytest.mark.parametrize("off, is_near", [(-1.1, False), (-0.9, True), (0.9, True), (1.1, False)])
+def test_rays_are_near_a_cone_by_pixels(focal_length, off, is_near):
+    size = (320.0, 240.0)
+    rim, normals = cone_at((150.0, 110.0, 60.0), size, focal_length).silhouette(size, focal_length)
+    rays = Grazing.of(np.concatenate([rim, rim + off * normals]), size, focal_length)
+    near = rays.near(rays.plane(slice(0, len(rim))), focal_length, 1.0)
+    assert near[: len(rim)].all() and (near[len(rim) :] == is_near).all()
+
+
+def test_three_points_on_a_line_speak_for_no_other_point():
+    points = np.array([(10.0, 10.0), (20.0, 20.0), (30.0, 30.0), (30.0, 10.0)])
+    rays = Grazing.of(points, (100.0, 100.0), 200.0)
+    line, sound = rays.planes(np.array([(0, 1, 2), (0, 1, 3)]))
+    assert not rays.near(line, 200.0, 1.0)[3]
+    assert rays.near(sound, 200.0, 1e-6)[[0, 1, 3]].all()
