@@ -102,7 +102,7 @@ def _between_four(context: Any, upper: Any, lower: Any, across: Any, down: Any) 
             between(_read(builder, at, 0), _chosen(builder, _read(builder, at, 8), [1, 2, 3, 3]), across)
             for at in (upper, lower)
         ]
-        seen = between(*rows, down)
+        seen = between(rows[0], rows[1], down)
         return [builder.extract_element(seen, _LANE(k)) for k in range(3)]
 
     number = types.float32
