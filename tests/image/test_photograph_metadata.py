@@ -138,6 +138,17 @@ def test_a_profile_is_written_as_it_was_embedded(tmp_path, suffix, pieces):
     assert read_photograph(tmp_path / f"b{suffix}").profile is None
 
 
+def test_a_jpeg_has_the_bytes_that_pillow_writes(tmp_path):
+    pixels, embedded = np.random.default_rng(1).integers(0, 256, (37, 51, 3), np.uint8), profile() + bytes(65520)
+    photograph = Photograph(pixels[:, 3:], profile=embedded, settings=SETTINGS)
+    write(tmp_path / "a.jpg", photograph)
+    with Image.open(tmp_path / "a.jpg") as image:
+        said = image.info["exif"]
+    by_pillow = io.BytesIO()
+    Image.fromarray(pixels[:, 3:]).save(by_pillow, "JPEG", quality=95, subsampling=0, exif=said, icc_profile=embedded)
+    assert (tmp_path / "a.jpg").read_bytes() == by_pillow.getvalue()
+
+
 @SUFFIXES
 def test_a_profile_that_cannot_be_of_three_channels_is_reported_and_left_out(tmp_path, suffix):
     with pytest.warns(UserWarning, match="does not keep its profile, which is not an ICC profile of RGB"):

@@ -6,6 +6,7 @@ from typing import Any
 import numpy as np
 import pytest
 
+from relume.image.files import read_photograph
 from relume.image.photograph import Exposure
 from relume.image.radiance import RadianceMap
 from relume.virtual_camera.developing import develop, develop_frames
@@ -17,7 +18,7 @@ from relume.virtual_camera.lens.glare.eye import EyeGlare
 from relume.virtual_camera.lens.motion.straight import StraightMotion
 from relume.virtual_camera.lens.vignetting import CosineFourth
 from relume.virtual_camera.protocols import Adaptation
-from relume.virtual_camera.tone.display.encoding import HLG, PQ, DisplayP3, HdrGainMap
+from relume.virtual_camera.tone.display.encoding import HLG, PQ, DisplayP3, HdrGainMap, Srgb, encoded_and_clipped
 from relume.virtual_camera.tone.display.writing import profile_of
 from relume.virtual_camera.tone.ferwerda import Ferwerda
 from relume.virtual_camera.tone.histogram.adjustment import HistogramAdjustment
@@ -133,6 +134,18 @@ def test_bad_radiance_never_becomes_a_picture():
         develop(picture)
     with pytest.raises(ValueError, match="frame 2: the radiance at x 4, y 3"):
         list(VirtualCamera().tone_map_frames([lamp(), picture]))
+
+
+@pytest.mark.parametrize("display", [Srgb(), Srgb(16), DisplayP3()])
+@pytest.mark.parametrize("stops", [0.0, 1.5])
+def test_rows_that_are_shown_as_they_are_encoded_are_the_whole_picture(display, stops, tmp_path):
+    light = np.random.default_rng(4).lognormal(0, 2, (70, 1500, 3)).astype(np.float32)
+    made = VirtualCamera(tone=Reinhard(white=2.0), stops=stops, display=display).tone_map(RadianceMap(light))
+    whole, clipping = encoded_and_clipped(made.values, display)
+    np.testing.assert_array_equal(made.photograph().pixels, whole)
+    assert made.write(tmp_path / "a.png") == clipping
+    assert 0 < max(clipping.above) < 1
+    np.testing.assert_array_equal(read_photograph(tmp_path / "a.png").pixels, whole)
 
 
 def test_files_are_for_their_display(tmp_path):

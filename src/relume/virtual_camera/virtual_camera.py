@@ -16,7 +16,7 @@ from relume.image.radiance import RadianceMap
 from relume.virtual_camera.protocols import Adaptation, Optics, Pixelwise, ToneOperator
 from relume.virtual_camera.settling import Settled
 from relume.virtual_camera.tone.display.code_table import Clipping
-from relume.virtual_camera.tone.display.encoding import Display, DisplayP3, Srgb, encoded_and_clipped
+from relume.virtual_camera.tone.display.encoding import Display, DisplayP3, Srgb, encoded
 from relume.virtual_camera.tone.display.writing import profile_of, write_display
 from relume.virtual_camera.tone.metered import LinearExposure, MeteredExposure
 from relume.virtual_camera.validation import validate_radiance
@@ -224,7 +224,7 @@ class ToneMapped:
                 f"only a file can hold a picture for {type(self.display).__name__}: write "
                 "camera.tone_map(picture).write(path), or choose the display Srgb"
             )
-        pixels, _ = encoded_and_clipped(self.source, self.display, gain=self.gain, through=self.through)
+        pixels = encoded(self.source, self.display, gain=self.gain, through=self.through)
         return Photograph(
             pixels, name, profile=profile_of(self.display) if isinstance(self.display, DisplayP3) else None
         )

@@ -105,9 +105,9 @@ def glossy_map(
     parts = np.empty((2 * azimuths + 1, 2 * rows, rows, views, 3), np.float32)
     for k in range(azimuths + 1):
         part = synthesised(coefficients, np.stack([kernel[k] for kernel in kernels]), k, rows).transpose(2, 1, 0, 3)
-        parts[max(2 * k - 1, 0)] = part.real
+        parts[max(2 * k - 1, 0)] = np.real(part)
         if k:
-            parts[2 * k] = part.imag
+            parts[2 * k] = np.imag(part)
     tables = np.empty((views, rows, 2 * rows, 2 * azimuths + 1, 3), np.float32)
     # Colours are moved as one value each.
     colours, made = (array.view("V12")[..., 0] for array in (parts, tables))

@@ -25,7 +25,7 @@ MARGIN = np.float32(2e-6)
 
 
 @exact_kernel
-def hide(corners, columns, boxes, points, direction, hidden):
+def hide(corners, blocks, boxes, points, direction, hidden):
     """Mark the points (N, 3) that lie in the shadow of a triangle; the other arguments as of `Shadows`."""
     if len(points) == 0:
         return
@@ -33,25 +33,41 @@ def hide(corners, columns, boxes, points, direction, hidden):
     x, y, z = axes
     across, along, height, ends, margin = seen_along(points, axes, shear, boxes)
     place, a, b, h, begins, lowest, per, wide = in_cells(across, along, height, ends, margin)
-    bounds, reach = np.empty((14, CLUSTER), np.float32), np.empty((4, CLUSTER), np.int32)
+    bounds, reach = np.empty(14 * CLUSTER, np.float32), np.empty(4 * CLUSTER, np.int32)
     for cluster in range(len(boxes)):
         most, deepest = lowest_under(boxes[cluster], axes, shear, ends, margin, lowest, per, wide)
         if deepest >= most:
             continue
         begin = cluster * CLUSTER
         size = min(CLUSTER, len(corners) - begin)
-        measure(columns, begin, size, axes, shear, ends, margin, per, bounds, reach)
+        measure(blocks[cluster], axes, shear, ends, margin, per, bounds, reach)
         for i in range(size):
-            most = bounds[4, i]
-            if most <= deepest or reach[0, i] > reach[1, i]:
+            most = bounds[4 * CLUSTER + i]
+            if most <= deepest or reach[i] > reach[1 * CLUSTER + i]:
                 continue
-            left, right, front, back = bounds[0, i], bounds[1, i], bounds[2, i], bounds[3, i]
-            here_a, here_b, base, pa, pb = bounds[5, i], bounds[6, i], bounds[7, i], bounds[8, i], bounds[9, i]
-            ua, ub, va, vb = bounds[10, i], bounds[11, i], bounds[12, i], bounds[13, i]
+            left, right, front, back = (
+                bounds[i],
+                bounds[1 * CLUSTER + i],
+                bounds[2 * CLUSTER + i],
+                bounds[3 * CLUSTER + i],
+            )
+            here_a, here_b, base, pa, pb = (
+                bounds[5 * CLUSTER + i],
+                bounds[6 * CLUSTER + i],
+                bounds[7 * CLUSTER + i],
+                bounds[8 * CLUSTER + i],
+                bounds[9 * CLUSTER + i],
+            )
+            ua, ub, va, vb = (
+                bounds[10 * CLUSTER + i],
+                bounds[11 * CLUSTER + i],
+                bounds[12 * CLUSTER + i],
+                bounds[13 * CLUSTER + i],
+            )
             area, edge = ua * vb - ub * va, 4 * margin * (abs(ua) + abs(ub) + abs(va) + abs(vb))
             turn = np.float32(1 if area > 0 else -1)
-            for row in range(reach[2, i], reach[3, i] + 1):
-                for j in range(begins[row * wide + reach[0, i]], begins[row * wide + reach[1, i] + 1], BLOCK):
+            for row in range(reach[2 * CLUSTER + i], reach[3 * CLUSTER + i] + 1):
+                for j in range(begins[row * wide + reach[i]], begins[row * wide + reach[1 * CLUSTER + i] + 1], BLOCK):
                     # A bit for each point of a block that lies within the bounds and below the plane.
                     near, start = np.uint32(0), np.uint64(j)
                     for k in range(BLOCK):
@@ -149,30 +165,33 @@ def lowest_under(box, axes, shear, ends, margin, lowest, per, wide):
 
 
 @exact_kernel
-def measure(columns, begin, size, axes, shear, ends, margin, per, bounds, reach):
+def measure(block, axes, shear, ends, margin, per, bounds, reach):
     """What each triangle of a cluster covers, as seen along the light.
 
-    bounds : (14, CLUSTER) to fill: ends across the light, highest corner, first corner, the plane's height there and
+    block : (9 · CLUSTER,) the corners' x, y, z, each of all triangles
+    bounds : (14 · CLUSTER,) to fill: ends across the light, highest corner, first corner, the plane's height there and
         its slopes, and two sides
-    reach : (4, CLUSTER) to fill: first and last column of cells, first and last row; none where last is before first
+    reach : (4 · CLUSTER,) to fill: first and last column of cells, first and last row; none where last is before first
     """
     x, y, z = axes
     low_a, high_a, low_b, high_b = ends
     sx, sy, up = np.float32(shear[0]), np.float32(shear[1]), np.float32(1 if shear[2] > 0 else -1)
-    ax, ay, az, bx, by, bz = columns[x], columns[y], columns[z], columns[x + 3], columns[y + 3], columns[z + 3]
-    cx, cy, cz = columns[x + 6], columns[y + 6], columns[z + 6]
-    for i in range(size):
-        k = begin + i
-        a1, a2, a3 = ax[k] - sx * az[k], bx[k] - sx * bz[k], cx[k] - sx * cz[k]
-        b1, b2, b3 = ay[k] - sy * az[k], by[k] - sy * bz[k], cy[k] - sy * cz[k]
-        h1, h2, h3 = up * az[k], up * bz[k], up * cz[k]
+    at_x, at_y, at_z = np.uint64(CLUSTER * x), np.uint64(CLUSTER * y), np.uint64(CLUSTER * z)
+    # By vector instructions: so many triangles in every cluster, and no more arrays than are seen to be apart.
+    for k in range(CLUSTER):
+        i = np.uint64(k)
+        second, third = i + np.uint64(3 * CLUSTER), i + np.uint64(6 * CLUSTER)
+        z1, z2, z3 = block[at_z + i], block[at_z + second], block[at_z + third]
+        a1, a2, a3 = block[at_x + i] - sx * z1, block[at_x + second] - sx * z2, block[at_x + third] - sx * z3
+        b1, b2, b3 = block[at_y + i] - sy * z1, block[at_y + second] - sy * z2, block[at_y + third] - sy * z3
+        h1, h2, h3 = up * z1, up * z2, up * z3
         left, right = min(a1, a2, a3) - margin, max(a1, a2, a3) + margin
         front, back = min(b1, b2, b3) - margin, max(b1, b2, b3) + margin
         beside = right < low_a or left > high_a or back < low_b or front > high_b
-        reach[0, i] = np.int32(1) if beside else cell_of(max(left, low_a), low_a, per)
-        reach[1, i] = np.int32(0) if beside else cell_of(min(right, high_a), low_a, per)
-        reach[2, i] = np.int32(0) if beside else cell_of(max(front, low_b), low_b, per)
-        reach[3, i] = np.int32(0) if beside else cell_of(min(back, high_b), low_b, per)
+        reach[i] = np.int32(1) if beside else cell_of(max(left, low_a), low_a, per)
+        reach[np.uint64(1 * CLUSTER) + i] = np.int32(0) if beside else cell_of(min(right, high_a), low_a, per)
+        reach[np.uint64(2 * CLUSTER) + i] = np.int32(0) if beside else cell_of(max(front, low_b), low_b, per)
+        reach[np.uint64(3 * CLUSTER) + i] = np.int32(0) if beside else cell_of(min(back, high_b), low_b, per)
         # The plane, raised by what differences round, as slopes and area make that grow.
         ua, ub, va, vb, rise, other = a2 - a1, b2 - b1, a3 - a1, b3 - b1, h2 - h1, h3 - h1
         inverse, highest = 1 / (ua * vb - ub * va), max(h1, h2, h3) + margin
@@ -181,10 +200,28 @@ def measure(columns, begin, size, axes, shear, ends, margin, per, bounds, reach)
         off = margin * (1 + 4 * spread * (spread + abs(rise) + abs(other)) * abs(inverse))
         # Of a triangle that is seen nearly edge-on the highest corner stands for it.
         flat = abs(pa) + abs(pb) < STEEP and off < np.float32(0.1) * spread
-        bounds[0, i], bounds[1, i], bounds[2, i], bounds[3, i], bounds[4, i] = left, right, front, back, highest
-        bounds[5, i], bounds[6, i], bounds[7, i] = a1, b1, h1 + off if flat else highest
-        bounds[8, i], bounds[9, i] = pa if flat else np.float32(0), pb if flat else np.float32(0)
-        bounds[10, i], bounds[11, i], bounds[12, i], bounds[13, i] = ua, ub, va, vb
+        (
+            bounds[i],
+            bounds[np.uint64(1 * CLUSTER) + i],
+            bounds[np.uint64(2 * CLUSTER) + i],
+            bounds[np.uint64(3 * CLUSTER) + i],
+            bounds[np.uint64(4 * CLUSTER) + i],
+        ) = left, right, front, back, highest
+        bounds[np.uint64(5 * CLUSTER) + i], bounds[np.uint64(6 * CLUSTER) + i], bounds[np.uint64(7 * CLUSTER) + i] = (
+            a1,
+            b1,
+            h1 + off if flat else highest,
+        )
+        bounds[np.uint64(8 * CLUSTER) + i], bounds[np.uint64(9 * CLUSTER) + i] = (
+            pa if flat else np.float32(0),
+            pb if flat else np.float32(0),
+        )
+        (
+            bounds[np.uint64(10 * CLUSTER) + i],
+            bounds[np.uint64(11 * CLUSTER) + i],
+            bounds[np.uint64(12 * CLUSTER) + i],
+            bounds[np.uint64(13 * CLUSTER) + i],
+        ) = ua, ub, va, vb
 
 
 @exact_small

@@ -21,12 +21,12 @@ class Shadows:
     """Triangles made ready for light from infinity.
 
     corners : (P, 9) float32, as rays meet them (`kernel.Geometry`)
-    columns : (9, P) float32, the same, for bounds of many at once
+    blocks : (C, 9 · CLUSTER) float32, the same, coordinate by coordinate of each CLUSTER triangles; 0 beyond the last
     boxes : (C, 6) float32, low x, y, z and high x, y, z of each CLUSTER triangles, which are neighbours in the tree
     """
 
     corners: np.ndarray
-    columns: np.ndarray
+    blocks: np.ndarray
     boxes: np.ndarray
 
     @staticmethod
@@ -40,7 +40,10 @@ class Shadows:
         if len(begins):
             low, high = np.minimum.reduceat(ends.min(1), begins), np.maximum.reduceat(ends.max(1), begins)
             boxes = np.concatenate([low, high], axis=1)
-        return Shadows(geometry.corners, np.ascontiguousarray(geometry.corners.T), boxes)
+        blocks = np.zeros((len(begins) * CLUSTER, 9), np.float32)
+        blocks[: len(geometry.corners)] = geometry.corners
+        blocks = blocks.reshape(len(begins), CLUSTER, 9).transpose(0, 2, 1).reshape(len(begins), 9 * CLUSTER)
+        return Shadows(geometry.corners, blocks, boxes)
 
     def over(self, points: ArrayLike, direction: ArrayLike) -> np.ndarray:
         """Whether anything lies between each point and light from a direction, (N,) bool; the point itself does not.
@@ -54,5 +57,5 @@ class Shadows:
         if points.ndim != 2 or points.shape[1] != 3 or not np.all(np.isfinite(points)):
             raise ValueError(f"points are {points.shape}; expected (N, 3), finite metres")
         hidden = np.zeros(len(points), np.bool_)
-        hide(self.corners, self.columns, self.boxes, points, towards[0], hidden)
+        hide(self.corners, self.blocks, self.boxes, points, towards[0], hidden)
         return hidden

@@ -105,9 +105,15 @@ _MOST = np.float32(1e30)  # infinity times a matrix's 0 is no number
 _ROWS = 64
 
 
-def encoded(values: np.ndarray, display: Display = Srgb(), *, gain: float = 1.0) -> np.ndarray:
+def encoded(
+    values: np.ndarray,
+    display: Display = Srgb(),
+    *,
+    gain: float = 1.0,
+    through: Callable[[np.ndarray], np.ndarray] | None = None,
+) -> np.ndarray:
     """The codes of `encoded_and_clipped` alone, for pictures whose ends have been looked at."""
-    return encoded_and_clipped(values, display, gain=gain)[0]
+    return encoded_and_clipped(values, display, gain=gain, through=through)[0]
 
 
 def encoded_and_clipped(
