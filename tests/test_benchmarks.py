@@ -63,7 +63,6 @@ def test_a_script_and_its_children_end_at_the_limit(runner, tmp_path: Path) -> N
     result = runner.ran(script(tmp_path, text), 0.05, [], tmp_path)
     assert time.monotonic() - start < 20
     assert result.state == "stopped after 3 s"
-    assert len(result.rows) == 3
     seen = beats.stat().st_size if beats.exists() else 0
     time.sleep(0.1)
     assert (beats.stat().st_size if beats.exists() else 0) == seen
