@@ -3,6 +3,7 @@
 import sys
 import textwrap
 import time
+from importlib import import_module
 from pathlib import Path
 
 import pytest
@@ -22,7 +23,7 @@ rows.absent("Cycles", "no interpreter with bpy was given", goal="change_cycles")
 def runner(monkeypatch: pytest.MonkeyPatch):
     """`run_all` and what belongs to it, as when it is run as a script."""
     monkeypatch.syspath_prepend(str(BENCHMARKS))
-    import run_all  # pyright: ignore[reportMissingImports]
+    run_all = import_module("run_all")
 
     yield run_all
     for name in ("run_all", "table", "goals", "measured"):
