@@ -59,7 +59,8 @@ if __name__ == "__main__":
     for name, (wall, busy) in seconds.items():
         print(f"{name:14} {np.median(wall):6.2f} s, {np.median(busy):6.2f} s of processors")
     peer = f"OpenCV {cv2.__version__} AlignMTB"
-    rows.ratio("alignment, 7 × 12 megapixels", seconds["relume, all"][0], peer, seconds["AlignMTB"][0], limit="≥ 2")
+    what = f"alignment, 7 × {pixels[0].size / 3e6:.0f} megapixels"
+    rows.ratio(what, seconds["relume, all"][0], peer, seconds["AlignMTB"][0], limit="≥ 2")
     found = np.array([(motion.dx, motion.dy, motion.angle) for motion in aligned.motions])
     grey = [cv2.cvtColor(frame, cv2.COLOR_RGB2GRAY) for frame in pixels]
     middle = len(grey) // 2

@@ -42,7 +42,7 @@ class Row:
         if self.seen is None:
             return f"{self.what}: not measured, {self.note}"
         words = f"{self.what}: {figure(self.seen)} {self.unit}"
-        if self.least is not None and self.most is not None:
+        if self.least is not None and self.most is not None and self.least < self.most:
             words += f" ({figure(self.least)}–{figure(self.most)})"
         if self.peer and self.ours is not None and self.theirs is not None:
             words += f"; ours {figure(self.ours)}, {self.peer} {figure(self.theirs)}"

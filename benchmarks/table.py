@@ -55,11 +55,9 @@ def asked(results: Sequence[Result]) -> str:
             lines.append(f"| {goal.work} | {goal.before} | {goal.limit} {goal.unit} | {words} | – | {scripts} |")
             continue
         kept = sum(goal.met(row.seen) for row in seen if row.seen is not None)
-        met = (
-            ("yes" if kept else "**no**")
-            if len(seen) == 1
-            else f"{'' if kept == len(seen) else '**no**, '}{kept} of {len(seen)}"
-        )
+        met = "yes" if kept == len(seen) else "**no**" if len(seen) == 1 else f"**no**, {kept} of {len(seen)}"
+        if any(each.quick for each, _ in rows):
+            met = "– (`--quick`)"
         shown = "; ".join(spread(row) for row in seen) if len(seen) <= 3 else extent(seen)
         lines.append(f"| {goal.work} | {goal.before} | {goal.limit} {goal.unit} | {shown} | {met} | {scripts} |")
     return "\n".join(lines)
@@ -71,7 +69,7 @@ def every_row(results: Sequence[Result]) -> str:
         for row in each.rows:
             limit = GOALS[row.goal].limit if row.goal else row.limit
             if limit and row.seen is not None:
-                limit += "" if meets(row.seen, limit) else ", **missed**"
+                limit += "" if each.quick or meets(row.seen, limit) else ", **missed**"
             theirs = f"{row.peer} {shown(row.theirs)}".strip()
             what = row.what + (f" ({row.note})" if row.note and row.seen is not None else "")
             seen = spread(row) if row.seen is not None else row.note
@@ -83,7 +81,9 @@ def spread(row: Row) -> str:
     """The figure, and from where to where it was seen."""
     assert row.seen is not None
     words = f"{figure(row.seen)} {row.unit}"
-    return words if row.least is None or row.most is None else f"{words} ({figure(row.least)}–{figure(row.most)})"
+    if row.least is None or row.most is None or row.least == row.most:
+        return words
+    return f"{words} ({figure(row.least)}–{figure(row.most)})"
 
 
 def extent(rows: Sequence[Row]) -> str:
