@@ -78,6 +78,7 @@ def _module(name: str, path: str, tree: ast.Module) -> _Module:
             for each in names:
                 found.definitions.setdefault(each, []).append(node)
         elif isinstance(node, ast.If | ast.Try):
+            found.runs += [node.test] if isinstance(node, ast.If) else []
             waiting = [*node.body, *node.orelse, *getattr(node, "finalbody", []), *waiting]
         elif not isinstance(node, ast.Import | ast.ImportFrom):
             found.runs.append(node)

@@ -111,7 +111,7 @@ def _copied(brought: Path, folder: Path) -> None:
 
 
 class KeptWithSource(InTreeCacheLocator):
-    """Tells Numba where it keeps a kernel, and for which source: no path and no time is part of either."""
+    """Where Numba keeps a kernel, and for which source: no path and no time is part of either."""
 
     def __init__(self, function: Callable[..., Any], path: str) -> None:
         super().__init__(function, path)
