@@ -22,6 +22,7 @@ from pathlib import Path
 from statistics import median
 
 import numpy as np
+from measured import Rows, asked
 
 import relume as rl
 
@@ -71,8 +72,8 @@ def built(folder: Path, *, kernels: bool) -> Path:
     return next(folder.glob("relume-*.whl"))
 
 
-def measure(command: str, wheel: Path, sky: Path, place: Path) -> None:
-    """Print a command's times, in an environment of its own, so that no other command warms it."""
+def measure(rows: Rows, goal: str, command: str, wheel: Path, sky: Path, place: Path) -> None:
+    """Report a command's times, in an environment of its own, so that no other command warms it."""
     python = environment(place / "venv", wheel)
     shutil.copy(sky, place)
     (place / "home").mkdir()
@@ -80,17 +81,23 @@ def measure(command: str, wheel: Path, sky: Path, place: Path) -> None:
     times = [seconds(run, place, place / "home") for _ in range(2 if command == "insert" else 4)]
     (cold, cold_work), *again = times
     warm, warm_work = (median(column) for column in zip(*again, strict=True))
-    print(f"{command:8} first {cold:6.2f} s ({cold_work:6.2f} of processor time), ", end="")
-    print(f"then {warm:6.2f} ({warm_work:6.2f}): {cold / warm:.2f} times", flush=True)
+    note = f"processor time {cold_work:.2f} and {warm_work:.2f} s"
+    what = f"relume {command}, first run after pip against the second"
+    rows.value(what, cold / warm, "×", goal=goal, ours=cold, peer="again", theirs=warm, note=note)
 
 
 if __name__ == "__main__":
-    quick, given = "--quick" in sys.argv, [word for word in sys.argv[1:] if word != "--quick"]
+    parser = asked(__doc__)
+    parser.add_argument("wheel", nargs="?", type=Path)
+    parser.add_argument("commands", nargs="*", metavar="COMMAND")
+    options = parser.parse_args()
+    # Without its kernels the wheel is not what is asked about.
+    table, aim = Rows(options.rows), "" if options.quick else "cold"
     with tempfile.TemporaryDirectory() as name:
         folder = Path(name)
-        wheel = Path(given[0]).resolve() if given else built(folder, kernels=not quick)
+        wheel = options.wheel.resolve() if options.wheel else built(folder, kernels=not options.quick)
         print(f"{wheel.name}, {wheel.stat().st_size / 1e6:.1f} MB")
         steps = np.linspace(0.05, 5, 512 * 256 * 3).reshape(256, 512, 3)
         rl.write(folder / "sky.hdr", rl.RadianceMap(steps.astype(np.float32)))
-        for command in given[1:] or (["develop"] if quick else COMMANDS):
-            measure(command, wheel, folder / "sky.hdr", folder / command)
+        for command in options.commands or (["develop"] if options.quick else COMMANDS):
+            measure(table, aim, command, wheel, folder / "sky.hdr", folder / command)
