@@ -42,14 +42,18 @@ def is_common(features: Mapping[str, bool]) -> bool:
     return all(features.get(name, False) for name in _FEATURES)
 
 
-# Numba reads this once, when it first compiles in this process. What a user sets in the environment stays.
-if (
-    _CONFIG.ENABLE_AVX
-    and (_CONFIG.CPU_NAME, _CONFIG.CPU_FEATURES) == (None, None)
-    and llvm.get_process_triple().startswith("x86_64")
-    and is_common(llvm.get_host_cpu_features())
-):
-    _CONFIG.CPU_NAME, _CONFIG.CPU_FEATURES = _COMMON, ""
+def _choose_processor() -> None:
+    """Let Numba compile for the common processor, where this one is of its kind and the user chose none."""
+    if (
+        _CONFIG.ENABLE_AVX
+        and (_CONFIG.CPU_NAME, _CONFIG.CPU_FEATURES) == (None, None)
+        and llvm.get_process_triple().startswith("x86_64")
+        and is_common(llvm.get_host_cpu_features())
+    ):
+        _CONFIG.CPU_NAME, _CONFIG.CPU_FEATURES = _COMMON, ""
+
+
+_choose_processor()  # Numba reads it once, when it first compiles in this process
 
 
 @lru_cache
