@@ -16,7 +16,7 @@ RUN = 16
 """Pixels along a row that share their number of cells."""
 SHARED = 4
 """Lines that share it."""
-AHEAD = 24
+AHEAD = 64
 """Cells from one that is looked up to one whose pixels are asked for: a map is larger than what a core keeps."""
 _HALF, _ONE = np.float32(0.5), np.float32(1)
 
