@@ -150,9 +150,9 @@ def test_a_worker_that_is_killed_changes_no_bit(tmp_path):
 @pytest.fixture
 def neediest(monkeypatch: pytest.MonkeyPatch) -> Differential:
     """A renderer whose later passes go to some pixels even in a tiny picture."""
-    monkeypatch.setattr(differential, "CHOSEN_RAYS", 700)
+    monkeypatch.setattr(differential, "CHOSEN_RAYS", 5600)
     monkeypatch.setattr(differential, "FEWEST_RAYS", 100)
-    return Differential(samples=16)
+    return Differential(samples=128)
 
 
 @pytest.fixture
