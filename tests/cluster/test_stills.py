@@ -207,7 +207,7 @@ def test_a_still_has_the_bits_of_one_process(two, tmp_path):
     for name in ("composite.exr", "composite.png", "layers.exr", "light.exr"):
         assert (tmp_path / "here" / name).read_bytes() == (tmp_path / "there" / name).read_bytes(), name
     assert "render" not in made.kept and "render" in again.kept
-    assert shares == sorted(shares) and len(set(shares)) >= 8
+    assert shares == sorted(shares) and len(set(shares)) >= 5
     assert not list((tmp_path / "there").rglob(".relume*"))
 
 
