@@ -150,9 +150,9 @@ def test_a_worker_that_is_killed_changes_no_bit(tmp_path):
 @pytest.fixture
 def neediest(monkeypatch: pytest.MonkeyPatch) -> Differential:
     """A renderer whose later passes go to some pixels even in a tiny picture."""
-    monkeypatch.setattr(differential, "CHOSEN_RAYS", 700)
+    monkeypatch.setattr(differential, "CHOSEN_RAYS", 5600)
     monkeypatch.setattr(differential, "FEWEST_RAYS", 100)
-    return Differential(samples=16)
+    return Differential(samples=128)
 
 
 @pytest.fixture
@@ -207,7 +207,7 @@ def test_a_still_has_the_bits_of_one_process(two, tmp_path):
     for name in ("composite.exr", "composite.png", "layers.exr", "light.exr"):
         assert (tmp_path / "here" / name).read_bytes() == (tmp_path / "there" / name).read_bytes(), name
     assert "render" not in made.kept and "render" in again.kept
-    assert shares == sorted(shares) and len(set(shares)) >= 8
+    assert shares == sorted(shares) and len(set(shares)) >= 5
     assert not list((tmp_path / "there").rglob(".relume*"))
 
 

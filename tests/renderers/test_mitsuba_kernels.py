@@ -75,6 +75,9 @@ def test_more_samples_and_another_size_compile_nothing(history):
     history()
     Differential(samples=12, depth=4).change(scene(0.1), seen_from(0.3), seed=1)
     assert history() == []
+    # A pass alone, as those over chosen pixels are.
+    Differential(samples=4, depth=4, quick=True).change(scene(0.1), seen_from(0.3), seed=1)
+    assert history() == []
     larger = replace(seen_from(0.3), width=30, height=21)
     Differential(samples=8, depth=4).change(scene(0.1), larger, seed=1)
     assert history() == []

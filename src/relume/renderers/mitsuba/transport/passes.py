@@ -11,7 +11,6 @@ import drjit as dr
 import mitsuba as mi
 import numpy as np
 
-from relume.renderers.mitsuba.arrays import aligned
 from relume.renderers.mitsuba.enclosing import filled_with, require_edges
 from relume.renderers.mitsuba.materials import bsdf, crossed_straight, emission, sends_narrowly
 from relume.renderers.mitsuba.scene import _shape, material_on
@@ -23,7 +22,7 @@ from relume.renderers.mitsuba.transport.lens import Lens
 from relume.renderers.mitsuba.transport.light import SceneLight
 from relume.renderers.mitsuba.transport.media import Media
 from relume.renderers.mitsuba.transport.photons import FEWEST_PHOTONS, MOST_PHOTONS, in_media, on_surfaces
-from relume.renderers.mitsuba.transport.sampling import Numbers, Spheres, Spread, two
+from relume.renderers.mitsuba.transport.sampling import Numbers, Spheres, Spread, table, two
 from relume.renderers.mitsuba.transport.world import World
 from relume.renderers.raytrace.extent import sphere_round, sphere_round_all, sphere_round_shapes
 from relume.scene.cameras.camera import Camera
@@ -244,7 +243,7 @@ class Tracing(ABC):
         spread, size = Spread(count, seeds), count * len(seeds)
         # Of each seed the streams that it has alone: PCG32 adds a ray's place in the list to both.
         turned = mi.UInt64(spread.index) - mi.UInt64(dr.arange(mi.UInt32, size))
-        begun = dr.gather(mi.UInt64, mi.UInt64(aligned(np.array(seeds) + (1 << 40), np.uint64)), spread.turn)
+        begun = dr.gather(mi.UInt64, mi.UInt64(table([seed + (1 << 40) for seed in seeds], np.uint64)), spread.turn)
         rng = mi.PCG32(size=size, initstate=begun + turned, initseq=turned + STREAM)  # pyright: ignore[reportCallIssue]
         found = caustics(self.world, self.spheres, self.lens, spread, rng, dr.full(mi.Bool, True, size), objects)
         dr.eval(found)

@@ -47,10 +47,9 @@ class Numbers:
         place = row // passes
         self.pixel: Any = dr.gather(mi.UInt32, mi.UInt32(aligned(pixels, np.uint32)), place)
         self.sample = index - row * a_pass
-        low = aligned(np.array([seed & 0xFFFFFFFF for seed in seeds]), np.uint32)
-        whole = aligned(np.array(seeds), np.uint64)
-        self.seed: Any = dr.gather(mi.UInt32, mi.UInt32(low), row - place * passes)
-        seed = dr.gather(mi.UInt64, mi.UInt64(whole), row - place * passes)
+        turn = row - place * passes
+        self.seed: Any = dr.gather(mi.UInt32, mi.UInt32(table([each & 0xFFFFFFFF for each in seeds], np.uint32)), turn)
+        seed = dr.gather(mi.UInt64, mi.UInt64(table(seeds, np.uint64)), turn)
         # A ray's stream goes by its pixel and not by its place in the list, which PCG32 adds to both.
         place = mi.UInt64(self.pixel) * mi.UInt64(a_pass) + mi.UInt64(self.sample) - mi.UInt64(index)
         state, sequence = seed + place, 1 + seed + place
@@ -106,14 +105,19 @@ class Spread:
         every, a_seed = dr.arange(mi.UInt32, count * len(seeds)), dr.opaque(mi.UInt32, count)
         self.turn: Any = every // a_seed
         self.index: Any = every - self.turn * a_seed
-        folded = aligned(np.array([(seed ^ seed >> 32) & 0xFFFFFFFF for seed in seeds]), np.uint32)
-        self.seed: Any = dr.gather(mi.UInt32, mi.UInt32(folded), self.turn)
+        folded = [(seed ^ seed >> 32) & 0xFFFFFFFF for seed in seeds]
+        self.seed: Any = dr.gather(mi.UInt32, mi.UInt32(table(folded, np.uint32)), self.turn)
 
     def pair(self, number: int) -> Any:
         """The points of a pair; rays with the same index have others in another pair."""
         tea: Any = mi.sample_tea_32
         keys = [tea(self.seed, mi.UInt32(3 * number + each))[0] for each in range(3)]
         return _pair(self.index, keys)
+
+
+def table(values: Sequence[int], kind: type[np.generic]) -> np.ndarray:
+    """Values to be gathered, never one alone: Dr.Jit would compile another kernel, without a look-up, for that."""
+    return aligned(np.array([*values, 0], kind), kind)
 
 
 def _pair(index: Any, keys: Sequence[Any]) -> Any:
