@@ -48,6 +48,7 @@ PROOFS: dict[str, tuple[str, str]] = {
     "renderers/raytrace/kernel.py": ("renderers/test_raycast.py", "slow twin in naive.py"),
     "renderers/raytrace/parallel_kernel.py": ("renderers/test_parallel_light.py", "slow twin in naive.py"),
     "renderers/raytrace/patch_kernel.py": ("renderers/test_patches.py", "slow twin in naive.py"),
+    "renderers/raytrace/patch_leaves.py": ("renderers/test_patches.py", "the normals of many points of each leaf"),
     "renderers/raytrace/patch_point.py": ("renderers/test_patches.py", "slow twin in naive.py"),
     "renderers/raytrace/polygon_kernel.py": ("renderers/test_polygons.py", "slow twin in naive.py"),
     "renderers/raytrace/primitives.py": ("renderers/test_raycast.py", "slow twin in naive.py"),

@@ -104,7 +104,7 @@ def test_shapes_that_shrink_by_halves_are_all_met():
     steps = 2.0 ** -np.arange(60)
     shapes = [triangle((s, -s / 9, 0), (s + s / 9, -s / 9, 0), (s, s / 9, 0)) for s in steps]
     caster = RayCaster.of(shapes)
-    assert caster.geometry.depth > 4
+    assert caster.geometry.depth > 12
     origins = np.stack([1.01 * steps, 0 * steps, 1 + 0 * steps], axis=-1)
     np.testing.assert_array_equal(caster.nearest(origins, np.tile(-Z, (60, 1))).shape, np.arange(60))
 

@@ -14,6 +14,8 @@ from relume.image.kernel import exact_kernel, exact_small
 
 BINS = 16
 """Candidate splits along each axis, and one."""
+FEW, FEW_BINS = 12, 4
+"""So many primitives or less get by with so few bins: most of a tree's nodes hold few."""
 LARGEST_LEAF = 4
 """Primitives in a leaf; at most 7, for a leaf's reference has three bits for them."""
 STEP_COST = 1.0
@@ -75,12 +77,13 @@ def _build(boxes, order, nodes, children):
     while top > 0:
         top -= 1
         begin, end, parent, depth = waiting[top, 0], waiting[top, 1], waiting[top, 2], waiting[top, 3]
-        box = _measure(boxes, begin, end, low, scale)
+        used = FEW_BINS if end - begin <= FEW else BINS
+        box = _measure(boxes, begin, end, used, low, scale)
         axis, cut, cost = -1, 0, np.inf
         if end - begin > 1:
-            _fill_bins(boxes, begin, end, low, scale, bins, counts)
+            _fill_bins(boxes, begin, end, used, low, scale, bins, counts)
             for candidate in range(3):
-                cheapest, here = _cheapest_cut(bins[candidate], counts[candidate], areas)
+                cheapest, here = _cheapest_cut(bins[candidate], counts[candidate], used, areas)
                 if cheapest < cost:
                     axis, cut, cost = candidate, here, cheapest
         size = end - begin
@@ -155,7 +158,7 @@ def _wait(waiting, place, begin, end, parent, depth):
 
 
 @exact_kernel
-def _measure(boxes, begin, end, low, scale):
+def _measure(boxes, begin, end, used, low, scale):
     """The box round all; writes where the bins of each axis begin and how many there are to a metre.
 
     Centres are stored as the sum of both ends. An axis along which all coincide has scale 0.
@@ -171,15 +174,15 @@ def _measure(boxes, begin, end, low, scale):
         last_x, last_y, last_z = max(last_x, x), max(last_y, y), max(last_z, z)
     low[0], low[1], low[2] = first_x, first_y, first_z
     for axis, width in enumerate((last_x - first_x, last_y - first_y, last_z - first_z)):
-        scale[axis] = 0.9999 * BINS / width if width > 0 else 0.0
+        scale[axis] = 0.9999 * used / width if width > 0 else 0.0
     return lx, hx, ly, hy, lz, hz
 
 
 @exact_kernel
-def _fill_bins(boxes, begin, end, low, scale, bins, counts):
+def _fill_bins(boxes, begin, end, used, low, scale, bins, counts):
     """Count the primitives whose centre falls into each bin of each axis, and the box round them."""
     for axis in range(3):
-        for here in range(BINS):
+        for here in range(used):
             counts[axis, here] = 0
             for j in range(3):
                 bins[axis, here, j], bins[axis, here, j + 3] = np.inf, -np.inf
@@ -193,18 +196,18 @@ def _fill_bins(boxes, begin, end, low, scale, bins, counts):
 
 
 @exact_kernel
-def _cheapest_cut(bins, counts, areas):
+def _cheapest_cut(bins, counts, used, areas):
     """The least cost of a cut after one of the bins (∞ where none divides), and that bin; areas is scratch."""
     infinity = np.float32(np.inf)
     lx, ly, lz, hx, hy, hz, above = infinity, infinity, infinity, -infinity, -infinity, -infinity, 0
-    for i in range(BINS - 1, 0, -1):
+    for i in range(used - 1, 0, -1):
         above += counts[i]
         lx, ly, lz = min(lx, bins[i, 0]), min(ly, bins[i, 1]), min(lz, bins[i, 2])
         hx, hy, hz = max(hx, bins[i, 3]), max(hy, bins[i, 4]), max(hz, bins[i, 5])
         areas[i] = above * _half_area((lx, hx, ly, hy, lz, hz)) if above > 0 else np.inf
     cost, cut = np.inf, 0
     lx, ly, lz, hx, hy, hz, below = infinity, infinity, infinity, -infinity, -infinity, -infinity, 0
-    for i in range(BINS - 1):
+    for i in range(used - 1):
         below += counts[i]
         lx, ly, lz = min(lx, bins[i, 0]), min(ly, bins[i, 1]), min(lz, bins[i, 2])
         hx, hy, hz = max(hx, bins[i, 3]), max(hy, bins[i, 4]), max(hz, bins[i, 5])

@@ -180,20 +180,20 @@ class PreparedWhitted:
             means, rays, longest = _rows_by_workers(workers, SharedByRows(self.method, self.scene, view), progress)
         if longest >= MOST_RAYS:
             warn(f"a tree grew to {longest} rays and was cut; lower the depth or raise the contribution")
-        hit = np.maximum(means[..., 4:5], 1e-30)
         # Perturbed normals leave noise, and nobody has measured it.
-        variance = np.full((*rays.shape, 3), np.nan if np.any(self.tables[2].roughness) else 0.0, np.float32)
-        # The layers.
-        return Render(
-            radiance=means[..., :3].copy(),
-            variance=variance,
-            matte=means[..., 3].copy(),
-            depth=(means[..., 5] / hit[..., 0]).astype(np.float32),
-            normal=means[..., 6:9] / hit,
-            albedo=means[..., 9:12] / hit,
-            samples=max(round(float(rays.mean())), 1),
-            rays=rays,
-        )
+        variance = np.nan if np.any(self.tables[2].roughness) else 0.0
+        layers = {name: np.empty((*rays.shape, 3), np.float32) for name in ("radiance", "variance", "normal", "albedo")}
+        layers |= {name: np.empty(rays.shape, np.float32) for name in ("matte", "depth")}
+
+        def fill(begin: int, end: int) -> None:
+            rows, part = slice(begin, end), means[begin:end]
+            hit = np.maximum(part[..., 4:5], 1e-30)
+            layers["radiance"][rows], layers["variance"][rows] = part[..., :3], variance
+            layers["matte"][rows], layers["depth"][rows] = part[..., 3], part[..., 5] / hit[..., 0]
+            layers["normal"][rows], layers["albedo"][rows] = part[..., 6:9] / hit, part[..., 9:12] / hit
+
+        in_threads(fill, len(rays), self._threads, chunk=view.rows_of_a_band)
+        return Render(**layers, samples=max(round(float(rays.mean())), 1), rays=rays)
 
     def rows(
         self, view: View, first: int, last: int, progress: Progress | None = None
@@ -205,25 +205,28 @@ class PreparedWhitted:
         left, top, right, _ = view.region
         done: list[int] = []
         longest: list[int] = []
+        means = np.empty((last - first, right - left, CHANNELS), np.float32)
+        rays = np.empty(means.shape[:2], np.int32)
 
         # Bands of rows, in threads.
-        def work(begin: int, end: int) -> tuple[np.ndarray, np.ndarray]:
+        def work(begin: int, end: int) -> None:
             def noting(points: np.ndarray) -> Traced:
                 results = self.traced(view.camera, points, view.seed)
                 longest.append(int(results[2].max(initial=0)))
                 return results
 
             rows = (left, top + first + begin, right, top + first + end)
-            band = self._band(noting, rows, view.small, view.reference)
+            means[begin:end], rays[begin:end] = self._band(noting, rows, view.small, view.reference)
             done.append(end - begin)
             if progress:
                 progress(sum(done) / (last - first))
-            return band
 
-        threads = self.method.threads or worker_threads()
-        bands = in_threads(work, last - first, threads, chunk=view.rows_of_a_band)
-        means, rays = (np.concatenate(part) for part in zip(*bands, strict=True))
+        in_threads(work, last - first, self._threads, chunk=view.rows_of_a_band)
         return means, rays, max(longest)
+
+    @property
+    def _threads(self) -> int:
+        return self.method.threads or worker_threads()
 
     def _band(
         self, trace: Tracer, region: tuple[int, int, int, int], small: Small, reference: float
