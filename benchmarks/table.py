@@ -24,6 +24,8 @@ def placed(document: str, writer: str, section: str, *, first: bool = True) -> s
     opening, ending = f"<!-- {writer} writes from here -->", f"<!-- {writer} writes to here -->"
     if opening in document:
         before, _, rest = document.partition(opening)
+        if ending not in rest:
+            raise ValueError(f"the document has no line {ending}; put it after the section that is to be replaced")
         after = rest.partition(ending)[2]
     elif first and "\n## " in document:
         before, heading, after = document.partition("\n## ")
@@ -55,7 +57,11 @@ def asked(results: Sequence[Result]) -> str:
             lines.append(f"| {goal.work} | {goal.before} | {goal.limit} {goal.unit} | {words} | – | {scripts} |")
             continue
         kept = sum(goal.met(row.seen) for row in seen if row.seen is not None)
-        met = "yes" if kept == len(seen) else "**no**" if len(seen) == 1 else f"**no**, {kept} of {len(seen)}"
+        whole = len(seen) == len(rows) and all(each.state == "done" for each, _ in rows)
+        if kept < len(seen):
+            met = "**no**" if len(seen) == 1 else f"**no**, {kept} of {len(seen)}"
+        else:
+            met = "yes" if whole else "not all of it measured"
         if any(each.quick for each, _ in rows):
             met = "– (`--quick`)"
         shown = "; ".join(spread(row) for row in seen) if len(seen) <= 3 else extent(seen)

@@ -68,6 +68,10 @@ POLISHED = sheet(FLAT, Material((0.8, 0.8, 0.7), metallic=1.0, roughness=0.0))
 GLOSSY = sheet(FLAT, Material((0.5, 0.4, 0.3), metallic=0.0, roughness=0.3))
 GLASS, MIRROR = Material(roughness=0.0, transmission=1.0), Material((0.9, 0.9, 0.9), metallic=1.0, roughness=0.0)
 GOLD = Material((1.0, 0.72, 0.32), metallic=1.0, roughness=0.4)
+ROUGH_PANE = sheet(
+    [[-0.6, 0, 0.6], [0.6, 0, 0.6], [0.6, 0.3, 0.6], [-0.6, 0.3, 0.6]], Material(roughness=0.6, transmission=1.0)
+)
+LOW = Camera.looking_at(np.array([0, 0.35, 4.0]), np.array([0, 0.1, 0.3]), width=48, height=32, focal_length=52)
 ROOM = Box((-2.0, -0.5, -2.0), (2.0, 2.0, 3.0))
 
 SCENES = {
@@ -89,6 +93,12 @@ SCENES = {
     "outside the frame": (Scene(light(), (FLOOR,), (ball(Diffuse((0.7, 0.7, 0.2))),)), ASIDE),
     "many triangles": (Scene(light(), (FLOOR,), (rippled(),)), CAMERA),
     "behind a screen": (Scene(light(), (FLOOR, SCREEN), (ball(Diffuse((0.7, 0.7, 0.2))),)), CAMERA),
+    # Wide bodies: from within the sphere about one, what is behind its middle hides light as well.
+    "under a slab": (
+        Scene(light(), (FLOOR,), (box(Diffuse((0.1, 0.1, 0.1)), (-2, 0.5, -2), (2, 0.6, 2)),)),
+        LOW,
+    ),
+    "behind a rough pane": (Scene(light(), (FLOOR, ROUGH_PANE), (ball(Diffuse((0.05, 0.05, 0.05))),)), CAMERA),
     "point of light": (
         Scene(DARKNESS, (FLOOR,), (ball(Diffuse((0.7, 0.7, 0.2))),), (PointLight((-1, 2, 1), (9.0, 8.0, 7.0)),)),
         CAMERA,
@@ -99,7 +109,7 @@ SCENES = {
         CAMERA,
     ),
 }
-FAST = ("two planes",)
+FAST = ("two planes", "under a slab")
 
 
 def plain(scene, camera, samples):

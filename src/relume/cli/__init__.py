@@ -53,8 +53,9 @@ def main(arguments: Sequence[str] | None = None) -> int:
         module = f"relume.cli.{FOLDERS.get(name, '')}{name}"
         app.command(f"{module}:{name}", name=name, help=help_text)
     words = list(sys.argv[1:] if arguments is None else arguments)
-    if isinstance(sys.stdout, io.TextIOWrapper):
-        sys.stdout.reconfigure(errors="replace")  # where it has few letters, as Windows' pipes: ? for − and ×
+    if isinstance(sys.stdout, io.TextIOWrapper) and sys.stdout.errors == "strict":
+        # Where it has few letters, as Windows' pipes, − is written as \\u2212; a name stays one that can be read back.
+        sys.stdout.reconfigure(errors="backslashreplace")
     try:
         app(words, exit_on_error=False, print_error=False, result_action="return_value")
         sys.stdout.flush()

@@ -42,6 +42,11 @@ def version() -> str:
     return of_package("relume")
 
 
+def _shows_all_letters() -> bool:
+    """Whether standard output takes every letter; where not, JSON escapes what the next program reads back."""
+    return (sys.stdout.encoding or "").lower().replace("-", "") == "utf8"
+
+
 def refuse(message: str, code: int, hint: str = "") -> int:
     """Print one line on standard error and return the exit code."""
     line = " ".join(rl.errors.printable(message).split())
@@ -175,7 +180,7 @@ def finish_each(
 def print_facts(output: OutputOptions, lines: Mapping[str, object], *, title: str = "") -> None:
     """Print a result: JSON for machines, else a line a fact."""
     if output.json:
-        print(json.dumps(dict(lines), ensure_ascii=False, default=str))
+        print(json.dumps(dict(lines), ensure_ascii=not _shows_all_letters(), default=str))
     elif not output.quiet:
         if title:
             print(title)

@@ -111,7 +111,7 @@ def complete_folder(folder: str | os.PathLike[str], last: str) -> Iterator[Path]
         try:
             yield temporary
             if not folder.exists() or not any(folder.iterdir()):
-                if folder.exists():
+                if folder.exists() and os.name == "nt":
                     folder.rmdir()  # Windows puts no folder in the place of another
                 os.replace(temporary, folder)
                 return

@@ -16,10 +16,11 @@ import os
 import re
 import shutil
 import tempfile
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from concurrent.futures import ThreadPoolExecutor
 from functools import lru_cache
 from pathlib import Path
+from threading import Lock
 from typing import Any
 
 import llvmlite.binding as llvm
@@ -57,6 +58,12 @@ _choose_processor()  # Numba reads it once, when it first compiles in this proce
 
 
 @lru_cache
+def fuses() -> bool:
+    """Whether the processor fuses products with sums itself; else each is a call, slower than the two."""
+    return not llvm.get_process_triple().startswith("x86") or llvm.get_host_cpu_features().get("fma", False)
+
+
+@lru_cache
 def cache_folder(module: str) -> str:
     """Where a module's compiled kernels are kept: a folder for this very source.
 
@@ -79,15 +86,20 @@ def cache_folder(module: str) -> str:
         digest.update(sources[path])
     name = f"kernels-{own.stem}-{digest.hexdigest()[:12]}"
     brought = package / "kernels" / name
-    folder = _writable(package / ("kernels" if brought.is_dir() else "__pycache__")) / name
-    if brought.is_dir() and not folder.exists():
-        folder.parent.mkdir(parents=True, exist_ok=True)
-        _copied(brought, folder)
+    for place in _writable(package / ("kernels" if brought.is_dir() else "__pycache__")):
+        folder = place / name
+        try:
+            if brought.is_dir() and not folder.exists():
+                folder.parent.mkdir(parents=True, exist_ok=True)
+                _copied(brought, folder)
+        except OSError:  # a full disk: the next place may have room
+            continue
+        break
     return str(folder)
 
 
-def _writable(first: Path) -> Path:
-    """The first place for kernels that may be written to; the user's choice goes before all."""
+def _writable(first: Path) -> Iterator[Path]:
+    """Places for kernels that may be written to, the best first; the user's choice goes before all."""
     # An installation may be write-protected, and so may the home of a user on a render node.
     chosen = [Path(_CONFIG.CACHE_DIR)] if _CONFIG.CACHE_DIR else []
     for place in (*chosen, first, Path.home() / ".cache" / "relume"):
@@ -96,8 +108,8 @@ def _writable(first: Path) -> Path:
         except OSError:
             continue
         if os.access(place, os.W_OK):
-            return place
-    return Path(tempfile.gettempdir()) / f"relume-{os.getuid() if hasattr(os, 'getuid') else ''}"
+            yield place
+    yield Path(tempfile.gettempdir()) / f"relume-{os.getuid() if hasattr(os, 'getuid') else ''}"
 
 
 def _copied(brought: Path, folder: Path) -> None:
@@ -114,12 +126,21 @@ def _copied(brought: Path, folder: Path) -> None:
                 raise
 
 
+_CHOOSING = Lock()
+"""Held while Numba's locators are ours: modules of kernels are imported in threads too."""
+
+
 class KeptWithSource(InTreeCacheLocator):
     """Where Numba keeps a kernel, and for which source: no path and no time is part of either."""
 
     def __init__(self, function: Callable[..., Any], path: str) -> None:
         super().__init__(function, path)
         self._cache_path = cache_folder(function.__module__)
+
+    @classmethod
+    def from_function(cls, py_func: Callable[..., Any], py_file: str) -> KeptWithSource | None:
+        """None for others' functions, whose sources are not known here."""
+        return cls(py_func, py_file) if py_func.__module__.startswith("relume.") else None
 
     def get_source_stamp(self) -> str:
         """The folder's name, which holds a hash of all that is compiled."""
@@ -130,12 +151,13 @@ def _compiled(fast: set[str] | bool) -> Callable[[Callable[..., Any]], Any]:
     """Compiled on first use, kept on disk, without the interpreter's lock, division by zero as in NumPy."""
 
     def decorate(function: Callable[..., Any]) -> Any:
-        before = _CONFIG.CACHE_LOCATOR_CLASSES
-        _CONFIG.CACHE_LOCATOR_CLASSES = before or f"{__name__}.{KeptWithSource.__name__},UserWideCacheLocator"
-        try:
-            return numba.njit(cache=True, nogil=True, fastmath=fast, error_model="numpy")(function)
-        finally:
-            _CONFIG.CACHE_LOCATOR_CLASSES = before
+        with _CHOOSING:
+            before = _CONFIG.CACHE_LOCATOR_CLASSES
+            _CONFIG.CACHE_LOCATOR_CLASSES = before or f"{__name__}.{KeptWithSource.__name__},UserWideCacheLocator"
+            try:
+                return numba.njit(cache=True, nogil=True, fastmath=fast, error_model="numpy")(function)
+            finally:
+                _CONFIG.CACHE_LOCATOR_CLASSES = before
 
     return decorate
 

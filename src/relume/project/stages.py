@@ -89,14 +89,14 @@ class Steps:
 
     seconds : of each step so far; of one that was begun before, what was still to be waited for
     kept : the steps whose results an earlier run had made
-    begun : the steps that threads work on
+    begun : the steps that threads work on, each with the fingerprint of what it is made from
     """
 
     stages: Stages
     progress: Progress = lambda step, share: None
     seconds: dict[str, float] = field(default_factory=dict)
     kept: list[str] = field(default_factory=list)
-    begun: dict[str, Future[tuple[Any, list[Doubt]]]] = field(default_factory=dict)
+    begun: dict[str, tuple[str, Future[tuple[Any, list[Doubt]]]]] = field(default_factory=dict)
 
     @contextmanager
     def timed(self, name: str) -> Iterator[None]:
@@ -115,8 +115,9 @@ class Steps:
 
         def with_warnings() -> tuple[Result, tuple[Doubt, ...]]:
             with GatheredDoubts() as gathered:
-                if name in self.begun:
-                    result, kept_back = self.begun.pop(name).result()
+                begun = self.begun.pop(name, None)
+                if begun is not None and begun[0] == fingerprint(made_from):
+                    result, kept_back = begun[1].result()
                     for doubt in kept_back:
                         warn(doubt.line, doubt.effect)
                 else:
@@ -144,7 +145,7 @@ class Steps:
                 return make(), doubts
 
         pool = ThreadPoolExecutor(1)
-        self.begun[name] = pool.submit(copy_context().run, work)
+        self.begun[name] = fingerprint(made_from), pool.submit(copy_context().run, work)
         pool.shutdown(wait=False)
 
 

@@ -101,7 +101,9 @@ def merge_photographs(
         ]
         pictures = _each(works, placed)
     lens, merged = LensSteps(settings, steps), []
-    for bracket, moved, one, doubt, (picture, hues) in zip(placed, aligned, deghosted, doubts, pictures, strict=True):
+    pictures.reverse()
+    for bracket, moved, one, doubt in zip(placed, aligned, deghosted, doubts, strict=True):
+        picture, hues = pictures.pop()  # so that a map goes when its lens has been corrected
         found = lens.applied(picture, bracket, response, (*doubt, *hues))
         if one is not None and one.ghosts.any():
             found = replace(found, clipping=replace(found.clipping, moved=_saturated_where_moved(picture, one)))
@@ -159,8 +161,8 @@ def _recovered(
 def _with_true_whites(brackets: Sequence[Bracket]) -> tuple[list[Bracket], list[White]]:
     """The brackets with each frame's white where shorter ones show it; a note names frames that end below white."""
     found, whites = [], []
-    for white, ends in _each([partial(whitened, bracket) for bracket in brackets], brackets):
-        found.append(white)
+    for true, ends in _each([partial(whitened, bracket) for bracket in brackets], brackets):
+        found.append(true)
         whites += ends
         for name, each in groupby((end for end in ends if end.least is not None), key=lambda end: end.name):
             pressed = list(each)

@@ -10,7 +10,7 @@ import numpy as np
 from numba import types
 from numba.extending import overload
 
-from relume.image.kernel import exact_kernel, exact_small, in_threads, kernel
+from relume.image.kernel import exact_kernel, exact_small, fuses, in_threads, kernel
 from relume.sphere.vector_steps import BYTES_AT_ONCE, add_four_lights
 
 _RUN = 768
@@ -29,7 +29,8 @@ def add_weighted(values: np.ndarray, weights: np.ndarray, totals: np.ndarray, th
     totals : (K, P) float64
     """
     seen = values.view(np.uint16) if values.dtype == np.float16 else values
-    fours = len(values) // 4 * 4 if values.dtype == np.uint8 and np.abs(weights).max(initial=0) < _LARGE else 0
+    of_bytes = values.dtype == np.uint8 and fuses() and np.abs(weights).max(initial=0) < _LARGE
+    fours = len(values) // 4 * 4 if of_bytes else 0
 
     def work(begin: int, end: int) -> None:
         stop = begin + (end - begin) // BYTES_AT_ONCE * BYTES_AT_ONCE if fours else begin

@@ -6,6 +6,7 @@ what one view lacks comes from another (Debevec 1998, §5.1: two views ninety de
 
 from __future__ import annotations
 
+import os
 from collections.abc import Sequence
 from dataclasses import dataclass
 from itertools import chain
@@ -23,6 +24,8 @@ from relume.sphere.environment_map import EnvironmentMap
 from relume.sphere.inpainting import continued
 from relume.sphere.mappings.mapping import LatLong, pixel_points
 
+AT_ONCE = 4
+"""Strips of the map that are in memory together, on however many cores."""
 SHARPNESS = 8
 """Power of the weights: high, so that a near lamp that two views show in two places is taken from one of them."""
 UNSEEN = 0.05
@@ -147,7 +150,7 @@ def blend_views(
             clipped.append(float(((over > 0.5) * share / whole).sum(1) @ cell[rows]))
         return clipped
 
-    clipped = sum(chain.from_iterable(in_threads(work, len(strips), chunk=1)), 0.0)
+    clipped = sum(chain.from_iterable(in_threads(work, len(strips), min(os.cpu_count() or 1, AT_ONCE), chunk=1)), 0.0)
     # What no view saw is filled from its rim.
     confidence = np.minimum(sure / subdivision**2, 1) ** (1 / SHARPNESS)
     known = confidence > UNSEEN

@@ -17,6 +17,7 @@ _BLOCK = 256
 def plain(light, chosen, samples, term, table):
     """Look `chosen` samples up at their middles and add to `light`: of all ways the one that has to be fastest.
 
+    chosen : ascending, without repeats
     term : with its colour held in the weight
     table : padded
     """

@@ -197,6 +197,8 @@ class _Shown:
         self.pool.shutdown()
         if error is None:
             self._finish()
+        elif self.last is not None and self.last.exception() is None:
+            self._finish()  # a preview's warnings often say why the render failed
 
     def show(self, sums: Sums) -> None:
         """Raises what the preview before raised."""

@@ -132,7 +132,7 @@ def _hidden_lamps(
 
     def wanted(way: Any) -> Any:
         # What no object hides is the same in both scenes.
-        return guide.density(cones, way) > 0
+        return guide.may_meet(si.p, way)
 
     while looking:
         choice, point = rng.next_float32(), two(rng)

@@ -281,6 +281,15 @@ class Guide:
             total += share
         return [(axis, less, dr.select(total > 0, share / total, 0)) for axis, less, share in found]
 
+    def may_meet(self, place: Any, way: Any) -> Any:
+        """Whether a ray may meet an object: those into no cone may too, behind a pane or from within a sphere."""
+        found = mi.Bool(False)
+        for centre, radius in self.spheres:
+            away, bound = centre - place, dr.square(radius) * 1.00001
+            square, along = dr.squared_norm(away), dr.dot(away, way)
+            found |= (square <= bound) | ((along > 0) & (square - dr.square(along) <= bound))
+        return found
+
     def sample(self, cones: list[tuple[Any, Any, Any]], point: Any) -> Any:
         """A unit vector into one of the cones, chosen by the first number of a point; even points stay even in each."""
         axis, less, along = mi.Vector3f(0, 1, 0), mi.Float(0), mi.Float(0)
