@@ -12,7 +12,7 @@ from relume.composite.surface.recovery import Recovery
 from relume.composite.surface.reflectance import recover_reflectance
 from relume.composite.surface.two_views import ViewOfProbe, common_points
 from relume.image.radiance import RadianceMap
-from relume.renderers.mitsuba.lobes import arriving
+from relume.renderers.mitsuba.lobes import arriving, ready
 from relume.renderers.mitsuba.path_tracer import Mitsuba
 from relume.scene.cameras.camera import Camera
 from relume.scene.materials.materials import Diffuse
@@ -56,7 +56,8 @@ def on_table(place: np.ndarray, rays: np.ndarray) -> tuple[np.ndarray, np.ndarra
 def sent(points: np.ndarray, place: np.ndarray, real: Scene, seeds: range) -> np.ndarray:
     """What points of the true table send to a place: sums over drawn directions, with little noise."""
     normals = np.broadcast_to([0.0, 1.0, 0.0], points.shape)
-    drawn = [arriving(real, points, normals, place, seed=seed) for seed in seeds]
+    scene = ready(real)
+    drawn = [arriving(scene, points, normals, place, seed=seed) for seed in seeds]
     gloss, base = np.mean([light.gloss_and_base(glossy((1.0, 1.0, 1.0), TRUE)) for light in drawn], axis=0)
     row, column = ((points[:, 2] + 0.5) * 10).astype(int), ((points[:, 0] / 1.7 + 0.5) * 17).astype(int)
     return gloss + PATTERN[row, column] * base
@@ -176,7 +177,8 @@ def test_a_wall_beside_a_table_shines_on_it_as_the_photograph_shows_it(monkeypat
     points = np.array([[0.0, 0.0, 0.0], [0.3, 0.0, -0.3], [-0.5, 0.0, 0.3]])
     normals = np.broadcast_to([0.0, 1.0, 0.0], points.shape)
     scene = Scene(dark, tuple(local), distant=ROOM, probe=PROBE)
-    drawn = [arriving(scene, points, normals, np.array(CAMERA.position), seed=seed) for seed in range(12)]
+    lit = ready(scene)
+    drawn = [arriving(lit, points, normals, np.array(CAMERA.position), seed=seed) for seed in range(12)]
     seen = np.mean([each.reflected(Diffuse((1.0, 1.0, 1.0)))[:, 0] for each in drawn], axis=0)
     x, y = np.meshgrid(np.linspace(-0.85, 0.85, 401), np.linspace(0, 1, 401))
     towards = np.stack([x, y, np.full_like(x, -0.5)], axis=-1)[None] - points[:, None, None]
@@ -245,7 +247,8 @@ def test_what_arrives_is_what_the_path_tracer_sees(taken):
         points, met = on_table(place, chosen)
         normals = np.broadcast_to([0.0, 1.0, 0.0], points.shape)
         # Eight draws: one alone has some 10 % of noise a point.
-        summed = np.mean([arriving(scene, points, normals, place, seed=s).reflected(even) for s in range(8)], axis=0)
+        lit = ready(scene)
+        summed = np.mean([arriving(lit, points, normals, place, seed=s).reflected(even) for s in range(8)], axis=0)
         ratio = summed / picture[rows, 4:-4:4].reshape(-1, 3)[met]
         assert len(points) > 80
         assert np.abs(ratio.mean(0) - 1).max() < 0.02 and np.percentile(np.abs(ratio - 1), 90) < 0.1

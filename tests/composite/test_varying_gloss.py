@@ -13,7 +13,7 @@ from relume.composite.surface.recovery import EstimatedGloss, Recovery
 from relume.composite.surface.several_plates import LitView, recover_from_views
 from relume.composite.surface.varying_gloss import Observations, VaryingGloss, fit_varying_gloss
 from relume.image.radiance import RadianceMap
-from relume.renderers.mitsuba.lobes import Arriving, arriving
+from relume.renderers.mitsuba.lobes import Arriving, arriving, ready
 from relume.renderers.mitsuba.path_tracer import Mitsuba
 from relume.scene.cameras.camera import Camera
 from relume.scene.materials.materials import Diffuse, Material
@@ -48,7 +48,8 @@ SCENE = Scene(surroundings(), (Plane(Diffuse((0.5, 0.5, 0.5)), (1.7, 1.0)),), di
 
 def drawn(eye: np.ndarray, seed: int, sets: int) -> list[Arriving]:
     normals = np.broadcast_to([0.0, 1.0, 0.0], POINTS.shape)
-    return [arriving(SCENE, POINTS, normals, eye, seed=seed + k) for k in range(sets)]
+    scene = ready(SCENE)
+    return [arriving(scene, POINTS, normals, eye, seed=seed + k) for k in range(sets)]
 
 
 def sent(eye: np.ndarray, seed: int) -> np.ndarray:

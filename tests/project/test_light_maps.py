@@ -84,7 +84,7 @@ def test_objects_that_move_are_lit_by_each_moments_map(folder: Path):
     write(folder / "plate.exr", RadianceMap(np.ones((16, 24, 3), np.float32)))
     text = "local = []\n" + SHOT.replace('exr"\n[seq', 'exr"\nscale = 2.0\n[seq').replace('"1-5"', '"2"')
     text = text.replace("rate = 4", "rate = 4\nshutter = [0, 0.5]")
-    text += "[match]\ngrain = false\nsharpness = false\n[render]\nsamples = 64\npreview = false\n"
+    text += "[match]\ngrain = false\nsharpness = false\n[render]\nsamples = 256\npreview = false\n"
     found = []
     # From its first map, 3, to half-way to the second; at rest, and moved by as good as nothing.
     for name, keys in (

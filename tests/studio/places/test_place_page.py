@@ -168,7 +168,8 @@ def test_a_click_is_not_lost_where_the_pane_changes_between_press_and_release(pa
     page.until(lambda: page.tab.evaluate("() => relume.page.state.undo") > 0, "what others wrote")
     page.tab.mouse.up()
     page.until(lambda: page.tab.evaluate("() => relume.page.block") == "roof", "the block")
-    assert page.tab.locator('[data-block="roof"]').get_attribute("aria-pressed") == "true"
+    pressed = page.tab.locator('[data-block="roof"][aria-pressed="true"]')
+    page.until(lambda: pressed.count() == 1, "the block drawn as chosen")
 
 
 def test_axe_finds_nothing_serious(page: Tab):
