@@ -173,6 +173,7 @@ from relume.project.insertion.render_change import Previews
 show = Previews.__call__
 def shown(self, sums):
     show(self, sums)
+    Previews.__call__ = show  # one Ctrl-C: a second one ends the process at once
     os.kill(os.getpid(), signal.SIGINT)
 Previews.__call__ = shown
 signal.signal(signal.SIGINT, signal.default_int_handler)  # as at a terminal, however this suite was started
