@@ -21,7 +21,7 @@ class _Module:
     is_package: bool
     definitions: dict[str, list[ast.stmt]] = field(default_factory=dict)
     bindings: dict[str, str] = field(default_factory=dict)
-    runs: list[ast.stmt] = field(default_factory=list)
+    runs: list[ast.AST] = field(default_factory=list)
 
 
 @cache

@@ -9,6 +9,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import dataclass
 from functools import cached_property
+from typing import Any
 
 import numpy as np
 
@@ -182,7 +183,8 @@ class PreparedWhitted:
             warn(f"a tree grew to {longest} rays and was cut; lower the depth or raise the contribution")
         # Perturbed normals leave noise, and nobody has measured it.
         variance = np.nan if np.any(self.tables[2].roughness) else 0.0
-        layers = {name: np.empty((*rays.shape, 3), np.float32) for name in ("radiance", "variance", "normal", "albedo")}
+        colours = ("radiance", "variance", "normal", "albedo")
+        layers: dict[str, Any] = {name: np.empty((*rays.shape, 3), np.float32) for name in colours}
         layers |= {name: np.empty(rays.shape, np.float32) for name in ("matte", "depth")}
 
         def fill(begin: int, end: int) -> None:
@@ -225,7 +227,7 @@ class PreparedWhitted:
         return means, rays, max(longest)
 
     @property
-    def _threads(self) -> int:
+    def _threads(self) -> int | None:
         return self.method.threads or worker_threads()
 
     def _band(
