@@ -133,6 +133,20 @@ def test_points_of_a_ring_are_clicked_and_taken_out(page: Tab, folder: Path):
     assert [x for x, _ in marks(folder, "right", "well")["ring_1"]] == pytest.approx([100, 180], abs=2)
 
 
+def test_a_point_is_kept_where_the_server_says_how_the_file_was_before_it(page: Tab, folder: Path):
+    """Else the next click would begin the curve anew."""
+    page.click('[data-block="well"]')
+    page.click('[data-photograph="right"]')
+    page.until(lambda: page.tab.evaluate("() => relume.page.shownName") == "right", "the photograph")
+    page.click('.edges [data-edge="ring_1"]')
+    known = page.tab.evaluate(
+        "async () => { const { page } = relume, before = page.state; page.marks.clicked(100, 700);"
+        "for (let i = 0; i < 20; i++) await null; page.take(before); return page.marks.points('well', 'ring_1'); }"
+    )
+    assert known == [[100, 700]]
+    page.until(lambda: marks(folder, "right", "well").get("ring_1") == [[100, 700]], "the point")
+
+
 def test_a_block_is_added_with_its_constraints_and_what_is_refused_is_said(page: Tab, folder: Path):
     page.click('details[data-part="adding"] > summary')
     page.tab.locator('details[data-part="adding"] input').fill("porch")

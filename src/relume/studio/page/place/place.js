@@ -73,9 +73,9 @@ export class PlacePage {
     this.waiting++;
     busy++;
     this.edits = this.edits.then(() => this.attempt(async () => {
-      this.waiting--; // before the answer is taken, which shows the file's marks once nothing is ahead of them
       try {
-        this.take(await post("/place/edit", { changes, revision: this.state.revision }));
+        // What is drawn stays ahead of the file until the answer is there: meanwhile the server may say how it was before.
+        this.take(await post("/place/edit", { changes, revision: this.state.revision }).finally(() => this.waiting--));
         this.say("");
         return true;
       } catch (error) {

@@ -70,11 +70,16 @@ export class Studio {
    *  them once the changes before are made @param {boolean} [unfinished] whether the shot may lack something after it
    *  @returns {Promise<unknown>} true where the file has them now */
   edit(wanted, unfinished = false) {
-    this.edits = this.edits.then(() => this.attempt(async () => {
+    const answer = async () => {
       const changes = typeof wanted === "function" ? await wanted() : wanted;
-      if (!changes.length) return;
+      return changes.length ? post("/shot/edit", { changes, revision: this.state.revision, unfinished: unfinished || this.state.fault !== null }) : null;
+    };
+    this.edits = this.edits.then(() => this.attempt(async () => {
       try {
-        this.take(await post("/shot/edit", { changes, revision: this.state.revision, unfinished: unfinished || this.state.fault !== null }));
+        // What is drawn stays ahead of the file until the answer is there: meanwhile the server may say how it was before.
+        const state = await answer().finally(() => this.waiting--);
+        this.take(state ?? this.state); // as it is, too: what was said meanwhile is followed now
+        if (!state) return undefined;
         this.say("");
         return true;
       } catch (error) {
@@ -85,10 +90,7 @@ export class Studio {
     }));
     busy++;
     this.waiting++;
-    return this.edits.finally(() => {
-      busy--;
-      this.waiting--;
-    });
+    return this.edits.finally(() => busy--);
   }
   /** Edits that the file does not have yet. */
   waiting = 0;
@@ -356,7 +358,7 @@ export class Studio {
       || state.results.join() !== before.results.join()) this.rebuild();
     if (job.status === "done" && (old.status !== "done" || job.number !== old.number)) this.panes[this.step]?.done?.();
     // What a pane draws is ahead of the file until the last of its edits is there.
-    if (this.waiting <= 1) this.panes[this.step]?.changed?.();
+    if (!this.waiting) this.panes[this.step]?.changed?.();
     // That a job goes on changes nothing of what is drawn.
     if (anyway || state.revision !== before.revision || job.status !== old.status || job.number !== old.number) this.drawn();
   }
