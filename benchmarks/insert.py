@@ -12,7 +12,18 @@ cleaned each on its own, guided by relume's planes, whose time is not counted; C
 from __future__ import annotations
 
 import numpy as np
-from insert_scatter import Way, compared, cycles_ways, error_rows, ours, path_pair, plate_of, seen_beside, two_sided
+from insert_scatter import (
+    Way,
+    compared,
+    compiled,
+    cycles_ways,
+    error_rows,
+    ours,
+    path_pair,
+    plate_of,
+    seen_beside,
+    two_sided,
+)
 from insert_scenes import Cycles, room
 from measured import Rows, asked
 
@@ -30,6 +41,10 @@ def main(rows: Rows, bpy: str | None, quick: bool) -> None:
     mine = Way("relume", ours(scene, camera, clean=True))
     pair = path_pair(scene, camera, "multijitter", same_seed=False)
     theirs = Way("two Mitsuba renders", lambda samples, seed: two_sided(*pair(samples, seed), guides))
+    compiled([mine, theirs], counts[0])
+    long = {} if bpy is None else cycles_ways(
+        Cycles(bpy), scene, camera, plate, CYCLES_LONG // share, (1001,), denoise=False
+    )  # fmt: skip
     for samples in counts:
         runs = compared([mine, theirs], samples, seeds)
         found = {name: error_rows(each, plate, beside, truth) for name, each in runs.items()}
@@ -37,9 +52,7 @@ def main(rows: Rows, bpy: str | None, quick: bool) -> None:
         if bpy is None:
             rows.absent(f"change, {samples} samples, OIDN, Cycles", "no --bpy was given", goal="change_cycles")
             continue
-        peer = Cycles(bpy)
-        catcher = cycles_ways(peer, scene, camera, plate, samples, seeds, denoise=True)
-        long = cycles_ways(peer, scene, camera, plate, CYCLES_LONG // share, (1001,), denoise=False)
+        catcher = cycles_ways(Cycles(bpy), scene, camera, plate, samples, seeds, denoise=True)
         for name, each in catcher.items():
             found[name] = error_rows(each, plate, beside, long[name][0][0])
             told(rows, samples, found, name, "change_cycles")

@@ -141,11 +141,15 @@ def two_sided(difference: np.ndarray, seconds: float, guides: rl.Change) -> tupl
     return clean, seconds + time.perf_counter() - start
 
 
-def compared(ways: Sequence[Way], samples: int, seeds: Sequence[int]) -> dict[str, Runs]:
-    """The runs of each way, by turns; one more before, which compiles."""
-    runs: dict[str, Runs] = {way.name: [] for way in ways}
+def compiled(ways: Sequence[Way], samples: int) -> None:
+    """Run each way once, which compiles; more samples compile nothing anew."""
     for way in ways:
         way.estimate(samples, 1)
+
+
+def compared(ways: Sequence[Way], samples: int, seeds: Sequence[int]) -> dict[str, Runs]:
+    """The runs of each way, by turns."""
+    runs: dict[str, Runs] = {way.name: [] for way in ways}
     for seed in seeds:
         for way in ways:
             runs[way.name].append(way.estimate(samples, seed))
@@ -195,6 +199,7 @@ def main(rows: Rows, bpy: str | None, quick: bool) -> None:
         Way("two Mitsuba renders", path_pair(scene, camera, "multijitter", same_seed=False)),
         Way("two Mitsuba renders of one seed", path_pair(scene, camera, "multijitter", same_seed=True)),
     ]
+    compiled(ways, counts[0])
     for samples in counts:
         runs = compared(ways, samples, seeds)
         if bpy is not None:

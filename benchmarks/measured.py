@@ -64,6 +64,8 @@ class Result:
     day: str
     quick: bool
     rows: tuple[Row, ...] = ()
+    commit: str = ""
+    """Of the checkout that was measured; ends with "+" where files of it had changed."""
 
 
 @dataclass(frozen=True)

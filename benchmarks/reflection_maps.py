@@ -1,4 +1,8 @@
-"""Reflection maps: making tables, shading a G-buffer, maps of any size, and antialiasing against 1,024 samples."""
+"""Reflection maps: making tables, shading a G-buffer, maps of any size.
+
+python benchmarks/reflection_maps.py            # times
+python benchmarks/reflection_maps.py --errors   # antialiasing against 1,024 samples a pixel, and what it takes
+"""
 
 from __future__ import annotations
 
@@ -112,9 +116,15 @@ def antialiasing(material: Reflective, light: rl.EnvironmentMap, title: str) -> 
 
 
 if __name__ == "__main__":
-    options = asked(__doc__).parse_args()
+    parser = asked(__doc__)
+    parser.add_argument("--errors", action="store_true", help="errors of antialiasing; takes minutes")
+    options = parser.parse_args()
     rows = Rows(options.rows)
     room = lamps(1024)
+    if options.errors:
+        antialiasing(Reflective((Layer(Phong(1000)),)), room, "small glossy balls (Phong, n = 1000)")
+        antialiasing(Reflective((Layer(Mirror()),), Wrinkles(0.004, 0.5)), room, "small wrinkled mirrors")
+        raise SystemExit
     diffuse, specular = Lambert(), Phong(50)
     taken = median_time(lambda: reflection_map(room, diffuse))
     rows.value("D, 36×72 from 2048×1024", taken, "s", limit="≤ 0.15")
@@ -133,5 +143,3 @@ if __name__ == "__main__":
     ):
         small, large = (shading_time(material, lamps(rows), way) for rows in (128, 4096))
         rows.value(f"shading under a map 8192 wide against one 256 wide, {name}", large / small, "×", limit="≤ 1.2")
-    antialiasing(Reflective((Layer(Phong(1000)),)), room, "small glossy balls (Phong, n = 1000)")
-    antialiasing(Reflective((Layer(Mirror()),), Wrinkles(0.004, 0.5)), room, "small wrinkled mirrors")

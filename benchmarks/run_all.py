@@ -3,12 +3,12 @@
     python benchmarks/run_all.py [--quick] [--write docs/benchmarks.md] [SCRIPT …]     # all scripts unless named
     python benchmarks/run_all.py --set-up                          # environments of the peers that pip can install
 
-What each script measured, and its words, are kept in `out/bench`; the table is made from what lies there, so that a
-single script can be run again by its name. A script that fails or takes longer than its limit stands in the table as
-such, with the rows that it had written till then. Those that take too long for a run of all (`suite`, `natural_light`,
-`large_plates`) run only by their names. Peers: skylibs and Blender's bpy are looked for in environments made by
-`--set-up` unless their interpreters are given; POV-Ray, Luminance HDR and Embree are used where they are installed.
-Scripts of this folder that measure truth rather than time are not among these.
+What each script measured, and its words, are kept in `out/bench` (`out/bench/quick` of `--quick`); the table is made
+from what lies there, so that a single script can be run again by its name. A script that fails or takes longer than
+its limit stands in the table as such, with the rows that it had written till then. Those that take too long for a run
+of all (`suite`, `natural_light`, `large_plates`) run only by their names. Peers: skylibs and Blender's bpy are looked
+for in environments made by `--set-up` unless their interpreters are given; POV-Ray, Luminance HDR and Embree are used
+where they are installed. Scripts of this folder that measure truth rather than time are not among these.
 """
 
 from __future__ import annotations
@@ -103,9 +103,18 @@ def ran(script: Path, minutes: float, arguments: list[str], folder: Path, quick:
     if busy is not None and (later := machine_seconds()) is not None:
         others = max(0.0, later - busy - (own_seconds() - own)) / seconds / (os.cpu_count() or 1)
     day = datetime.now(UTC).strftime("%Y-%m-%d")
-    result = Result(script.name, state, seconds, others, day, quick, tuple(read_rows(rows)))
+    result = Result(script.name, state, seconds, others, day, quick, tuple(read_rows(rows)), commit())
     (folder / f"{script.stem}.json").write_text(json.dumps(asdict(result), ensure_ascii=False), encoding="utf-8")
     return result
+
+
+def commit() -> str:
+    """The checkout's commit, with "+" where its files have changed; nothing where git does not say."""
+    words = ["git", "-C", str(HERE), "describe", "--always", "--dirty=+", "--exclude=*"]
+    try:
+        return subprocess.run(words, capture_output=True, text=True, check=True).stdout.strip()
+    except (OSError, subprocess.CalledProcessError):
+        return ""
 
 
 def end(process: subprocess.Popen[bytes]) -> None:
@@ -163,7 +172,7 @@ def set_up() -> None:
 
 
 def results(folder: Path) -> list[Result]:
-    """Everything that lies there, in the scripts' order."""
+    """Everything that lies there, in the order of the scripts."""
     found = []
     for script in SCRIPTS:
         path = folder / f"{Path(script.file).stem}.json"
@@ -175,7 +184,9 @@ def results(folder: Path) -> list[Result]:
 
 def run(given: argparse.Namespace) -> int:
     """Run what is asked for and write the table; how many scripts did not end well."""
-    OUT.mkdir(parents=True, exist_ok=True)
+    # What was measured quickly does not take the place of what was measured whole.
+    out = OUT / "quick" if given.quick else OUT
+    out.mkdir(parents=True, exist_ok=True)
     peers, start, failures = interpreters(given), time.perf_counter(), 0
     chosen = [
         script for script in SCRIPTS
@@ -189,13 +200,13 @@ def run(given: argparse.Namespace) -> int:
             continue
         arguments = [word for name in script.peers if name in peers for word in (f"--{name}", peers[name])]
         arguments += script.arguments
-        result = ran(HERE / script.file, min(script.minutes, left), arguments, OUT, given.quick)
+        result = ran(HERE / script.file, min(script.minutes, left), arguments, out, given.quick)
         failures += result.state != "done"
         others = "" if result.others is None else f", others {result.others:.0%} of the processors"
         print(f"{script.file:20} {result.seconds:6.1f} s, {len(result.rows)} rows{others}: {result.state}", flush=True)
-    text = written(results(OUT), peers)
-    (OUT / "table.md").write_text(text, encoding="utf-8")
-    print(f"{OUT / 'table.md'}: {(time.perf_counter() - start) / 60:.1f} min in all")
+    text = written(results(out), peers)
+    (out / "table.md").write_text(text, encoding="utf-8")
+    print(f"{out / 'table.md'}: {(time.perf_counter() - start) / 60:.1f} min in all")
     if given.write:
         document = given.write.read_text(encoding="utf-8")
         given.write.write_text(placed(document, "`make bench`", text), encoding="utf-8")

@@ -105,11 +105,13 @@ def shown(value: float | None) -> str:
 def measured_on(results: Sequence[Result], peers: dict[str, str]) -> str:
     """One paragraph: when, how long, on what, with which versions, and how quiet it was."""
     days = sorted({each.day for each in results})
+    commits = list(dict.fromkeys(each.commit for each in results if each.commit))
     quick = sum(each.quick for each in results)
     others = [each.others for each in results if each.others is not None]
     words = [
         f"By `make bench`, {' and '.join(days)}, {sum(each.seconds for each in results) / 60:.0f} minutes",
         f"{quick} of {len(results)} scripts only with `--quick`" if quick else "",
+        f"commit {' and '.join(commits)}" if commits else "",
         machine(),
         ", ".join([f"Python {platform.python_version()}", *packages(), *programs(), *environments(peers)]),
         f"other programs took {min(others):.0%} to {max(others):.0%} of the processors meanwhile" if others else "",

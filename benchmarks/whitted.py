@@ -1,5 +1,8 @@
 """Whitted's renderer against POV-Ray 3.7, in one run: time, error and rays for the paper's figures, the teapot and a
-mesh of 100,000 triangles; then how long the first picture takes.
+mesh of 100,000 triangles.
+
+    python benchmarks/whitted.py            # times, at the tolerances of AS_FINE
+    python benchmarks/whitted.py --errors   # and what those come from: errors, rays; some ten minutes longer
 
 Errors are root mean square, of display values (sRGB, clipped to 0…1), against each program's own 256 samples a pixel,
 over every fourth band of eight rows. Both programs' runs alternate, for a machine's speed may change meanwhile. Without
@@ -41,8 +44,10 @@ FINE = 16
 GRIDS = (1, 2, 3, 4, 6, 8)
 """Uniform samples along each side of a pixel."""
 CORES = os.cpu_count() or 1
-COMPARABLE = tuple(Antialiasing(subdivisions=2, tolerance=tolerance) for tolerance in (0.4, 0.3, 0.2, 0.15, 0.12))
-"""POV-Ray's +R3 halves a pixel's square twice; its error is met with the first of these that is no worse."""
+TOLERANCES = (0.4, 0.3, 0.2, 0.15, 0.12)
+AS_FINE = {"figure_6": 0, "figure_7": 0, "figure_8": 0, "teapot": 0, "ball_of_100488_triangles": 0}
+"""POV-Ray's +R3 halves a pixel's square twice; its error is met with the first of the tolerances that is no worse, as
+`--errors` finds it. Neither error depends on the machine."""
 PEER_CONTRIBUTION = 1 / 255
 """POV-Ray's adc_bailout, below which it cuts a branch off."""
 BALL = """
@@ -96,14 +101,13 @@ def seconds(work: Callable[[], object]) -> float:
     return time.perf_counter() - start
 
 
-def command(path: Path, *options: str, cache: str | None = None) -> float:
-    """Wall time of `relume render` in a fresh process, its kernels from `cache`."""
-    environment = os.environ | ({"NUMBA_CACHE_DIR": cache} if cache else {})
+def command(path: Path) -> float:
+    """Wall time of `relume render` in a fresh process, its kernels kept."""
     with tempfile.TemporaryDirectory() as folder:
-        words = ["render", str(path), "-o", str(Path(folder) / "picture.png"), "-q", *options]
+        words = ["render", str(path), "-o", str(Path(folder) / "picture.png"), "-q"]
         start = time.perf_counter()
         run = [sys.executable, "-c", f"from relume.cli import main; main({words!r})"]
-        subprocess.run(run, check=True, capture_output=True, env=environment)
+        subprocess.run(run, check=True, capture_output=True)
         return time.perf_counter() - start
 
 
@@ -182,69 +186,75 @@ def uniform_rays(errors: list[float], rays: list[int], error: float) -> float:
     return float(np.exp(np.interp(np.log(error), np.log(errors[order]), np.log(rays[order]))))
 
 
-def as_fine_as_peer(subject: Subject, truth: np.ndarray, its_error: float) -> tuple[rl.Whitted, float]:
-    """The coarsest method whose error is not above POV-Ray's, or the finest there is; and that error."""
-    method, error = subject.file.whitted, np.inf
-    for antialiasing in COMPARABLE:
-        method = replace(method, antialiasing=antialiasing, contribution=PEER_CONTRIBUTION)
-        error = rms(subject.picture(method).radiance[bands(subject.file.camera.height)], truth)
-        if error <= its_error:
-            break
-    return method, error
+def as_fine_as_peer(subject: Subject, truth: np.ndarray, its_error: float) -> tuple[float, float] | None:
+    """The coarsest tolerance whose error is not above POV-Ray's, and that error."""
+    rows = bands(subject.file.camera.height)
+    for tolerance in TOLERANCES:
+        antialiasing = Antialiasing(subdivisions=2, tolerance=tolerance)
+        method = replace(subject.file.whitted, antialiasing=antialiasing, contribution=PEER_CONTRIBUTION)
+        if (error := rms(subject.picture(method).radiance[rows], truth)) <= its_error:
+            return tolerance, error
+    return None
 
 
-def measure(rows_of_table: Rows, subject: Subject, rounds: int) -> None:
-    """Print one scene's lines; quickly, only the times like for like."""
-    name, file, rows = subject.path.stem, subject.file, bands(subject.file.camera.height)
-    truth, _ = subject.uniform(FINE)
-    its_error = rms(subject.peer().pixels[rows], subject.peer_truth()) if PROGRAM is not None else 0.0
-    as_fine, coarse_error = as_fine_as_peer(subject, truth, its_error)
-    once = subject.picture()
-    times: list[tuple[float, float]] = []
-    peers: list[Traced] = []
+def timed(table: Rows, subject: Subject, rounds: int) -> None:
+    """Times, by turns: ours as the scene file sets it, ours as fine as POV-Ray's adaptive picture, and POV-Ray's."""
+    name, file = subject.path.stem, subject.file
+    tolerance = Antialiasing(subdivisions=2, tolerance=AS_FINE[name])
+    as_fine = replace(file.whitted, antialiasing=tolerance, contribution=PEER_CONTRIBUTION)
+    once, _ = subject.picture(), subject.picture(as_fine)
+    ours, alike, peers = [], [], []
     for _ in range(rounds):
-        times.append((seconds(subject.picture), seconds(lambda: subject.picture(as_fine))))
+        ours.append(seconds(subject.picture))
+        alike.append(seconds(lambda: subject.picture(as_fine)))
         if PROGRAM is not None:
             peers.append(subject.peer())
-    ours, ours_coarse = np.median(times, axis=0)
-    if peers:
-        rows_of_table.ratio(
-            f"Whitted, {name}, like for like", [fine for _, fine in times], "POV-Ray's trace",
-            [peer.trace for peer in peers], goal="whitted",
-        )  # fmt: skip
-    if rounds < ROUNDS:
-        return
-    whole = statistics.median(command(subject.path) for _ in range(3))
-    error = rms(once.radiance[rows], truth)
-    print(f"{name}: {ours:.3f} s, the whole command {whole:.2f} s; {millions(once)} million rays, error {error:.4f}")
+    said = f"by default {statistics.median(ours):.3g} s, {millions(once)} million rays"
     if name in MINUTES:
-        print(f"  the paper's took {MINUTES[name]} minutes: {MINUTES[name] * 60 / ours:,.0f} × as long")
+        said += f", the paper's {MINUTES[name]} min"
+    what = f"Whitted, {name}, like for like"
+    if peers:
+        traces = [peer.trace for peer in peers]
+        table.ratio(what, alike, "POV-Ray's trace", traces, goal="whitted", note=said)
+    else:
+        table.value(what, alike, "s", note=said)
+    if rounds == ROUNDS:
+        whole = [command(subject.path) for _ in range(3)]
+        walls = [peer.wall for peer in peers[:3]]
+        if walls:
+            table.ratio(f"Whitted, {name}, the whole command", whole, "POV-Ray's", walls)
+
+
+def errors(table: Rows, subject: Subject) -> None:
+    """Which tolerance is as fine as POV-Ray's picture, and how many rays are saved; takes minutes."""
+    name, file, rows = subject.path.stem, subject.file, bands(subject.file.camera.height)
+    truth, _ = subject.uniform(FINE)
+    once = subject.picture()
+    error = rms(once.radiance[rows], truth)
+    print(f"{name}: {millions(once)} million rays, error {error:.4f}")
     grids = [subject.uniform(grid) for grid in GRIDS]
     needed = uniform_rays([rms(seen, truth) for seen, _ in grids], [count for _, count in grids], error)
     share = float(np.sum(rays_of(once)[rows])) / needed
-    rows_of_table.value(f"Whitted, {name}, adaptive rays of uniform ones", 100 * share, "%", limit="≤ 35")
-    if not peers:
+    table.value(f"Whitted, {name}, adaptive rays of uniform ones", 100 * share, "%", limit="≤ 35")
+    if PROGRAM is None:
         return
-    trace, wall = np.median([(peer.trace, peer.wall) for peer in peers], axis=0)
-    its_rays = peers[0].rays / 1e6
-    print(
-        f"  POV-Ray {trace:.3f} s, command {wall:.2f} s; {its_rays:.2f} million besides shadows', error {its_error:.4f}"
-    )
-    print(f"  POV-Ray's time to ours {trace / ours:.2f} × (goal 3 ×); error {error / its_error:.2f} × (limit 1 ×)")
-    assert as_fine.antialiasing is not None
-    print(
-        f"  with its cut-off, squares as fine, tolerance {as_fine.antialiasing.tolerance}: {ours_coarse:.3f} s, "
-        f"{trace / ours_coarse:.2f} × (goal 3 ×), its command {wall / ours_coarse:.1f} ×; "
-        f"error {coarse_error / its_error:.2f} × (limit 1 ×)"
-    )
+    peer = subject.peer()
+    its_error = rms(peer.pixels[rows], subject.peer_truth())
+    found = as_fine_as_peer(subject, truth, its_error)
+    print(f"  POV-Ray {peer.rays / 1e6:.2f} million rays besides shadows', error {its_error:.4f}")
+    if found is None:
+        print("  as fine as POV-Ray is none of the tolerances tried")
+    else:
+        tolerance, coarse = found
+        print(f"  as fine: tolerance {tolerance} (AS_FINE says {AS_FINE[name]}), error {coarse / its_error:.2f} of its")
     alike = subject.picture(replace(file.whitted, attenuation=Unattenuated()))
-    print(
-        f"  the two pictures differ by {np.mean(np.abs(shown(alike.radiance) - shown(peers[0].pixels))):.4f} on average"
-    )
+    print(f"  the two pictures differ by {np.mean(np.abs(shown(alike.radiance) - shown(peer.pixels))):.4f} on average")
 
 
 if __name__ == "__main__":
-    options = asked(__doc__).parse_args()
+    parser = asked(__doc__)
+    parser.add_argument("--errors", action="store_true", help="errors and rays, not times")
+    options = parser.parse_args()
     table = Rows(options.rows)
     if PROGRAM is None:
         table.absent("Whitted against POV-Ray", "POV-Ray is not installed (povray)", goal="whitted")
@@ -253,11 +263,7 @@ if __name__ == "__main__":
         trimesh.Trimesh(mesh.vertices, mesh.faces, process=False).export(Path(folder) / "ball.ply")
         ball.write_text(BALL)
         for path in (*(FIGURES / f"{name}.toml" for name in (*MINUTES, "teapot")), ball):
-            measure(table, Subject(path), 1 if options.quick else ROUNDS)
-    if options.quick:
-        raise SystemExit
-    tiny = FIGURES / "figure_6.toml"
-    with tempfile.TemporaryDirectory() as cache:
-        first = command(tiny, "--size", "16x12", cache=cache)
-    later = statistics.median(command(tiny, "--size", "16x12") for _ in range(5))
-    print(f"start-up: {first:.1f} s with no kernels kept (limit 15 s), {later:.2f} s with them (limit 1.5 s)")
+            if options.errors:
+                errors(table, Subject(path))
+            else:
+                timed(table, Subject(path), 1 if options.quick else ROUNDS)

@@ -94,6 +94,25 @@ def test_passes_are_added_in_order_with_seeds_that_are_hashes():
     assert [pass_seed(3, 0), pass_seed(3, 1)] == [1576890651, 457190280]
 
 
+def test_a_stop_keeps_the_passes_that_were_traced_together_with_the_one_under_way(tmp_path: Path):
+    """The stop comes while the first three of ten are traced."""
+    ahead: dict[int, dict[str, np.ndarray]] = {}
+    at_once = signalled(signal.SIGINT, before=2)
+
+    def three_at_once(own: int) -> dict[str, np.ndarray]:
+        if own not in ahead:
+            number = [pass_seed(3, index) for index in range(10)].index(own)
+            ahead.update({each: at_once(each) for each in (pass_seed(3, number + i) for i in range(3))})
+        return ahead.pop(own)
+
+    watch = RenderSession(tmp_path / "render.passes")
+    with pytest.raises(Interrupted):
+        accumulate(three_at_once, passes=10, seed=3, key=KEY, watch=watch, ahead=ahead)
+    kept = kept_at(tmp_path / "render.passes")
+    assert kept.passes == 3
+    assert np.array_equal(kept.planes["radiance"], total(3))
+
+
 def test_the_variance_is_the_scatter_of_the_passes_by_their_number():
     sums = accumulate(trace, passes=9, seed=1)
     passes = [trace(pass_seed(1, i))["radiance"].astype(np.float64) for i in range(9)]

@@ -156,6 +156,7 @@ class Differential(PathTracing):
                 else None,
                 watch=watch,
                 progress=progress,
+                ahead=trace.ahead if isinstance(trace, Together) else (),
             )
             if target is not None and sums.passes == passes and not target.reached(sums):
                 warn(
@@ -267,7 +268,8 @@ class Together:
         if seed not in self.ahead:
             first = self.places[seed]
             these = self.seeds[first : first + self.still.together(self.samples)]
-            self.ahead = dict(zip(these, self.still.traced_together(self.samples, these), strict=True))
+            self.ahead.clear()
+            self.ahead.update(zip(these, self.still.traced_together(self.samples, these), strict=True))
         return self.ahead.pop(seed)
 
 

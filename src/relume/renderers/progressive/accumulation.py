@@ -75,6 +75,7 @@ def accumulate(
     key: Mapping[str, str] | None = None,
     watch: RenderSession = NO_SESSION,
     progress: Progress | None = None,
+    ahead: Collection[int] = (),
 ) -> Sums:
     """Trace passes and add them up.
 
@@ -88,6 +89,8 @@ def accumulate(
     key : what the pixels depend on, for the state kept on disk: a name and a hash or a short word each
     watch : what goes on around it
     progress : called with the share of `passes` that is done
+    ahead : the seeds of passes that `trace` has traced together with the one before, as they are at each moment: a stop
+        waits until they are added, which takes no time
 
     Raises Interrupted after the first Ctrl-C or SIGTERM, once the pass under way is done and the state kept;
     CannotResume where the state kept is another render's; OutputNotWritten; what `trace` or `progress` raise, after
@@ -103,9 +106,10 @@ def accumulate(
     with _Shown(watch.preview) as shown, interruptible(force=watch.force, save=loop.save) as asked:
         try:
             while sums.passes < passes and not (target is not None and met >= target.confirmations):
-                _leave_if(asked, loop, sums, passes)
-                # One pass more, and whether the noise is low enough by now.
                 own = pass_seed(seed, sums.passes)
+                if own not in ahead:
+                    _leave_if(asked, loop, sums, passes)
+                # One pass more, and whether the noise is low enough by now.
                 chosen = None if choose is None else choose(sums)
                 sums = sums.plus(trace(own) if choose is None else trace(own, chosen), scattered, chosen)
                 if target is not None and target.due(sums.passes):
