@@ -1,4 +1,4 @@
-"""What an object of a million triangles costs beside one of ten thousand, and the room at full size.
+"""What an object of 1.9 million triangles costs beside one of 20 thousand, and the room at full size.
 
     python benchmarks/insert_size.py [--quick]
 
@@ -43,7 +43,7 @@ def seconds(scene: rl.Scene, camera: rl.Camera, samples: int, seed: int) -> tupl
 def main(rows: Rows, quick: bool) -> None:
     share, turns, counts = (3, 2, (16,)) if quick else (1, 3, (16, 32, 64))
     scene, camera = room(384 // share)
-    balls = [ball(rings) for rings in (51, 512)]
+    balls = [ball(rings) for rings in (71, 708)]
     scenes = [rl.Scene(scene.light, scene.local, (one,)) for one in balls]
     times: list[list[float]] = [[], []]
     for turn in range(turns + 1):
