@@ -81,9 +81,9 @@ def measure(rows: Rows, goal: str, command: str, wheel: Path, sky: Path, place: 
     times = [seconds(run, place, place / "home") for _ in range(2 if command == "insert" else 4)]
     (cold, cold_work), *again = times
     warm, warm_work = (median(column) for column in zip(*again, strict=True))
-    note = f"processor time {cold_work:.2f} and {warm_work:.2f} s"
-    what = f"relume {command}, first run after pip against the second"
-    rows.value(what, cold / warm, "×", goal=goal, ours=cold, peer="again", theirs=warm, note=note)
+    note = f"{cold:.2f} and {warm:.2f} s, processor time {cold_work:.2f} and {warm_work:.2f} s"
+    what = f"relume {command}, time of the first run after pip by that of the second"
+    rows.value(what, cold / warm, "×", goal=goal, note=note)
 
 
 if __name__ == "__main__":

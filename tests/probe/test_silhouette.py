@@ -164,3 +164,11 @@ def test_three_points_on_a_line_speak_for_no_other_point():
     line, sound = rays.planes(np.array([(0, 1, 2), (0, 1, 3)]))
     assert not rays.near(line, 200.0, 1.0)[3]
     assert rays.near(sound, 200.0, 1e-6)[[0, 1, 3]].all()
+
+
+def test_points_in_one_place_speak_for_no_point_and_warn_of_nothing():
+    """A rim with a run of equal points; NumPy's warnings are failures here."""
+    rays = Grazing.of(np.array([(10.0, 10.0)] * 3 + [(30.0, 10.0)]), (100.0, 100.0), 200.0)
+    planes = rays.planes(np.array([(0, 1, 2), (0, 1, 3)]))
+    assert not np.isfinite(planes).any()
+    assert not rays.near(planes, 200.0, 1.0).any()

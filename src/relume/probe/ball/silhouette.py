@@ -160,8 +160,10 @@ class Grazing:
         """Which rays lie within so many pixels of cones' silhouettes, to first order: (…, N) of (…, 3)."""
         # |angle − α| < τ, from cos(angle) = cos α·(1 + δ).
         angle = tolerance / focal_length / self.steep**2
-        off = planes @ self.terms.T - self.beyond + 2 * np.sin(angle / 2) ** 2
-        return np.abs(off) < np.sqrt(self.tangent_squared(planes))[..., None] * np.sin(angle)
+        # Three rays on a line have no plane: its numbers are none, and no ray is near it.
+        with np.errstate(invalid="ignore"):
+            off = planes @ self.terms.T - self.beyond + 2 * np.sin(angle / 2) ** 2
+            return np.abs(off) < np.sqrt(self.tangent_squared(planes))[..., None] * np.sin(angle)
 
     def cone(self, plane: np.ndarray) -> Cone:
         """The cone of one."""
