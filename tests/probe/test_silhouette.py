@@ -166,9 +166,9 @@ def test_three_points_on_a_line_speak_for_no_other_point():
     assert rays.near(sound, 200.0, 1e-6)[[0, 1, 3]].all()
 
 
-def test_points_in_one_place_speak_for_no_point_and_warn_of_nothing():
-    """A rim with a run of equal points; NumPy's warnings are failures here."""
-    rays = Grazing.of(np.array([(10.0, 10.0)] * 3 + [(30.0, 10.0)]), (100.0, 100.0), 200.0)
-    planes = rays.planes(np.array([(0, 1, 2), (0, 1, 3)]))
-    assert not np.isfinite(planes).any()
+def test_a_line_whose_plane_is_infinite_speaks_for_no_point():
+    """Some machines warn of such products too, and warnings are failures here."""
+    rays = Grazing.of(np.array([(50.0, 50.0), (50.0, 20.0), (50.0, 40.0), (30.0, 20.0)]), (100.0, 100.0), 200.0)
+    planes = rays.planes(np.array([(0, 1, 2)]))
+    assert np.isinf(planes).any()
     assert not rays.near(planes, 200.0, 1.0).any()
