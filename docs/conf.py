@@ -26,6 +26,7 @@ html_theme = "furo"
 html_title = "relume"
 html_static_path = ["static"]
 html_css_files = ["site.css"]
+html_search_scorer = "static/search.js"  # how-to before decisions, headings before text
 html_baseurl = ""
 html_copy_source = False
 html_show_sourcelink = False
