@@ -1,4 +1,4 @@
-"""docs/how-to/warnings.md has a row for every warning, doubt and error of relume, and none for what relume never says."""
+"""docs/how-to/warnings.md has a row for every warning, doubt and error of relume, and for nothing else."""
 
 from __future__ import annotations
 
