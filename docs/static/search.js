@@ -2,7 +2,7 @@
 
 Sphinx reads this file in place of its own numbers (html_search_scorer). `Scorer.score` gets each hit as
 [page, title, anchor, description, score, file, kind] and may set its title and anchor, so a hit opens at the heading
-that holds most of the words. `splitQuery` is Sphinx's hook for the words of a query: "how do I" is left out, and so is
+that holds half of the words or more. `splitQuery` is Sphinx's hook for the words of a query: "how do I" is left out, and so is
 a word that no page has or that leaves no page, for Sphinx wants a page to have all of them. */
 
 var PLACES = [
@@ -46,7 +46,7 @@ var Scorer = {
       const share = found - 0.01 * Math.min(inHeading.length, 20) * (found > 0);
       if (share > best.share) best = { share, ...heading };
     }
-    if (kind === "text" && best.share > 0 && best.id !== null && anchor === "" && best.title !== hit[1]) {
+    if (kind === "text" && best.share > 0.45 && best.id !== null && anchor === "" && best.title !== hit[1]) {
       hit[1] = `${hit[1]} > ${best.title}`;
       hit[2] = `#${best.id}`;
     }
