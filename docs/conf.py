@@ -16,6 +16,7 @@ extensions = [
     "sphinx.ext.autodoc",
     "sphinx_design",
     "sphinx_copybutton",
+    "anchors",  # links to headings by names that they had
     "mathml",
     "reference",
 ]
@@ -26,6 +27,7 @@ html_theme = "furo"
 html_title = "relume"
 html_static_path = ["static"]
 html_css_files = ["site.css"]
+html_search_scorer = str(HERE / "static/search.js")  # how-to before decisions, headings before text
 html_baseurl = ""
 html_copy_source = False
 html_show_sourcelink = False

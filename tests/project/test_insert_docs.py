@@ -1,4 +1,4 @@
-"""What docs/how-to/insert.md and docs/reference/shot-file.md say is what the shot file takes."""
+"""What the pages of docs/how-to on shots and docs/reference/shot-file.md say is what the shot file takes."""
 
 from __future__ import annotations
 
@@ -20,9 +20,13 @@ from relume.project.shot_file.shot import DevelopTable, Object, Plate, RenderTab
 from relume.scene.materials.presets import PRESETS
 
 REPOSITORY = Path(__file__).parents[2]
-PAGE = (REPOSITORY / "docs" / "how-to" / "insert.md").read_text(encoding="utf-8")
+PAGES = [
+    (REPOSITORY / "docs" / "how-to" / f"{name}.md").read_text(encoding="utf-8")
+    for name in ("insert", "place", "match", "film", "render")
+]
+PAGE, OBJECTS = PAGES[0], PAGES[2]
 KEYS = (REPOSITORY / "docs" / "reference" / "shot-file.md").read_text(encoding="utf-8")
-SHOTS = [tomllib.loads(text) for text in re.findall(r"```toml\n(.*?)```", PAGE, re.S)]
+SHOTS = [tomllib.loads(text) for text in re.findall(r"```toml\n(.*?)```", "\n".join(PAGES), re.S)]
 ROOM = tomllib.loads((REPOSITORY / "examples" / "room" / "shot.toml").read_text(encoding="utf-8"))
 
 
@@ -34,18 +38,22 @@ def test_the_page_opens_with_five_lines_that_are_a_shot() -> None:
 
 
 def test_the_page_shows_the_room_as_it_is() -> None:
-    assert SHOTS[2] == {name: table for name, table in ROOM.items() if name != "develop"}
+    shown = next(shot for shot in SHOTS if shot.keys() >= {"plate", "local", "objects"})
+    assert shown == {name: table for name, table in ROOM.items() if name != "develop"}
 
 
 @pytest.mark.parametrize("part", SHOTS[3:], ids=lambda part: "+".join(part))
-def test_every_example_of_the_page_is_taken(part: dict[str, Any]) -> None:
-    # What is said of the ball goes with the five lines, all else with the room.
-    shot = Shot.model_validate((SHOTS[0] if "ball" in part.get("camera", {}) else ROOM) | part)
+def test_every_example_of_the_pages_is_taken(part: dict[str, Any]) -> None:
+    # What is said of the ball goes with the five lines, all else with the room; a light added joins the room's.
+    whole = (SHOTS[0] if "ball" in part.get("camera", {}) else ROOM) | part
+    if "added" in part.get("light", {}):
+        whole["light"] = ROOM["light"] | part["light"]
+    shot = Shot.model_validate(whole)
     assert set(part) <= shot.model_fields_set
 
 
-def test_the_page_names_every_preset_and_no_other() -> None:
-    table = re.search(r"\| presets \|.*?\n\n", PAGE, re.S)
+def test_the_pages_name_every_preset_and_no_other() -> None:
+    table = re.search(r"\| presets \|.*?\n\n", OBJECTS, re.S)
     assert table is not None
     assert set(re.findall(r"`(\w+)`", table[0])) == set(PRESETS)
 

@@ -85,6 +85,11 @@ def test_objects_stand_side_by_side_and_those_of_no_table_get_a_size(place: Path
     )
 
 
+def test_a_radius_in_centimetres_is_doubted(place: Path) -> None:
+    with pytest.warns(UserWarning, match=r"the ball's radius is 5 m, more than a metre across.*5 cm are 0\.05"):
+        Shot.new(None, plate=[place / "plate.jpg"], balls=[place / "side"], objects=[CUBE], radius=5.0)
+
+
 def test_a_radius_that_is_guessed_is_said(place: Path) -> None:
     with pytest.warns(UserWarning, match=r"radius was not given, and 0\.05 m are taken"):
         shot = Shot.new(place / "s.toml", plate=[place / "plate.jpg"], balls=[place / "side"], objects=[CUBE])

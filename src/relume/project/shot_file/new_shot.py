@@ -26,6 +26,8 @@ NEW_RENDER = {"samples": 64, "denoise": True}
 """[render] of a new shot, here and in the studio: minutes on two cores, and what noise is left is taken out."""
 GUESSED_RADIUS = 0.05
 """Metres, where no radius is given: between balls of bearings and garden globes."""
+LARGEST_RADIUS = 0.5
+"""Metres: nobody carries a larger mirrored ball, and a radius in centimetres is above it."""
 PLACE_GUESSED = 0.2
 """What a guessed place of the objects does: they are seen from a wrong height, and their light is turned."""
 SMALLEST, LARGEST = 0.4, 16.0
@@ -81,14 +83,7 @@ class NewShot:
             raise ValueError(f"radius is {self.radius}; give the ball's in metres, like 0.05")
         if self.light is not None and (self.times is not None or self.times_from_names):
             raise ValueError("times are of a ball's bracket, and the light is a finished map; leave them out")
-        if self.radius is None:
-            # Without a ball the radius is that of the rim, drawn or guessed.
-            warn(
-                f"the ball's radius was not given, and {GUESSED_RADIUS} m are taken: an object in metres comes out too "
-                "large or too small by as much as that is wrong, light and perspective stay; give radius, in metres "
-                "(--radius)",
-                effect=0.05,
-            )
+        _warn_of_radius(self.radius)
         measured = "by caliper or tape" if self.radius is not None else "a guess: measure the ball and give half of it"
         known = GUESSED_RADIUS if self.radius is None else self.radius
         lines = [
@@ -186,6 +181,23 @@ def write_new_shot(path: Path, text: str, force: bool) -> None:
     except OSError as error:
         raise OutputNotWritten(f"{path.parent}: cannot be made ({error.strerror}); choose another -o") from None
     files.write_text(path, text)
+
+
+def _warn_of_radius(radius: float | None) -> None:
+    if radius is None:
+        # Without a ball the radius is that of the rim, drawn or guessed.
+        warn(
+            f"the ball's radius was not given, and {GUESSED_RADIUS} m are taken: an object in metres comes out too "
+            "large or too small by as much as that is wrong, light and perspective stay; give radius, in metres "
+            "(--radius)",
+            effect=0.05,
+        )
+    elif radius > LARGEST_RADIUS:
+        warn(
+            f"the ball's radius is {radius:g} m, more than a metre across; is it in centimetres? 5 cm are 0.05 "
+            "(--radius)",
+            effect=0.05,
+        )
 
 
 def _objects(folder: Path, objects: Sequence[Path], radius: float) -> list[str]:
