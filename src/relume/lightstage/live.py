@@ -52,6 +52,7 @@ class LiveField:
 
     @property
     def lights(self) -> StageLights:
+        """The field's lights."""
         return self.field.lights
 
     @property

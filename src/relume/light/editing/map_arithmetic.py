@@ -38,6 +38,7 @@ class Arithmetic:
 
     @property
     def name(self) -> str:
+        """The word of the operation, for reports."""
         return self.operation.value
 
     def __post_init__(self) -> None:
