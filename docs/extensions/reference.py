@@ -14,6 +14,8 @@ import relume as rl
 
 WIDE = 100
 CASE = re.compile(r"^(?P<names>[\w*][\w*, ]*?) : (?P<text>.*)$")
+EXAMPLE = re.compile(r"(?m)^(>>> .*(?:\n(?!\n).*)*)")
+"""An example of a docstring, from its first line to the next blank one."""
 MODULES = {
     "": "The names of the main job, at the top level: `import relume as rl`, then `rl.read`, `rl.merge`, …",
     "files": "Reading and writing image files: formats and their options, header facts.",
@@ -141,9 +143,17 @@ def plain(value: Any) -> Any:
 
 
 def described(words: str | None) -> str:
-    """A docstring as Markdown: its lines `name : text` as a list, the rest as paragraphs."""
+    """A docstring as Markdown: its lines `name : text` as a list, examples as code, the rest as paragraphs."""
+    parts = EXAMPLE.split(inspect.cleandoc(words or ""))
+    return "\n\n".join(
+        f"```python\n{part.strip()}\n```" if part.startswith(">>> ") else listed(part) for part in parts if part.strip()
+    )
+
+
+def listed(words: str) -> str:
+    """Text as Markdown: its lines `name : text` as a list, the rest as paragraphs."""
     out: list[str] = []
-    for line in dedent(words or "").splitlines():
+    for line in dedent(words).splitlines():
         text = line.strip()
         found = CASE.match(line)
         if found:
