@@ -18,6 +18,8 @@ extensions = [
     "sphinx_copybutton",
     "mathml",
     "reference",
+    "glossary_links",
+    "notebooks",
 ]
 exclude_patterns = ["extensions"]
 smartquotes = False  # options are named with two hyphens
