@@ -201,6 +201,7 @@ def folders_and_files(words: list[str], folder: Path) -> list[str]:
     given: list[str] = []
     for before, word in zip(["", *words], words, strict=False):
         if before in OUTPUTS or word.startswith("-"):
+            (folder / word).parent.mkdir(parents=True, exist_ok=True)
             given.append(word)
             continue
         for name in FOLDERS.get(word.strip("/"), ()):

@@ -13,7 +13,7 @@ import pytest
 
 import relume as rl
 from documents.pages import Block, of_language
-from documents.reader import NAMES, calibrate, folder_of_examples, matching, provide
+from documents.reader import FOLDERS, NAMES, calibrate, folder_of_examples, matching, provide
 
 BLOCKS = list(of_language("python"))
 PAGES = sorted({block.page for block in BLOCKS})
@@ -89,6 +89,8 @@ def test_the_programs_of_a_page_run(page: str, tmp_path: Path, monkeypatch: pyte
     for block in (each for each in BLOCKS if each.page == page and not reason_not_to_run(each)):
         tree = ast.parse(block.code)
         for word in words(tree):
+            if word in FOLDERS:
+                (tmp_path / word).mkdir(exist_ok=True)
             matching(word, tmp_path) if "*" in word else provide(word, tmp_path)
         names |= {name: NAMES[name]() for name in unknown(tree, set(names)) if name in NAMES}
         with warnings.catch_warnings():

@@ -168,6 +168,7 @@ def make_lights(light: EnvironmentMap, settings: LightSettings = LightSettings()
     """The lights that stand for an environment map; together with the residual they carry all of its light.
 
     light : in any mapping
+    settings : how many lamps, suns and files; a light constellation unless given
     name : of the map, for messages
 
     Raises UnreadableFile for a black map, SunNotFound where no sun stands out, ValueError for numbers of lights there

@@ -47,7 +47,12 @@ class MergedMap:
 
 @dataclass(frozen=True)
 class FoundBrackets:
-    """The brackets of a folder: their files and maps, and what cannot be merged, as (name, why)."""
+    """The brackets of a folder: their files and maps, and what cannot be merged, as (name, why).
+
+    groups : the files of each bracket
+    targets : the map of each
+    failed : what cannot be merged, and why
+    """
 
     groups: tuple[tuple[Path, ...], ...]
     targets: tuple[Path, ...]

@@ -44,7 +44,10 @@ class Edit(Protocol):
 
 @dataclass(frozen=True)
 class Crop:
-    """A rectangle of the map, in pixels; a part of an environment map is no longer one."""
+    """A rectangle of the map, in pixels; a part of an environment map is no longer one.
+
+    left, top, width, height : of the rectangle, pixels from the upper left corner
+    """
 
     name = "crop"
     left: int
@@ -276,6 +279,8 @@ class Edited:
 def edit(picture: RadianceMap, edits: Sequence[Edit], mapping: Mapping | None = None) -> Edited:
     """Apply edits one after the other.
 
+    picture : the map
+    edits : in the order in which they are made
     mapping : of an environment map that does not say its own
 
     Warns of light that a resize alone lost. Raises ValueError naming the edit that cannot be done.

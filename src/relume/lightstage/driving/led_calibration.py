@@ -214,6 +214,8 @@ def camera_to_rec709(
 ) -> np.ndarray:
     """(3, 3) from a camera's own colours to linear Rec. 709, by least squares over surfaces under a light.
 
+    sensitivities : of the camera's red, green and blue
+    reflectances : of the surfaces, three at least
     light : D65 unless given, under which Rec. 709's white is white
     No camera is a linear map of the eye's, so what remains is the camera's own metamerism. Raises ValueError for fewer
     than three surfaces.

@@ -132,6 +132,8 @@ def render_environment(
 ) -> EnvironmentMap | None:  # fmt: skip
     """Render the equirectangular (lat-long) environment map of the scene seen from a point, and write it.
 
+    read : the scene file, read
+    out : the map, .exr or .hdr
     point : metres, world
     rows : the map is twice as wide
     dry_run : check the settings and render nothing; None is returned

@@ -214,6 +214,7 @@ def reprojected(picture: np.ndarray, seen_by: Camera, wanted: Camera) -> np.ndar
     seen_by : the camera of `picture`; wanted : the camera whose lens or turn the result has
     With `wanted = undistorted(seen_by)` the distortion is undone, the other way round it is redone.
     Bilinear, so that nothing gets brighter or darker than its neighbours; NaN where `picture` does not reach.
+    Raises ValueError for a picture of another size than its camera, and for cameras at different places.
     """
     from scipy.ndimage import map_coordinates
 
