@@ -175,6 +175,7 @@ def make_lights(light: EnvironmentMap, settings: LightSettings = LightSettings()
     are not, and another unit of the second map.
     Sources: Debevec 2005; Viriyothai & Debevec 2009; Debevec, *Fiat Lux* (SIGGRAPH 99).
     """
+    # Refuse what cannot be divided.
     notes: list[str] = []
     if not light.radiance.any():
         raise UnreadableFile(f"{name}: black all over; there is no light to make lights of")

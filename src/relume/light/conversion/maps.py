@@ -121,6 +121,7 @@ def convert_map(
     _write(paths, written, encoding)
     after = (read_cube_faces(paths) if conversion.faces else read_environment(paths[0])).audit()
     losses = before.losses(after)
+    # What a map of a part of the sphere leaves out is meant to be lost.
     shown = float(result.mapping.solid_angles(result.size).sum())
     whole = shown > 4 * math.pi * 0.999
     part = f"a {result.mapping.name} map shows {shown:.3g} of the sphere's 12.6 sr; the rest is left out"
