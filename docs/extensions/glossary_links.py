@@ -42,6 +42,12 @@ def pattern(terms: Iterable[str]) -> re.Pattern[str]:
 
 def first_uses(text: str, terms: list[str], used: set[str]) -> Iterator[tuple[int, int, str]]:
     """Where terms that were not used yet stand in a text, from, to, which; they count as used from then on."""
+    # What stands alone, as an emphasized word does, needs no words round it to be the field's.
+    alone = {term.lower(): term for term in terms}.get(text.strip().lower())
+    if alone and alone not in used:
+        used.add(alone)
+        yield 0, len(text), alone
+        return
     for found in pattern(terms).finditer(text):
         term = terms[int(str(found.lastgroup)[1:])]
         if term not in used:

@@ -54,6 +54,7 @@ def test_every_word_has_a_meaning_and_a_name_in_the_code() -> None:
         ("A matte ball, and the matte of the object.", ["matte"]),
         ("An HDR file; an hdr suffix.", ["HDR"]),
         ("meshes", ["mesh"]),
+        ("response", ["response"]),
         ("The light constellation has lamps; a light stage has more.", ["light constellation", "light stage"]),
     ],
 )

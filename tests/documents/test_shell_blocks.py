@@ -46,6 +46,7 @@ NOT_RUN = {
     "--sheet": "fourteen seconds of materials; tests/cli/test_reflect.py",
     "--roi": "a larger picture; tests/cli/test_convert_formats.py",
     "--crop": "a larger map; tests/cli/test_edit.py",
+    "--environment": "six pictures of rays, twenty seconds; tests/cli/test_render.py",
     "--tree": "a pixel of a larger picture; tests/cli/test_render.py",
     "camera.json": "the profile of the reader's camera; tests/cli/test_develop.py",
     ".binary": "a file of the MERL database; tests/renderers/test_measured_surfaces.py",
