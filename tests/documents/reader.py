@@ -18,6 +18,7 @@ from PIL import Image
 
 import relume as rl
 from documents.pages import ROOT
+from relume.image.response import Response
 from small_shot import write_small_shot
 from small_stages import write_stage
 
@@ -103,6 +104,8 @@ def _painting(path: Path) -> None:
 
 def _mesh(path: Path) -> None:
     ball = trimesh.creation.icosphere(2, 0.05).apply_translation([0, 0.05, 0])
+    if path.stem == "subject":  # the ball of the small light stage
+        ball = trimesh.creation.icosphere(4, 1.0)
     path.write_bytes(ball.export(file_type="glb") if path.suffix == ".glb" else ball.export(file_type="obj").encode())
 
 
@@ -122,7 +125,6 @@ MAKERS: dict[str, Callable[[Path], object]] = {
     **dict.fromkeys((".glb", ".obj"), _mesh),
     ".float": _floats,
     ".toml": _scene,
-    ".zarr": write_stage,
 }
 
 
@@ -141,7 +143,7 @@ def _scan(density: float) -> rl.Photograph:
     return rl.Photograph((ramp / density).astype(np.uint8), exposure=rl.Exposure(1.0, 8.0, 100))
 
 
-def _response() -> rl.Response:
+def _response() -> Response:
     return rl.recover_response([rl.read_bracket(sorted((ROOT / "examples/room/plate").glob("*.jpg")))]).response
 
 
@@ -204,6 +206,8 @@ def folders_and_files(words: list[str], folder: Path) -> list[str]:
             (folder / word).parent.mkdir(parents=True, exist_ok=True)
             given.append(word)
             continue
+        if word.strip("/") == "head" and not (folder / "head").exists():
+            write_stage(folder / "head")
         for name in FOLDERS.get(word.strip("/"), ()):
             (folder / word).mkdir(exist_ok=True)
             if name.endswith(".jpg"):

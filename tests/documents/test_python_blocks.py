@@ -40,7 +40,9 @@ class SmallerNumbers(ast.NodeTransformer):
     """Sizes of maps as small ones."""
 
     def visit_Constant(self, node: ast.Constant) -> ast.Constant:
-        return ast.copy_location(ast.Constant(SMALLER.get(node.value, node.value)), node)
+        return ast.copy_location(
+            ast.Constant(next((small for size, small in SMALLER.items() if size == node.value), node.value)), node
+        )
 
 
 def reason_not_to_run(block: Block) -> str | None:

@@ -33,7 +33,12 @@ NOT_RUN = {
     "panorama": "photographs of a whole sphere; tests/cli/test_panorama.py",
     "probe": "photographs and films of mirrored balls; tests/cli/test_probe.py",
     "sun": "a clipped sun and a grey ball in one light; tests/cli/light/test_sun.py",
-    "stage": "photographs of light stages; tests/cli/test_stage.py and test_stage_import.py",
+    "stage import": "photographs of a light stage; tests/cli/test_stage_import.py",
+    "cat.zarr": "what an import has stored; tests/cli/test_stage_import.py",
+    "stage view head/ --position": "the mesh of a scan; tests/lightstage/novel_view",
+    "stage scan": "photographs under patterns; tests/lightstage/geometry/test_scan.py",
+    "stage matte": "photographs under stripes; tests/lightstage/matting",
+    "stage perform": "a film under strobes; tests/lightstage/strobes",
     "--cluster": "starts workers; tests/cluster",
     "--job": "tests/export/test_farm_job.py",
     "--renderer photon-map": "a minute of photons; tests/renderers",
@@ -46,10 +51,10 @@ NOT_RUN = {
     "--sheet": "fourteen seconds of materials; tests/cli/test_reflect.py",
     "--roi": "a larger picture; tests/cli/test_convert_formats.py",
     "--crop": "a larger map; tests/cli/test_edit.py",
-    "--environment": "six pictures of rays, twenty seconds; tests/cli/test_render.py",
-    "--tree": "a pixel of a larger picture; tests/cli/test_render.py",
+    "--environment": "six pictures of rays, twenty seconds; tests/cli/test_panorama.py",
+    "--tree": "a pixel of a larger picture; tests/renderers/test_ray_tree.py",
     "camera.json": "the profile of the reader's camera; tests/cli/test_develop.py",
-    ".binary": "a file of the MERL database; tests/renderers/test_measured_surfaces.py",
+    ".binary": "a file of the MERL database; tests/scene/test_measured.py",
     "--brdf tiles": "a material of the reader's scene; tests/cli/test_render.py",
 }
 """Commands, options and words of lines that are parsed and not run, and why; where they are proved else."""
@@ -142,4 +147,6 @@ def test_a_wrong_word_is_found() -> None:
 def test_every_reason_not_to_run_is_needed() -> None:
     all_lines = [words for block in BLOCKS for words in lines(block) if words[0] == "relume"]
     found = {shlex.join(words) for words in all_lines}
+    proofs = [proof for why in NOT_RUN.values() for proof in re.findall(r"tests/[\w/.]*\w", why)]
+    assert [proof for proof in proofs if not (ROOT / proof).exists()] == []
     assert [each for each in NOT_RUN if not any(each in line for line in found)] == []
