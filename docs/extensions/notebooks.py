@@ -87,11 +87,12 @@ def offer(app: Any, doctree: Any, page: str) -> None:
     if not re.match(r"course/[01]", page):
         return
     name = f"{page.rpartition('/')[2]}.ipynb"
-    link = nodes.reference("", "Download this lesson as a notebook", refuri=name, classes=["download"])
-    title = next(iter(doctree.findall(nodes.title)))
-    title.parent.insert(
-        1, nodes.paragraph("", "", link, nodes.Text(" to run it on your machine."), classes=["notebook"])
+    # As HTML, for a link of Sphinx's cannot ask the browser to keep the file instead of showing its text.
+    line = (
+        f'<p class="notebook"><a href="{name}" download>Download this lesson as a notebook</a> to run it yourself.</p>'
     )
+    title = next(iter(doctree.findall(nodes.title)))
+    title.parent.insert(1, nodes.raw("", line, format="html"))
 
 
 def setup(app: Any) -> dict[str, bool]:

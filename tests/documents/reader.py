@@ -106,7 +106,8 @@ def _mesh(path: Path) -> None:
     ball = trimesh.creation.icosphere(2, 0.05).apply_translation([0, 0.05, 0])
     if path.stem == "subject":  # the ball of the small light stage
         ball = trimesh.creation.icosphere(4, 1.0)
-    path.write_bytes(ball.export(file_type="glb") if path.suffix == ".glb" else ball.export(file_type="obj").encode())
+    exported = ball.export(file_type=path.suffix[1:])
+    path.write_bytes(exported if isinstance(exported, bytes) else str(exported).encode())
 
 
 def _floats(path: Path) -> None:
