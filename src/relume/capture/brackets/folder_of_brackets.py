@@ -93,6 +93,7 @@ def merge_each(
     folders : of photographs, or of folders of them; see `find_brackets`
     out : folder, held against a second run
     profile : of the camera, taken for all; else the response of each bracket is recovered from it alone
+    settings : of every merge
     cluster : None merges in this process; else as `run_tasks` takes it
     progress : called with "brackets" and the share of them that is merged
     The other arguments are those of `plan_merge`. Warns of the doubts of each bracket, with its name. Raises

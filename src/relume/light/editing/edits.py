@@ -142,7 +142,11 @@ class Gain:
 
 @dataclass(frozen=True)
 class NeutralAt:
-    """White balance by which a disc of the map is grey, as bright as it is. Column, row and radius in pixels."""
+    """White balance by which a disc of the map is grey, as bright as it is. Column, row and radius in pixels.
+
+    x, y : of the middle, pixels from the upper left corner
+    radius : pixels; 5 takes some eighty of them
+    """
 
     name = "grey"
     x: int

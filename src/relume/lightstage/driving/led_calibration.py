@@ -135,6 +135,7 @@ def calibrate_primaries(
 def match_patches(patches: PrimaryPatches, wanted: np.ndarray, *, others: float = 0.0) -> PatchMatch:
     """The mix of LEDs under which surfaces look most as under another light, by non-negative least squares.
 
+    patches : what the camera sees of surfaces under each LED alone
     wanted : (K, 3) what the camera sees of the same surfaces under the light that is to be shown
     others : how much a surface other than white counts beside it. 0 unless given: the white alone is matched, as
         `drive` does, and `errors` is what that costs. 1 is the mix for a whole chart, which four and more LEDs need

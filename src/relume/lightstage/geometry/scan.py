@@ -30,7 +30,7 @@ class ScanSettings:
 
     decoding : which pixels of the patterns are believed
     cleaning : which triangles are kept
-    fusion : how normals and several scans count
+    fusion : how normals count
     """
 
     decoding: DecodingSettings = DecodingSettings()
