@@ -18,7 +18,7 @@ NARROWER = {
     "ghost": r"ghosts?\b(?!ed)",
     "variance": r"variance\b(?! reduction)",
     "clipping": r"clip(?:ping|ped|s)\b",
-    "compositing": r"composit(?:ing|ed)\b",
+    "compositing": r"(?:compositing|composited)\b",
     "mesh": r"mesh(?:es)?\b",
     "grain": r"(?:the|its|film|plate's) grain\b",
     "firefly": r"firefl(?:y|ies)\b",

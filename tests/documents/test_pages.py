@@ -53,6 +53,8 @@ def test_a_file_on_a_page_is_of_a_kind_that_relume_reads(block: Block, tmp_path:
 
 def _shot(tables: dict[str, Any], _: Path) -> None:
     whole = tables if {"plate", "light", "objects"} <= set(tables) else ROOM | tables
+    if not SOURCES & {*whole["light"]}:
+        whole = {**whole, "light": ROOM["light"] | whole["light"]}
     if "ball" in tables.get("camera", {}):
         whole = {**whole, "light": {"balls": [{"photographs": ["ball/*.jpg"]}], "ball": {"radius": 0.05}}}
     Shot.model_validate(whole)
@@ -75,6 +77,8 @@ def _place(tables: dict[str, Any], _: Path) -> None:
     PlaceTables.model_validate(tables)
 
 
+SOURCES = {"balls", "map", "maps", "probes", "sky"}
+"""Where a shot's light may come from; a part of its table that names none goes with the room's."""
 KINDS = {"shot": _shot, "scene": _scene, "film": _film, "preset": _preset, "place": _place}
 """The files that relume reads, and what reads each from its tables; parts of a shot go with the rest of the room's."""
 
