@@ -24,11 +24,13 @@ test: $(READY)            ## the whole suite, in an order of its own each time (
 quick: $(READY)           ## for the inner loop: no render by Mitsuba, no whole command
 	$(SUITE) -m "not slow and not long"
 
-check: $(READY)           ## style and types
+check: $(READY)           ## style, types, spelling; links and docstrings
 	$(VENV)/bin/ruff check .
 	$(VENV)/bin/ruff format --check .
+	$(VENV)/bin/codespell
 	$(VENV)/bin/pyright
 	scripts/check-page
+	$(VENV)/bin/pytest -q tests/documents/test_pages.py tests/documents/test_docstrings.py
 
 bench: $(READY)           ## speed, beside other programs: the table of docs/benchmarks.md, 40 minutes on two quiet cores
 	$(VENV)/bin/python benchmarks/run_all.py --write docs/benchmarks.md

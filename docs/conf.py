@@ -19,6 +19,8 @@ extensions = [
     "anchors",  # links to headings by names that they had
     "mathml",
     "reference",
+    "glossary_links",
+    "notebooks",
 ]
 exclude_patterns = ["extensions"]
 smartquotes = False  # options are named with two hyphens

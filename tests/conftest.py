@@ -74,6 +74,7 @@ LONG = (
         "virtual_camera/plate_matching/test_grain_measuring.py",
         "virtual_camera/plate_matching/test_sharpness.py",
         "test_readme.py",
+        "documents/test_*_blocks.py",
     ),
     *("lightstage/*/test_measured_view.py", "lightstage/*/test_environment_matte.py"),
     *("lightstage/geometry/test_calibration.py", "lightstage/geometry/test_scan.py"),

@@ -5,6 +5,7 @@ from __future__ import annotations
 import inspect
 import re
 from dataclasses import is_dataclass
+from functools import cached_property
 from pathlib import Path
 from textwrap import dedent
 from types import ModuleType
@@ -14,6 +15,9 @@ import relume as rl
 
 WIDE = 100
 CASE = re.compile(r"^(?P<names>[\w*][\w*, ]*?) : (?P<text>.*)$")
+METHODS = (property, cached_property, classmethod, staticmethod)
+EXAMPLE = re.compile(r"(?m)^(>>> .*(?:\n(?!\n).*)*)")
+"""An example of a docstring, from its first line to the next blank one."""
 MODULES = {
     "": "The names of the main job, at the top level: `import relume as rl`, then `rl.read`, `rl.merge`, …",
     "files": "Reading and writing image files: formats and their options, header facts.",
@@ -62,7 +66,7 @@ def module_page(name: str, summary: str) -> str:
     parts = [f"# {path}", summary]
     for member in members:
         value = getattr(module, member)
-        if not isinstance(value, ModuleType):
+        if not isinstance(value, ModuleType) and str(getattr(value, "__module__", "relume")).startswith("relume"):
             parts += entry(f"{path}.{member}", value)
     return "\n\n".join(parts) + "\n"
 
@@ -77,11 +81,13 @@ def entry(path: str, value: Any) -> list[str]:
     lines += [described(inspect.getdoc(value) if own_words(value) else "")]
     if inspect.isclass(value):
         for name, member in vars(value).items():
-            if name.startswith("_") or not (inspect.isfunction(member) or isinstance(member, (property, classmethod))):
+            if name.startswith("_") or not (inspect.isfunction(member) or isinstance(member, METHODS)):
                 continue
-            inner = member.fget if isinstance(member, property) else getattr(member, "__func__", member)
+            inner = (
+                getattr(member, "fget", None) or getattr(member, "func", None) or getattr(member, "__func__", member)
+            )
             if words := inspect.getdoc(inner):
-                of = "" if isinstance(member, property) else str(as_written(inner))
+                of = "" if isinstance(member, (property, cached_property)) else str(as_written(inner))
                 lines += [f"`.{name}{of}`", described(words)]
     return [line for line in lines if line]
 
@@ -141,9 +147,17 @@ def plain(value: Any) -> Any:
 
 
 def described(words: str | None) -> str:
-    """A docstring as Markdown: its lines `name : text` as a list, the rest as paragraphs."""
+    """A docstring as Markdown: its lines `name : text` as a list, examples as code, the rest as paragraphs."""
+    parts = EXAMPLE.split(inspect.cleandoc(words or ""))
+    return "\n\n".join(
+        f"```python\n{part.strip()}\n```" if part.startswith(">>> ") else listed(part) for part in parts if part.strip()
+    )
+
+
+def listed(words: str) -> str:
+    """Text as Markdown: its lines `name : text` as a list, the rest as paragraphs."""
     out: list[str] = []
-    for line in dedent(words or "").splitlines():
+    for line in dedent(words).splitlines():
         text = line.strip()
         found = CASE.match(line)
         if found:

@@ -229,6 +229,7 @@ def printable(text: str) -> str:
 def warn(message: str, effect: float | None = None) -> None:
     """Warn at the first line outside relume, however deep in it the warning arises.
 
+    message : one line: what, where, what to do
     effect : by what share the light in the result is likely wrong for it; None where there is no estimate
     """
     if (kept := _KEPT_BACK.get()) is not None:

@@ -105,6 +105,8 @@ def merge(
 ) -> RadianceMap:
     """Average all photographs into relative radiance by eq. 6: a weighted mean of ln E over the photographs.
 
+    bracket : photographs of one view in register, of two exposures at least
+    response : of the camera, of the photographs' depth
     weighting : w of eq. 6; the least noisy weights unless given, `Hat()` for the paper's own (eq. 4)
     believed : (H, W, 3) where the shortest photograph is below white, whatever its value (`below_white`)
 

@@ -74,6 +74,7 @@ def merge_scan_files(
 
     profiles : as `relume merge --save-profile` writes them, of a bracket that was scanned at that setting
     seconds : exposure of the negative; that of the scans' EXIF unless given. Without any the scale is that of 1 s
+    weighting : as of `merge_scans`
     Raises NotABracket for other numbers of profiles and as `merge_scans`; UnreadableFile, ValueError for files.
     """
     if len(profiles) != len(scans):

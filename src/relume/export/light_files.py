@@ -89,6 +89,8 @@ class LightFiles:
 def write_lights(lights: LightSet, to: LightFiles) -> tuple[str, ...]:
     """Write lights for other programs, and their residual map where there is one; notes on what the files do not hold.
 
+    lights : as `make_lights`, `constellation` or `rl.light.key_lights` made them
+    to : the files
     Raises OutputNotWritten for files that cannot be written, ValueError for a residual on another drive.
     """
     for path, form in zip(to.paths, to.formats, strict=True):

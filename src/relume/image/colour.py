@@ -53,6 +53,9 @@ def luminance(rgb: np.ndarray) -> np.ndarray:
 
     rgb : (..., 3) float
     returns : (...), of the float type of `rgb`
+
+    >>> float(luminance(np.array([1.0, 1.0, 1.0])).round(6))
+    1.0
     """
     rgb = np.asarray(rgb)
     if rgb.ndim == 0 or rgb.shape[-1] != 3:

@@ -36,6 +36,9 @@ class Exposure:
 
         Reciprocity (Debevec & Malik 1997, §2.1) extended over aperture and gain, so that brackets taken at
         different settings share one scale.
+
+        >>> Exposure(1 / 100, f_number=2.0, iso=400).factor
+        0.01
         """
         return self.seconds * (self.iso or 100.0) / 100.0 / (self.f_number or 1.0) ** 2
 

@@ -168,12 +168,14 @@ def make_lights(light: EnvironmentMap, settings: LightSettings = LightSettings()
     """The lights that stand for an environment map; together with the residual they carry all of its light.
 
     light : in any mapping
+    settings : how many lamps, suns and files; a light constellation unless given
     name : of the map, for messages
 
     Raises UnreadableFile for a black map, SunNotFound where no sun stands out, ValueError for numbers of lights there
     are not, and another unit of the second map.
     Sources: Debevec 2005; Viriyothai & Debevec 2009; Debevec, *Fiat Lux* (SIGGRAPH 99).
     """
+    # Refuse what cannot be divided.
     notes: list[str] = []
     if not light.radiance.any():
         raise UnreadableFile(f"{name}: black all over; there is no light to make lights of")

@@ -52,6 +52,7 @@ class LiveField:
 
     @property
     def lights(self) -> StageLights:
+        """The field's lights."""
         return self.field.lights
 
     @property
@@ -108,6 +109,8 @@ def live_field(stage: ReflectanceField, *, progress: Progress | None = None) -> 
 def turning_map(lights: StageLights, light: EnvironmentMap, rows: int = MAP_ROWS) -> TurningMap:
     """A map prepared for turning: its light is shared out to `rows` of pixels, each light keeping its place and energy.
 
+    lights : the stage's
+    light : the map
     rows : pixels of 0.9 degrees unless given; a sun's light between 288 is right to half a per cent then
     """
     small = light.remapped(LatLong(), min(MOST_ROWS, light.size))

@@ -50,6 +50,9 @@ def view(
     """The subject under any light, seen by a new camera (Debevec et al. 2000, §4): shadows and highlights move.
 
     sources : what one camera of the stage took, or several; each field has its camera
+    light : an environment map, or lamps and directions
+    camera : the new one
+    settings : of the method
     mesh : of the subject, metres, in the stage's frame
     cluster : whose workers take bands of rows, as `relume.cluster.run_tasks` takes it; this process for None, and for
         what is `measured`. Of the stage only rows that show the mesh are read for it

@@ -75,6 +75,7 @@ def probe_each(
     camera : where the camera of the first view stood, metres from the ball's centre, Y up
     turns : radians by which the camera was carried round the ball for each view; registered with unless given
     profile : of the camera, for all
+    settings : of every probe
     dry_run : find the places, and unwrap nothing
     cluster : None does it in this process; else as `run_tasks` takes it
     progress : called with "places" and the share of them that is settled

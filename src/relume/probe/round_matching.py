@@ -99,6 +99,7 @@ def orient_round_views(
     others, and where the field that is found differs by more than 15 % from the one given; warns of more than 5 %,
     where matches differ by more than 0.3°, as where the lens or its rim is another than was given, and of a known
     rotation that matches contradict by more than three of their deviations, 0.3° at least.
+    Raises ValueError where `known` is not said of each view, or is true of all or of none.
     """
     if len(views) < 2:
         raise NotAPanorama(f"{len(views)} round views; their turns are found from two or more")

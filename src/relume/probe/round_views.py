@@ -47,7 +47,10 @@ class RoundLens(Protocol):
 
 @dataclass(frozen=True)
 class FisheyeLens:
-    """A fisheye: r ∝ θ, or r ∝ sin(θ/2) where `equisolid`; `field` is the angle across, radians, up to 2π."""
+    """A fisheye: r ∝ θ, or r ∝ sin(θ/2) where `equisolid`; `field` is the angle across, radians, up to 2π.
+
+    ahead : whether the middle shows what the camera looks at, as lenses do; mirrors show the camera there
+    """
 
     field: float = np.pi
     equisolid: bool = False
@@ -69,7 +72,10 @@ class FisheyeLens:
 
 @dataclass(frozen=True)
 class TelecentricBall:
-    """A mirrored ball through a telecentric lens: r = sin(θ/2), all directions."""
+    """A mirrored ball through a telecentric lens: r = sin(θ/2), all directions.
+
+    ahead : whether the middle shows what the camera looks at, as lenses do; mirrors show the camera there
+    """
 
     ahead: bool = False
 
@@ -84,6 +90,7 @@ class ParabolicMirror:
 
     field : the angle across that it shows, radians: 2 acos((1 − q²)/(1 + q²)), q the mirror's radius over twice its
         focal length; π for one that is cut at the height of its focus
+    ahead : whether the middle shows what the camera looks at, as lenses do; mirrors show the camera there
     """
 
     field: float = np.pi

@@ -62,7 +62,15 @@ class Renderer(Protocol):
 def render(
     scene: Scene, camera: Camera, renderer: Renderer, *, seed: int = 0, progress: Progress | None = None
 ) -> Render:
-    """Render a scene; the same seed gives the same pixels, however many threads work."""
+    """Render a scene; the same seed gives the same pixels, however many threads work.
+
+    scene : light, objects and local surfaces, metres
+    camera : whose picture it is
+    renderer : how, with its quality: `Mitsuba`, `Prefiltered`, `Whitted` or one of `rl.renderers`
+    seed : of what is random
+    progress : called while it works
+    Raises UnsupportedScene for what the renderer does not know.
+    """
     return renderer.render(scene, camera, seed=seed, progress=progress)
 
 

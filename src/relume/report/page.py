@@ -32,6 +32,7 @@ def page(title: str, parts: Iterable[str]) -> str:
 
 
 def heading(text: str) -> str:
+    """A heading of the page."""
     return f"<h2>{html.escape(text)}</h2>"
 
 
@@ -41,6 +42,7 @@ def note(text: str) -> str:
 
 
 def paragraph(text: str) -> str:
+    """A paragraph of plain text."""
     return f"<p>{html.escape(text)}</p>"
 
 

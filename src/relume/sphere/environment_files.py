@@ -28,6 +28,7 @@ def read_environment(
 ) -> EnvironmentMap:
     """The environment map in a file, in our frame.
 
+    path : the file, in any format that holds radiance
     mapping : used instead of the one that the file stores or that its shape suggests
     clamp : set negative pixels to 0, with a warning that counts them
     options : limits, and how to read what the file leaves open
@@ -91,6 +92,7 @@ def require_light(path: Path | str, picture: RadianceMap, *, clamp: bool) -> Rad
 def as_environment(picture: RadianceMap, mapping: Mapping | None = None) -> EnvironmentMap:
     """A radiance map as an environment map: in the given mapping, else the one its file stores, else by its shape.
 
+    picture : radiance of the whole sphere
     2:1 is lat-long, also a pixel off that, with a warning; 6:1 a strip of cube faces; 4:3 and 3:4 are crosses where the
     cells beside the faces are empty. An OpenEXR file of `envmap` cube becomes a strip.
     A map that `relume convert --for` laid out for another program is turned back into our frame.

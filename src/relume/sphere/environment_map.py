@@ -86,7 +86,12 @@ class EnvironmentMap:
         return np.sum(parts, axis=0)
 
     def irradiance(self, normals: np.ndarray) -> np.ndarray:
-        """E = ∫ L max(0, ω·n) dω on surfaces of unit normals (…, 3): (…, 3), π·L under constant light."""
+        """E = ∫ L max(0, ω·n) dω on surfaces of unit normals (…, 3): (…, 3), π·L under constant light.
+
+        >>> even = EnvironmentMap(np.ones((64, 128, 3), np.float32))
+        >>> even.irradiance(np.array([0.0, 1.0, 0.0])).round(2)
+        array([3.14, 3.14, 3.14])
+        """
         areas = self.mapping.solid_angles(self.size)
         flat = np.atleast_2d(np.asarray(normals, np.float64).reshape(-1, 3))
         parts = []

@@ -161,6 +161,7 @@ def answered(endpoint: Callable[[Request], Response]) -> Callable[[Request], Res
 
 
 async def closed(socket: WebSocket) -> None:
+    """Wait until the page at the other end has gone."""
     try:
         while True:
             await socket.receive_text()

@@ -47,7 +47,12 @@ class MergedMap:
 
 @dataclass(frozen=True)
 class FoundBrackets:
-    """The brackets of a folder: their files and maps, and what cannot be merged, as (name, why)."""
+    """The brackets of a folder: their files and maps, and what cannot be merged, as (name, why).
+
+    groups : the files of each bracket
+    targets : the map of each
+    failed : what cannot be merged, and why
+    """
 
     groups: tuple[tuple[Path, ...], ...]
     targets: tuple[Path, ...]
@@ -88,6 +93,7 @@ def merge_each(
     folders : of photographs, or of folders of them; see `find_brackets`
     out : folder, held against a second run
     profile : of the camera, taken for all; else the response of each bracket is recovered from it alone
+    settings : of every merge
     cluster : None merges in this process; else as `run_tasks` takes it
     progress : called with "brackets" and the share of them that is merged
     The other arguments are those of `plan_merge`. Warns of the doubts of each bracket, with its name. Raises

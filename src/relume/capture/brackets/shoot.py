@@ -47,6 +47,7 @@ class MergePlan:
     times, times_from_names, ignore, true_shutter : as in `read_bracket`, where `true_shutter` is `true_powers`
     profile, profile_name : of the camera where it is known, and the name of its file
     save_profile : where to write what is measured of the camera
+    settings : how each is merged
     notes : what a photographer should know of the plan, a line each
     """
 

@@ -19,7 +19,11 @@ from relume.image.photograph import Photograph, RawPhotograph
 
 @dataclass(frozen=True, eq=False)
 class Bracket:
-    """Photographs sorted from the least to the most exposed; one photograph is a bracket too."""
+    """Photographs sorted from the least to the most exposed; one photograph is a bracket too.
+
+    photographs : of one size, depth and colour space, each with its exposure
+    Raises NotABracket for others, and for none.
+    """
 
     photographs: tuple[Photograph, ...]
 

@@ -115,6 +115,7 @@ def recover_vignetting(
     Blocks' medians are fitted in ln radiance; blocks with marks are found by a robust loss and do not count.
     Raises NotABracket for pictures of different sizes, mostly clipped, or of no even surface; warns where they are
     doubtful.
+    Raises ValueError where no picture is given.
     """
     from scipy.optimize import least_squares
 

@@ -102,7 +102,9 @@ def scale_from_saturation(saturation: float, exposures: Exposure | Sequence[Expo
     """The same for linear raw photographs by the saturation-based speed (ISO 12232): 78/S lx·s saturate.
 
     saturation : relative radiance × `Exposure.factor` at which the raw values saturate
+    exposures : what the photographs were set to
     Raises NotABracket where f-number or ISO is unknown.
+    Raises ValueError for a saturation that is not above 0.
     """
     if not (np.isfinite(saturation) and saturation > 0):
         raise ValueError(f"saturation is {saturation}; expected a positive exposure")
@@ -158,6 +160,7 @@ def scale_from_lux(
     illuminance : lx, read on the card and facing as it does
     reflectance : ρ of the card; 0.18 is a photographer's grey card
     deviation : relative, of meter and card together
+    Raises ValueError for a reflectance that is not above 0 and up to 1.
     """
     if not 0 < reflectance <= 1:
         raise ValueError(f"reflectance is {reflectance}; expected a number above 0 and up to 1")
@@ -177,6 +180,8 @@ def scale_from_illuminance(
 
     light : the whole sphere of it, in relative units; clipped lamps make it too dark and the scale too large
     illuminance : lx on a plane that faces `normal`; upwards unless given, as a meter lies on a table
+    deviation : relative, of the meter; 0.05 as of a good one
+    Raises ValueError where no light of the map reaches the plane.
     """
     direction = np.asarray(normal, np.float64)
     light_sum = float(luminance(light.irradiance(direction / np.linalg.norm(direction))))
@@ -190,6 +195,7 @@ def combine_scales(scales: Sequence[Scale]) -> Scale:
 
     Where they scatter more than their deviations allow, the result's deviation grows by as much (Birge 1932).
     Warns where two differ by more than two standard deviations.
+    Raises ValueError where none is given.
     """
     if not scales:
         raise ValueError("no scales were given; combine at least one")

@@ -97,7 +97,11 @@ def balance_from_luminaire(
 
 
 def apply_balance(picture: RadianceMap, balance: ChannelGains) -> RadianceMap:
-    """The map with every channel multiplied by its gain, its variance by the square."""
+    """The map with every channel multiplied by its gain, its variance by the square.
+
+    picture : radiance of the camera that the gains are of
+    balance : one gain a channel
+    """
     gains = np.array(balance.gains, np.float32)
     return replace(
         picture,
@@ -178,7 +182,12 @@ class SpotReading:
 
 @dataclass(frozen=True)
 class LuxReading:
-    """A lux meter's reading on a matt card: lx, and the card's reflectance."""
+    """A lux meter's reading on a matt card: lx, and the card's reflectance.
+
+    card : the card's pixels
+    illuminance : lx, on the card and facing as it does
+    reflectance : 0 to 1
+    """
 
     card: Rectangle
     illuminance: float

@@ -25,7 +25,10 @@ DAY = 86400
 
 @dataclass(frozen=True)
 class JobSettings:
-    """Options of `relume insert` that all commands of a job are given; None and False are left out."""
+    """Options of `relume insert` that all commands of a job are given; None and False are left out.
+
+    samples, seed, noise, threads, accept : as the options of these names
+    """
 
     samples: int | None = None
     seed: int | None = None

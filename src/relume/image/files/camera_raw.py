@@ -120,6 +120,7 @@ def tags_of(path: str | os.PathLike[str]) -> dict[int, object] | None:
 
 
 def exposure_of(raw: rawpy.RawPy, tags: dict[int, object] | None) -> tuple[Exposure | None, Settings]:
+    """The exposure and the settings: by the EXIF tags, else by what LibRaw reads of the file."""
     if tags is not None:
         return exif.exposure_of(tags), exif.settings_of(tags)
     other = raw.other

@@ -61,7 +61,11 @@ class MapInFile:
 
 @dataclass(frozen=True)
 class ViewOutOfMap:
-    """A perspective picture cropped out of a map, `pixels` wide and high."""
+    """A perspective picture cropped out of a map, `pixels` wide and high.
+
+    camera : where it looks, and its field of view
+    pixels : width and height
+    """
 
     camera: CameraView
     pixels: tuple[int, int] = (1024, 1024)

@@ -49,6 +49,9 @@ def change_format(
 ) -> dict[str, object]:
     """Write what a file holds in the format that `out` names, read it back, and measure how much of it was kept.
 
+    path : the file
+    out : the file to be written; its suffix names the format
+    change : encoding, crop, exposure, clamping; nothing unless given
     options : for reading
     dry_run : check only
 
@@ -92,7 +95,11 @@ def change_format(
 
 
 def require_radiance(path: str | os.PathLike[str]) -> None:
-    """Refuse a photograph where radiance is needed, with what can be done about it."""
+    """Refuse a photograph where radiance is needed, with what can be done about it.
+
+    path : of the picture
+    Raises UnreadableFile, also where the file is damaged.
+    """
     path = Path(path)
     if not files.has_radiance(path):
         files.subtype(path)  # a damaged file is reported as that

@@ -85,7 +85,14 @@ class ConvertedMap:
 def convert_map(
     light: EnvironmentMap, out: str | os.PathLike[str], conversion: MapConversion, encoding: Encoding | None = None
 ) -> ConvertedMap:
-    """Convert an environment map, write it, read it back, and compare its energy before and after."""
+    """Convert an environment map, write it, read it back, and compare its energy before and after.
+
+    light : the map, in any mapping
+    out : the file, whose suffix says the format; of faces, what their names begin with
+    conversion : mapping, turn, size, program
+    encoding : what the suffix leaves open
+    Raises ValueError for what does not go together, OutputNotWritten.
+    """
     out = Path(out)
     rotation = None if conversion.turn is None else rotation_from_angles(*conversion.turn)
     before = light.audit(rotation)
@@ -114,6 +121,7 @@ def convert_map(
     _write(paths, written, encoding)
     after = (read_cube_faces(paths) if conversion.faces else read_environment(paths[0])).audit()
     losses = before.losses(after)
+    # What a map of a part of the sphere leaves out is meant to be lost.
     shown = float(result.mapping.solid_angles(result.size).sum())
     whole = shown > 4 * math.pi * 0.999
     part = f"a {result.mapping.name} map shows {shown:.3g} of the sphere's 12.6 sr; the rest is left out"
@@ -201,6 +209,7 @@ def read_painting(
     stops : to brighten by; white is 1 at 0
     hot : masks, and the stops by which the painting is brightened where each is white
     mapping : lat-long unless given
+    Raises ValueError for a mask that cannot be used, UnreadableFile.
     """
     path = Path(path)
     spots = []
@@ -215,7 +224,10 @@ def read_painting(
 
 
 def change_exposure(light: EnvironmentMap, stops: float) -> EnvironmentMap:
-    """The map brightened; what was calibrated no longer is, and a warning says so."""
+    """The map brightened; what was calibrated no longer is, and a warning says so.
+
+    stops : above 0 is brighter
+    """
     if not stops:
         return light
     picture = exposed(as_radiance_map(light), stops)
@@ -238,7 +250,11 @@ class CameraView:
 
 
 def crop_view(light: EnvironmentMap, view: CameraView, size: tuple[int, int] = (1024, 1024)) -> RadianceMap:
-    """The picture of `size` = (width, height) that the camera takes of the map."""
+    """The picture of `size` = (width, height) that the camera takes of the map.
+
+    light : the map
+    view : where the camera looks, and its field of view
+    """
     return perspective_view(light, orientation(*view.turn), view.field, size)
 
 
@@ -247,6 +263,7 @@ def put_view(light: EnvironmentMap, path: str | os.PathLike[str], view: CameraVi
 
     path : of the picture
     view : of its camera; as the file stores it unless given
+    Raises ValueError where the file does not store where it was cropped from, UnreadableFile.
     """
     path = Path(path)
     picture = files.read_radiance(path)

@@ -155,6 +155,8 @@ def sky(
 ) -> EnvironmentMap:
     """A clear sky as an environment map in cd/m²: sky, sun and lit ground.
 
+    description : where the sun stands, how hazy the air is, what the ground reflects
+    mapping : lat-long unless given
     size : rows
     dome : whether sky and ground are in it
     sun : whether the sun's disc is in it; the ground is lit by it either way. Both maps apart add up to the whole: the

@@ -44,7 +44,10 @@ class Edit(Protocol):
 
 @dataclass(frozen=True)
 class Crop:
-    """A rectangle of the map, in pixels; a part of an environment map is no longer one."""
+    """A rectangle of the map, in pixels; a part of an environment map is no longer one.
+
+    left, top, width, height : of the rectangle, pixels from the upper left corner
+    """
 
     name = "crop"
     left: int
@@ -139,7 +142,11 @@ class Gain:
 
 @dataclass(frozen=True)
 class NeutralAt:
-    """White balance by which a disc of the map is grey, as bright as it is. Column, row and radius in pixels."""
+    """White balance by which a disc of the map is grey, as bright as it is. Column, row and radius in pixels.
+
+    x, y : of the middle, pixels from the upper left corner
+    radius : pixels; 5 takes some eighty of them
+    """
 
     name = "grey"
     x: int
@@ -276,6 +283,8 @@ class Edited:
 def edit(picture: RadianceMap, edits: Sequence[Edit], mapping: Mapping | None = None) -> Edited:
     """Apply edits one after the other.
 
+    picture : the map
+    edits : in the order in which they are made
     mapping : of an environment map that does not say its own
 
     Warns of light that a resize alone lost. Raises ValueError naming the edit that cannot be done.

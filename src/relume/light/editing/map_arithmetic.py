@@ -28,6 +28,7 @@ class Operation(Enum):
 class Arithmetic:
     """Arithmetic with other maps of the same size, or constants.
 
+    operation : what is done with the map and the operands
     operands : maps, paths of maps, numbers or R,G,B, taken one after the other
     signed : keep negative results; else they become 0
     """
@@ -38,6 +39,7 @@ class Arithmetic:
 
     @property
     def name(self) -> str:
+        """The word of the operation, for reports."""
         return self.operation.value
 
     def __post_init__(self) -> None:

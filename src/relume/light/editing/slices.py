@@ -44,6 +44,8 @@ def write_slice(
 ) -> dict[str, object]:
     """Write one exposure of a map as a .png to paint on, and how it was made beside it; facts for a person.
 
+    picture : the map
+    out : the .png
     stops : radiance 2^−stops is white; chosen to fit what is written unless given
     bits : 8 or 16 a channel
     box : the rectangle of the map that is written: left, top, width and height in pixels; all of it unless given
@@ -121,6 +123,8 @@ class PaintedOver:
 def paint_over(picture: RadianceMap, slice_: PaintedSlice, name: str = "the map") -> PaintedOver:
     """The map with the pixels that were changed in a slice, and no others.
 
+    picture : the map
+    slice_ : what was painted on, as it is read back
     name : of the map, for messages
 
     Raises UnreadableFile for a slice of another map, with transparency or in another colour space than sRGB.

@@ -134,6 +134,10 @@ def project_sh(light: EnvironmentMap, degree: int = 2) -> SphericalHarmonics:
     rows holds of degree l comes back with an error of about (l + ½)·(π/H)²/12 of it.
 
     Raises ValueError for a degree below 0 or above 1000.
+
+    >>> even = EnvironmentMap(np.ones((64, 128, 3), np.float32))
+    >>> project_sh(even, 1).irradiance(np.array([0.0, 1.0, 0.0])).round(2)
+    array([3.14, 3.14, 3.14])
     """
     _check_degree(degree)
     areas = light.mapping.solid_angles(light.size)

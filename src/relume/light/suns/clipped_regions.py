@@ -36,6 +36,7 @@ class ClippedPixels:
     """Over all clipped pixels, in proportion to what they hold: nothing is said about the source that was not seen."""
 
     def place(self, light: EnvironmentMap, directions: np.ndarray, source: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """The source's pixels (K,) and shares (K,) in proportion to what they hold; by solid angle they sum to 1."""
         held = luminance(light.radiance.reshape(-1, 3)[source].astype(np.float64))
         held = held if held.any() else np.ones(len(source))
         return source, held / (held @ light.mapping.solid_angles(light.size).reshape(-1)[source])
@@ -51,6 +52,7 @@ class SunDisc:
     diameter: float = SUN_DIAMETER
 
     def place(self, light: EnvironmentMap, directions: np.ndarray, source: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """The disc's pixels (K,) and even shares (K,); by solid angle they sum to 1."""
         areas = light.mapping.solid_angles(light.size).reshape(-1)
         flat = directions.reshape(-1, 3)
         middle = middle_of(light, directions, source)

@@ -77,7 +77,9 @@ def target_on_ball(
 ) -> Target:
     """A matte ball as a target: its pixels and normals as the camera sees them.
 
+    camera : the stage's, world, metres
     centre, radius : of the ball, world, metres
+    reflectance : of the ball, 0 to 1
     The rim, where the view grazes by more than `GRAZING`, is left out. Raises ValueError where the camera is within
     the ball or does not see it.
     """
@@ -103,6 +105,8 @@ def calibrate(field: ReflectanceField, target: Target, *, deviation: float = 0.2
     the irradiance of the lights around stands in, and a warning names such lights. Of a target without normals the
     normal is found by `normal_of_flat_target`. Highlights and shadows on less than half of the target do not count.
 
+    field : the stage's pictures
+    target : a card or a ball of known reflectance in them
     deviation : from Lambert's law from which the target counts as shaded, as in `Calibration.deviations`; a quarter,
         as pixels of a rendered ball deviate by 0.03 where it is lit and by 0.28 or more where a head shades it. Raise
         it for pictures noisier than that

@@ -41,6 +41,7 @@ _TRIED = 5
 class BallCircle:
     """A mirrored ball's circle in the pictures: its middle and radius in pixels.
 
+    x, y, radius : pixels, from the upper left corner
     metres : the ball's own radius; None where unknown, and directions alone are found
     """
 

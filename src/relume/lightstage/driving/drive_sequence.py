@@ -77,6 +77,8 @@ def drive_sequence(
     Each frame's least squares has one answer, which follows the map continuously: still light gives the same numbers
     to the bit, and what flickers did so in the maps.
 
+    lights : the stage's lamps
+    maps : environment maps, one a frame
     primaries, subject, closeness : as of `drive`
     smoothing : standard deviation, in frames, of a Gaussian over the intensities' time, which is no lag, as frames to
         come are known too; 0 unless given, as it also rounds changes that are meant. It stays within 0 and the

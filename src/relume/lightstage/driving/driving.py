@@ -135,6 +135,8 @@ def drive(
     each lamp is from what its cell of the map holds, as a share of that: of all settings that look alike, which on a
     matte subject there are many, the one nearest to the map. Convex, so there is one answer.
 
+    lights : the stage's lamps
+    light : the map that they shall light like
     primaries : of each lamp; RGB without a maximum unless given
     subject : matte unless given, as a face nearly is
     closeness : its weight, in units of the mean square with which a lamp is seen. The default costs a matte ball

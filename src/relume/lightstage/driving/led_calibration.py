@@ -135,6 +135,7 @@ def calibrate_primaries(
 def match_patches(patches: PrimaryPatches, wanted: np.ndarray, *, others: float = 0.0) -> PatchMatch:
     """The mix of LEDs under which surfaces look most as under another light, by non-negative least squares.
 
+    patches : what the camera sees of surfaces under each LED alone
     wanted : (K, 3) what the camera sees of the same surfaces under the light that is to be shown
     others : how much a surface other than white counts beside it. 0 unless given: the white alone is matched, as
         `drive` does, and `errors` is what that costs. 1 is the mix for a whole chart, which four and more LEDs need
@@ -214,6 +215,8 @@ def camera_to_rec709(
 ) -> np.ndarray:
     """(3, 3) from a camera's own colours to linear Rec. 709, by least squares over surfaces under a light.
 
+    sensitivities : of the camera's red, green and blue
+    reflectances : of the surfaces, three at least
     light : D65 unless given, under which Rec. 709's white is white
     No camera is a linear map of the eye's, so what remains is the camera's own metamerism. Raises ValueError for fewer
     than three surfaces.

@@ -82,6 +82,7 @@ class MeasuredSubject:
 
     @property
     def weights(self) -> np.ndarray:
+        """(M,): every pixel that counts weighs the same; they sum to 1."""
         count = self._values.shape[0]
         return np.full(count, 1 / count)
 
@@ -91,6 +92,7 @@ class MeasuredSubject:
         return np.moveaxis(np.tensordot(self._values, shares, (1, 1)), 1, 2)
 
     def under(self, light: EnvironmentMap) -> np.ndarray:
+        """What is seen under a map, (M, 3)."""
         return np.einsum("pfc,fc->pc", self._values, irradiances(self.field.lights, light, self.by))
 
     @cached_property

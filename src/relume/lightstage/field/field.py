@@ -42,16 +42,24 @@ class ReflectanceField(Protocol):
     """
 
     @property
-    def lights(self) -> StageLights: ...
+    def lights(self) -> StageLights:
+        """Where the lights stand, and their names."""
+        ...
 
     @property
-    def shape(self) -> tuple[int, int]: ...
+    def shape(self) -> tuple[int, int]:
+        """Rows and columns of its pictures."""
+        ...
 
     @property
-    def camera(self) -> Camera | None: ...
+    def camera(self) -> Camera | None:
+        """The camera that took it, world, metres; None where it is not known."""
+        ...
 
     @property
-    def noise(self) -> Noise | None: ...
+    def noise(self) -> Noise | None:
+        """How noisy its values are; None where nothing is known."""
+        ...
 
     def block(self, lights: slice, rows: slice) -> np.ndarray:
         """Values (lights, rows, columns, 3) float32 of these lights and rows; slices have a step of 1."""
@@ -112,9 +120,11 @@ class Pictures:
 
     @property
     def shape(self) -> tuple[int, int]:
+        """Rows and columns."""
         return self.values.shape[1], self.values.shape[2]
 
     def block(self, lights: slice, rows: slice) -> np.ndarray:
+        """Values (lights, rows, columns, 3) float32 of these lights and rows; slices have a step of 1."""
         part = self.values[lights, rows].astype(np.float32)
         return part if self.scale is None else part * self.scale[lights, None, None, None].astype(np.float32)
 
@@ -145,6 +155,7 @@ class Work:
 
     @property
     def memory(self) -> int:
+        """Bytes of it that are held at once."""
         return min(self.value_bytes, self.allowed)
 
 

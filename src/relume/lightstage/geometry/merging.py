@@ -67,6 +67,8 @@ class MergedScan:
 def merge_scans(scans: Sequence[Scan], settings: MergingSettings = MergingSettings()) -> MergedScan:
     """One mesh of what several scans saw, all in one frame, as `scan(camera=…)` places them in a light stage's.
 
+    scans : two or more
+    settings : how large a cell of the lattice is, and how far a scan speaks
     Warns where the scans contradict each other by more than a cell: their places are wrong. Raises ValueError for fewer
     than two scans, for a lattice of too many cells, and without scikit-image.
     Source: Curless & Levoy 1996, "A volumetric method for building complex models from range images".

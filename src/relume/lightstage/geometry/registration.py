@@ -118,6 +118,7 @@ def register_scans(scans: Sequence[Scan], settings: RegistrationSettings = Regis
     """Scans of one subject in one frame, moved so that they agree where several show the same surface.
 
     scans : two or more, as `scan(camera=…)` places them, wrong by `reach` at most
+    settings : how far places may be wrong, and how much scans have to share
     The first stays. Raises ValueError for fewer than two, and for scans that show too little of what others show; warns
     where they have not settled.
     Source: Chen & Medioni 1992, "Object modelling by registration of multiple range images"; the reach closes in, as

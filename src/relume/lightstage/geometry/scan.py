@@ -26,7 +26,12 @@ PLAIN = Material(base_color=(0.5, 0.5, 0.5))
 
 @dataclass(frozen=True)
 class ScanSettings:
-    """How photographs become a mesh: what is believed, what is kept, and how normals count."""
+    """How photographs become a mesh: what is believed, what is kept, and how normals count.
+
+    decoding : which pixels of the patterns are believed
+    cleaning : which triangles are kept
+    fusion : how normals count
+    """
 
     decoding: DecodingSettings = DecodingSettings()
     cleaning: CleaningSettings = CleaningSettings()

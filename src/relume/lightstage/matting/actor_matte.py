@@ -109,6 +109,8 @@ def composite_actor_frames(
 ) -> Iterator[np.ndarray]:
     """`composite_actor` of each frame in turn; nothing is kept, so films may be long.
 
+    frames : the actor, radiance (H, W, 3) each
+    mattes : (H, W) each, 0 to 1
     empty, backdrops : one a frame, as where the stage's light changes, or an array (H, W, 3) for all
     Raises ValueError, at the frame that lacks one, where there are fewer of one than of another.
     """

@@ -57,6 +57,7 @@ class SourceView:
 
     @property
     def camera(self) -> Camera:
+        """The field's camera."""
         assert self.field.camera is not None
         return self.field.camera
 

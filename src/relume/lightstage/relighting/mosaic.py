@@ -86,7 +86,12 @@ def mosaic_size(shape: tuple[int, int]) -> tuple[int, int]:
 
 
 def reflectance_function(field: ReflectanceField, column: int, row: int, size: int | None = None) -> np.ndarray:
-    """The reflectance function of one pixel, (rows, columns, 3) float32; see `mosaic`."""
+    """The reflectance function of one pixel, (rows, columns, 3) float32; see `mosaic`.
+
+    column, row : of the pixel
+    size : rows of the function, as of `mosaic`
+    Raises ValueError for a pixel outside of the pictures.
+    """
     height, width = field.shape
     if not (0 <= column < width and 0 <= row < height):
         raise ValueError(f"pixel ({column}, {row}) lies outside the pictures of {width}×{height}")

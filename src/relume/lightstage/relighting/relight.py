@@ -265,6 +265,9 @@ def usable_mesh(
 ) -> SubjectMesh | None:
     """The mesh where it stands where the pictures show the subject; None, with a warning, where it does not.
 
+    field : the reflectance field whose pictures show the subject
+    mesh : the one that was given, or None
+    settings, cluster : as of `relight`
     Raises ValueError where such a mesh is required.
     """
     if mesh is None:
@@ -288,7 +291,10 @@ def usable_mesh(
 def mesh_seconds(
     field: ReflectanceField, light: StageLighting, mesh: SubjectMesh, settings: RelightSettings = RelightSettings()
 ) -> float:
-    """About how long `relight` takes with a mesh, seconds; raises ValueError for too little memory."""
+    """About how long `relight` takes with a mesh, seconds; raises ValueError for too little memory.
+
+    field, light, mesh, settings : as of `relight`
+    """
     row_blocks(field, settings.memory)
     direct_light = mesh.settings(settings.direct_light)
     return estimate_seconds(field, light.directed(), mesh.meshes, direct_light, threads=settings.threads)

@@ -33,6 +33,9 @@ def relight_frames(
 ) -> int:
     """The subject under each light in turn (`relight_sequence`), as an .mp4 or a folder of frames (`write_frames`).
 
+    stage, settings : as of `relight`
+    lights : one a frame
+    out : the .mp4, or the folder
     stops : by which developed pictures are brighter than the first frame's film makes them
     cluster : whose workers sum bands of rows and then write the frames, each its own; this process for None
     Returns how many frames there are. Raises as `relight_sequence`, Incomplete that names what failed, and

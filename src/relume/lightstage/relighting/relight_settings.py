@@ -42,6 +42,7 @@ class RelightSettings:
 class SubjectMesh:
     """A mesh of a stage's subject, metres, in the stage's frame.
 
+    meshes : the surfaces
     light_radius : radians, half the apparent diameter of the stage's lights; None where unknown
     name : for messages
     required : whether a mesh that does not match the pictures is refused; else it is not used, with a warning

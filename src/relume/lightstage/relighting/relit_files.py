@@ -41,6 +41,9 @@ def write_picture(path: str | os.PathLike[str], picture: RadianceMap, stops: flo
 def write_frames(path: str | os.PathLike[str], pictures: Iterable[RadianceMap], stops: float = 0.0) -> int:
     """Write an .mp4, or a folder of frame_0001.exr and .png …, and return how many frames there were.
 
+    path : the .mp4, or the folder
+    pictures : the frames, one after another
+    stops : to brighten .mp4 and .png by; 0 unless given
     All frames are exposed as the first is. Raises OutputNotWritten.
     """
     out, film, count = Path(path), None, 0

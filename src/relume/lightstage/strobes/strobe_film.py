@@ -175,6 +175,8 @@ class StrobeFilm:
 def read_strobes(source: str | os.PathLike[str], cycle: StrobeCycle, *, encoding: str | None = None) -> StrobeFilm:
     """A strobe film from a video, which is held in memory as 8-bit frames, or from a folder of frames.
 
+    source : the video, or the folder
+    cycle : which lamps burn in which frame
     encoding : of photographs, "srgb", "linear" or a response file; sRGB, as players show videos, unless given
     Raises as `StrobeFilm`, UnreadableFile and InvalidStage.
     """
@@ -219,5 +221,12 @@ def relight_strobes(
     *,
     stops: float = 0.0,
 ) -> int:
-    """Write `relit_strobes` as an .mp4 or a folder of frames, as `relight_frames` does, and return their number."""
+    """Write `relit_strobes` as an .mp4 or a folder of frames, as `relight_frames` does, and return their number.
+
+    film : the performance, as `read_strobes` read it
+    lights : one for all frames, or one a frame
+    out : the .mp4, or the folder
+    settings : as of `relight`
+    stops : to brighten .mp4 and .png by
+    """
     return write_frames(out, relit_strobes(film, lights, settings), stops)

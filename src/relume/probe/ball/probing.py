@@ -126,6 +126,7 @@ def probe_ball(
     times : seconds of all photographs, in their order; they replace the EXIF exposures
     times_from_names : read them from the names instead, as `read_bracket` does, view by view
     profile : of the camera; recovered from the brackets unless given, sRGB for single photographs
+    settings : the ball, the size of the map, how views are blended
     progress : called with the name of each step as it begins
 
     Raises UnreadableFile, NotABracket, BallNotFound, ValueError.

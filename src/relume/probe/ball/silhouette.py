@@ -222,7 +222,11 @@ def outline_through(points: ArrayLike) -> Outline:
 
 
 def outline_of_circle(x: float, y: float, radius: float) -> Outline:
-    """The outline given as a circle, pixels; raises ValueError unless its radius is above 0."""
+    """The outline given as a circle, pixels; raises ValueError unless its radius is above 0.
+
+    x, y : the middle, pixels from the upper left corner
+    radius : pixels
+    """
     if not radius > 0:
         raise ValueError(f"radius is {radius}; a ball's outline has a radius above 0")
     turns = 2 * np.pi * np.arange(RAYS) / RAYS

@@ -115,7 +115,10 @@ def _in_folder(folder: Path) -> tuple[Path, ...]:
 
 
 def placed_views(views: Sequence[BallPhotographs], camera: Point, turns: Sequence[float]) -> list[BallPhotographs]:
-    """The views with their cameras placed: `camera` turned about the vertical by each of `turns`, radians."""
+    """The views with their cameras placed: `camera` turned about the vertical by each of `turns`, radians.
+
+    Raises ValueError for another number of turns than of views.
+    """
     if len(turns) != len(views):
         raise ValueError(f"{len(turns)} angles for {len(views)} views; give one for each, 0 for the first")
     result = []

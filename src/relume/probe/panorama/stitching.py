@@ -104,6 +104,7 @@ def stitch_panorama(
     A few views without enough in common with the others are left out, with a note.
     Raises NotAPanorama for a lone view, for pixels that are no light, and, by name, for too many views that have too
     little in common.
+    Raises ValueError for a size of too few rows.
     """
     views = list(views)
     refuse_unusable(views)

@@ -142,6 +142,8 @@ def develop_file(
 ) -> DevelopedFile:
     """Develop a file of radiance into a picture.
 
+    path : radiance, in any format that holds it
+    settings : lens, film or tone operator, display
     out : the picture; its suffix fits the display: .png, .jpg or .tif, .avif for PQ and HLG, .jpg for gain maps. None
         writes nothing
     dry_run : reads and checks everything, and develops and writes nothing
@@ -187,6 +189,8 @@ def undevelop_file(
 ) -> Facts:
     """Take a photograph's film and lens out of it again, and write its radiance; returns facts by name.
 
+    path : the photograph
+    out : the radiance map; None writes nothing
     settings : its preset's lens is undone; exposure and response are the photograph's own unless given
     Raises ValueError, UnreadableFile, OutputNotWritten.
     """

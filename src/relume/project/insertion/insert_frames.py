@@ -48,6 +48,7 @@ def insert_frames(
 ) -> SequenceMade:  # fmt: skip
     """Insert the objects into every frame of the shot's sequence, with what moves blurred while the shutter is open.
 
+    shot : with a [sequence]
     out : folder for frame_0001 and so on, and a movie; frames that are complete there are kept. Many processes may make
         frames of one folder at once: each frame is made by one of them. What `prepare_shot` kept there is used
     frames : these alone, as "1-9x2,12" or by their numbers; then no movie is written, which is of all frames

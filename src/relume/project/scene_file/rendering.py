@@ -65,6 +65,8 @@ def render_scene(
 ) -> RenderedScene:  # fmt: skip
     """Render a scene file into one picture (.exr with matte, depth and normals, .hdr, .png, .jpg), a folder or an .mp4.
 
+    read : the scene file, read
+    settings : renderer and its quality, size, frames; the file's own unless given
     out : the picture; a folder for numbered pictures, or an .mp4, of a motion (`settings.frames`) or of the scene
         file's sequence. Frames that are there, made from the same, are kept; so is a movie's hidden folder of frames
         until it is whole. Many processes may make frames of a sequence in one folder
@@ -132,6 +134,8 @@ def render_environment(
 ) -> EnvironmentMap | None:  # fmt: skip
     """Render the equirectangular (lat-long) environment map of the scene seen from a point, and write it.
 
+    read : the scene file, read
+    out : the map, .exr or .hdr
     point : metres, world
     rows : the map is twice as wide
     dry_run : check the settings and render nothing; None is returned

@@ -63,6 +63,7 @@ def draw_brdf(
     seen in the balls alone. Of a surface with a direction there are cross-sections along u and along v.
 
     material : itself; or the name of one of the scene file's, of a preset, or of a MERL .binary file
+    path : the .png or .svg
     scene : a scene file, for its materials
     title : the material's name unless given
     samples : rays a pixel of the balls

@@ -51,6 +51,7 @@ def write_job(
 
     Warns of absolute paths in the shot, which a farm cannot map. Raises RelumeError, OutputNotWritten; ValueError for
     frames that the sequence has not, and for a chunk below 1.
+    Raises UnreadableFile where a file that the shot names is missing, as it would be on the farm.
     """
     shot, folder = Path(os.path.abspath(shot)), Path(folder)
     if chunk < 1:

@@ -33,6 +33,7 @@ class MirroredLight:
 def mirrored_light(shot: Shot, camera: Camera, x: float, y: float) -> MirroredLight | None:
     """What the object at a pixel of the plate mirrors into the camera; None where there is no object.
 
+    shot : the shot, whose light and objects are taken
     camera : the plate's
     x, y : pixels, from the upper left corner
     In a room or a dome (`light.distant`) the light is where the mirrored ray meets its walls. Raises RelumeError.

@@ -60,7 +60,16 @@ class Camera:
 
     @staticmethod
     def looking_at(position: np.ndarray, target: np.ndarray, *, width: int, height: int, focal_length: float) -> Camera:
-        """A camera at `position` that looks at `target`, horizon level."""
+        """A camera at `position` that looks at `target`, horizon level.
+
+        position, target : (3,) world, metres
+        width, height : pixels
+        focal_length : pixels; the picture's width, over twice the tangent of half its angle
+
+        >>> camera = Camera.looking_at((0, 1, 4), (0, 1, 0), width=640, height=480, focal_length=800)
+        >>> camera.project(np.array([[0, 1, 0], [1, 1, 0], [0, 2, 0]])).tolist()
+        [[320.0, 240.0], [520.0, 240.0], [320.0, 40.0]]
+        """
         position = np.asarray(position, np.float64)
         return Camera(width, height, focal_length, position, look_at(position, np.asarray(target, np.float64)))
 
@@ -205,6 +214,7 @@ def reprojected(picture: np.ndarray, seen_by: Camera, wanted: Camera) -> np.ndar
     seen_by : the camera of `picture`; wanted : the camera whose lens or turn the result has
     With `wanted = undistorted(seen_by)` the distortion is undone, the other way round it is redone.
     Bilinear, so that nothing gets brighter or darker than its neighbours; NaN where `picture` does not reach.
+    Raises ValueError for a picture of another size than its camera, and for cameras at different places.
     """
     from scipy.ndimage import map_coordinates
 

@@ -31,6 +31,9 @@ def camera_from_grid(
 ) -> Camera:
     """Find a chequered board lying on the ground in a photograph and place the camera in its frame.
 
+    squares : how many across and along, the squares counted and not the corners
+    square : the side of one, metres
+    focal_length : pixels; that of the photograph's EXIF unless given
     The same as `fit_grid` without its choices and its residuals. Raises GridNotFound.
     """
     return fit_grid(photograph, squares=squares, square=square, focal_length=focal_length).camera

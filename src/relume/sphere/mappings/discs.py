@@ -122,6 +122,7 @@ class Fisheye(_Disc):
 
     @property
     def name(self) -> str:
+        """What a file remembers: fisheye, its projection and its angle in degrees."""
         # The shortest number that is read as this very field again.
         degrees = (f"{np.degrees(self.field):.{digits}g}" for digits in range(3, 18))
         exact = next(
@@ -171,27 +172,32 @@ class Hemispheres:
     grid = (1, 2)
 
     def shape(self, size: int) -> tuple[int, int]:
+        """Rows and columns, (size, 2·size); raises ValueError for fewer than one row."""
         refuse_size(size, self.name)
         return size, 2 * size
 
     def image_points(self, directions: np.ndarray) -> np.ndarray:
+        """Where unit directions (…, 3) fall in the image: (…, 2)."""
         directions = np.asarray(directions, np.float64)
         behind = directions[..., 2] >= 0
         u, v = 0.5 + directions[..., 0] / 2, 0.5 - directions[..., 1] / 2
         return np.stack([(u + behind) / 2, v], axis=-1)
 
     def directions(self, points: np.ndarray) -> np.ndarray:
+        """The unit directions (…, 3) of image points (…, 2)."""
         behind, within = self._parted(points)
         directions = _Orthographic().directions(within)
         directions[..., 2] = np.where(behind, -directions[..., 2], directions[..., 2])
         return directions
 
     def shown(self, points: np.ndarray) -> np.ndarray:
+        """The points (…, 2), drawn to the nearest rim where they lie beside the two discs."""
         behind, within = self._parted(points)
         within = _Orthographic().shown(within)
         return np.stack([(within[..., 0] + behind) / 2, within[..., 1]], axis=-1)
 
     def solid_angles(self, size: int) -> np.ndarray:
+        """Steradians of every pixel, (rows, columns); they sum to 4π."""
         disc = _Orthographic().solid_angles(size)
         return np.concatenate([disc, disc], axis=1)
 

@@ -48,23 +48,28 @@ class LatLong:
     name = "latlong"
 
     def shape(self, size: int) -> tuple[int, int]:
+        """Rows and columns, (size, 2·size); raises ValueError for fewer than one row."""
         refuse_size(size, self.name)
         return size, 2 * size
 
     def image_points(self, directions: np.ndarray) -> np.ndarray:
+        """Where unit directions (…, 3) fall in the image: (…, 2)."""
         x, y, z = np.moveaxis(np.asarray(directions, np.float64), -1, 0)
         u = 0.5 + np.arctan2(x, -z) / (2 * np.pi)
         return np.stack([u % 1.0, np.arctan2(np.hypot(x, z), y) / np.pi], axis=-1)
 
     def directions(self, points: np.ndarray) -> np.ndarray:
+        """The unit directions (…, 3) of image points (…, 2)."""
         longitude, polar = 2 * np.pi * (points[..., 0] - 0.5), np.pi * points[..., 1]
         ring = np.sin(polar)
         return np.stack([ring * np.sin(longitude), np.cos(polar), -ring * np.cos(longitude)], axis=-1)
 
     def shown(self, points: np.ndarray) -> np.ndarray:
+        """The points (…, 2) themselves: the whole image shows the sphere."""
         return points
 
     def solid_angles(self, size: int) -> np.ndarray:
+        """Steradians of every pixel, (rows, columns); they sum to 4π."""
         rows, columns = self.shape(size)
         cosines = np.cos(np.pi * np.arange(rows + 1) / rows)
         rings = (cosines[:-1] - cosines[1:]) * 2 * np.pi / columns

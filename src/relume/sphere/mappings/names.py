@@ -12,6 +12,9 @@ def mapping_named(text: str) -> Mapping:
     """The mapping a file remembers by `text`: "latlong", "cross", "fisheye:equisolid:180", …
 
     Raises ValueError that names all there are.
+
+    >>> mapping_named("latlong").shape(512)
+    (512, 1024)
     """
     plain: tuple[Mapping, ...] = (
         LatLong(), Angular(), MirrorBall(), CubeCross(), VerticalCubeCross(), Strip(), Octahedral(), EqualArea(),

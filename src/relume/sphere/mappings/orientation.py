@@ -66,6 +66,7 @@ def orient_for(light: EnvironmentMap, orientation: Orientation, size: int | None
     """The light laid out as a program reads it: loaded there with default settings, it comes from where it came here.
 
     light : in our frame and any mapping
+    orientation : the program's, of `rl.mappings.ORIENTATIONS`
     size : rows of the file; the present number unless given
 
     A lat-long map that is turned by whole columns keeps its pixels; any other is resampled, its energy kept. The result

@@ -32,11 +32,13 @@ class Octahedral(_Folded):
     name = "octahedral"
 
     def image_points(self, directions: np.ndarray) -> np.ndarray:
+        """Where unit directions (…, 3) fall in the image: (…, 2)."""
         directions = np.asarray(directions, np.float64)
         directions = directions / np.abs(directions).sum(-1, keepdims=True)
         return _folded(directions[..., 0], directions[..., 2], directions[..., 1] < 0)
 
     def directions(self, points: np.ndarray) -> np.ndarray:
+        """The unit directions (…, 3) of image points (…, 2)."""
         x, z = 2 * points[..., 0] - 1, 2 * points[..., 1] - 1
         y = 1 - np.abs(x) - np.abs(z)
         below = np.maximum(-y, 0)
@@ -44,6 +46,7 @@ class Octahedral(_Folded):
         return directions / np.linalg.norm(directions, axis=-1, keepdims=True)
 
     def solid_angles(self, size: int) -> np.ndarray:
+        """Steradians of every pixel, (rows, columns); they sum to 4π."""
         rows, _ = self.shape(size)
         if rows % 2:
             # Folds run along the diagonals of the pixels of an even number only.
@@ -69,12 +72,14 @@ class EqualArea(_Folded):
     name = "equalarea"
 
     def image_points(self, directions: np.ndarray) -> np.ndarray:
+        """Where unit directions (…, 3) fall in the image: (…, 2)."""
         x, y, z = np.moveaxis(np.asarray(directions, np.float64), -1, 0)
         radius = np.sqrt(np.maximum(1 - np.abs(y), 0))
         along = radius * np.arctan2(np.abs(z), np.abs(x)) * 2 / np.pi
         return _folded(np.copysign(radius - along, x), np.copysign(along, z), y < 0)
 
     def directions(self, points: np.ndarray) -> np.ndarray:
+        """The unit directions (…, 3) of image points (…, 2)."""
         across, down = 2 * points[..., 0] - 1, 2 * points[..., 1] - 1
         depth = 1 - np.abs(across) - np.abs(down)
         radius = 1 - np.abs(depth)
@@ -85,6 +90,7 @@ class EqualArea(_Folded):
         return np.stack([x, np.copysign(1 - radius**2, depth), z], axis=-1)
 
     def solid_angles(self, size: int) -> np.ndarray:
+        """Steradians of every pixel, (rows, columns); they sum to 4π."""
         return np.broadcast_to(4 * np.pi / size**2, self.shape(size))
 
 

@@ -56,6 +56,8 @@ def taking_json(endpoint: Callable[[Request, dict[str, Any]], Response]) -> Call
 
 
 def taking_bytes(endpoint: Callable[[Request], Any]) -> Callable[[Request], Any]:
+    """An endpoint whose body is bytes; a fault is answered by one line."""
+
     async def answer(request: Request) -> Response:
         try:
             return await endpoint(request)

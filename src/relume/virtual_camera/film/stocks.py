@@ -70,6 +70,7 @@ def black_and_white_paper(grade: float = 2.0) -> Paper:
     """A black-and-white paper; 2 is the normal grade, for which negatives of ISO 6's contrast are made.
 
     grade : 0 to 5; halves and others as of papers of variable contrast
+    Raises ValueError for a grade outside of that.
     """
     if not 0 <= grade <= len(GRADES) - 1:
         raise ValueError(f"the grade is {grade:g}; papers come from 0, very soft, to 5, extra hard")

@@ -55,6 +55,7 @@ class Blades:
 
     @property
     def curved(self) -> bool:
+        """Whether the edges are arcs."""
         return self.half_arc > 1e-6
 
     @property

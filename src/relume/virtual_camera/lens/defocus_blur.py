@@ -59,7 +59,12 @@ def depth_of_field(
 ) -> tuple[float, float]:
     """The nearest and the farthest distance, metres, that are drawn with discs of at most `acceptable` pixels.
 
+    aperture : diameter of the lens, metres
+    focus : distance of the plane in focus, metres
+    focal_length : pixels
+    acceptable : diameter of a disc that still looks like a point; 1 pixel
     The farthest is infinity from the hyperfocal distance A v / c on.
+    Raises ValueError where one of them is not above 0.
     """
     if not (aperture > 0 and focal_length > 0 and acceptable > 0 and focus > 0):
         raise ValueError(f"aperture {aperture}, focus {focus}, focal_length {focal_length}: all must be positive")

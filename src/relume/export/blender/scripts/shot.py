@@ -55,10 +55,12 @@ def named(found, name):
 
 
 def node_of(material, kind):
+    """The first node of a kind in a material."""
     return next(node for node in material.node_tree.nodes if node.bl_idname == kind)
 
 
 def set_camera(scene):
+    """Make the camera of the shot."""
     facts = SHOT["camera"]
     data = bpy.data.cameras.new("relume camera")
     data.sensor_fit, data.sensor_width = "HORIZONTAL", facts["sensor"]
@@ -127,6 +129,7 @@ def set_lights():
 
 
 def set_render(scene):
+    """Set the renderer as relume sets its own."""
     scene.render.engine = "CYCLES"
     scene.cycles.samples = SHOT["samples"]
     for kind in ("max", "diffuse", "glossy", "transmission"):
@@ -179,6 +182,7 @@ def set_compositor(scene):
 
 
 def build():
+    """Make the scene of the shot."""
     scene = bpy.data.scenes.new("relume shot")
     if bpy.context.window is not None:
         bpy.context.window.scene = scene

@@ -9,6 +9,7 @@ from relume.image.kernel import inlined, kernel
 
 @kernel
 def averaged(picture, tops, lefts, begin, end, samples):
+    """Means (rows, columns, 3) of the pixels that lie within each sample."""
     columns = samples.shape[1]
     for i in range(begin, end):
         sums = np.zeros((columns, 3))
@@ -30,6 +31,7 @@ def averaged(picture, tops, lefts, begin, end, samples):
 
 @kernel
 def scattered(rays, solid_angle, own, light, begin, end, veil):
+    """The veil at every sample: light of the others, by angle and solid angle (Moon & Spencer 1945)."""
     channels = light.shape[1]
     total = np.empty(channels)
     for i in range(begin, end):
@@ -55,6 +57,7 @@ def _row_between(grid, first, share):
 
 @kernel
 def added(radiance, kept, veil, top, down, left, right, begin, end, seen):
+    """The picture with its veil, which is interpolated between the samples."""
     last = veil.shape[1] - 1
     for y in range(begin, end):
         row = _row_between(veil, top[y], down[y])
@@ -66,6 +69,7 @@ def added(radiance, kept, veil, top, down, left, right, begin, end, seen):
 
 @kernel
 def greyed(radiance, to_xyz, scale, cones, top, down, left, right, begin, end, seen):
+    """The picture as rods see it where cones are out of work, interpolated between the samples."""
     last = cones.shape[1] - 1
     matrix = to_xyz.astype(np.float32)
     one, blend, ratio, offset = np.float32(1), np.float32(scale), np.float32(1.33), np.float32(1.68)
@@ -116,6 +120,7 @@ def _spline(place):
 
 @kernel
 def blended(radiance, deeper, starts, sizes, width, top, down, left, right, begin, end, seen):
+    """The picture blurred by a width that changes from pixel to pixel, between levels of a pyramid."""
     last, deepest = width.shape[1] - 1, len(sizes) - 1
     for y in range(begin, end):
         row = _row_between(width, top[y], down[y])

@@ -1,0 +1,67 @@
+"""The pages that readers copy from, and the code on them."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterator
+from dataclasses import dataclass
+from functools import cache
+from pathlib import Path
+
+ROOT = Path(__file__).parents[2]
+FENCE = re.compile(r"^(?P<indent> *)```(?P<language>[^\n`]*)\n(?P<code>.*?)^(?P=indent)```[ ]*$", re.S | re.M)
+MADE_BY_THE_SITE = {"api", "commands"}
+"""Folders that the site writes from the code."""
+ALIASES = {"py": "python", "bash": "sh", "shell": "sh"}
+LANGUAGES = {"python", "sh", "toml", "json", "console", "text"}
+"""What a block may be: each is run, read, or, as `console` and `text`, what a program prints."""
+
+
+@dataclass(frozen=True)
+class Block:
+    """A block of code on a page.
+
+    page : its path below the repository, with `/`
+    line : the line of the page on which the code begins
+    language : the word behind the three marks, in small letters
+    code : the text between the marks
+    """
+
+    page: str
+    line: int
+    language: str
+    code: str
+
+    @property
+    def place(self) -> str:
+        return f"{self.page}:{self.line}"
+
+
+@cache
+def pages() -> tuple[Path, ...]:
+    """The pages for readers: lessons have a test of their own, and decisions are history."""
+    found = [*ROOT.glob("*.md"), *ROOT.glob("docs/*.md"), *ROOT.glob("docs/how-to/**/*.md")]
+    found += ROOT.glob("docs/reference/**/*.md")
+    return tuple(sorted(page for page in found if page.name != "CHANGELOG.md" and not MADE_BY_THE_SITE & {*page.parts}))
+
+
+@cache
+def blocks(page: Path) -> tuple[Block, ...]:
+    """A page's blocks of code; those of the site's own mark-up, like `{toctree}`, hold none."""
+    text = page.read_text(encoding="utf-8")
+    name = page.relative_to(ROOT).as_posix()
+    return tuple(
+        Block(
+            name,
+            text[: found.start("code")].count("\n") + 1,
+            ALIASES.get(found["language"].strip(), found["language"].strip()),
+            found["code"],
+        )
+        for found in FENCE.finditer(text)
+        if not found["language"].startswith("{")
+    )
+
+
+def of_language(language: str) -> Iterator[Block]:
+    """The blocks of one language on all pages."""
+    return (block for page in pages() for block in blocks(page) if block.language == language)

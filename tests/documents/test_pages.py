@@ -1,0 +1,119 @@
+"""Every page: its blocks are of languages that a test reads, its files can be read, its links lead somewhere."""
+
+from __future__ import annotations
+
+import json
+import re
+import tomllib
+from functools import cache
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from documents.pages import FENCE, LANGUAGES, ROOT, Block, blocks, of_language, pages
+from relume.errors import RelumeError
+from relume.project.film.film_file import FilmTable
+from relume.project.presets.preset import preset_of
+from relume.project.scene_file.scene_file import SceneTable
+from relume.project.shot_file.shot import Shot
+from relume.scene.places.place_tables import PlaceTables
+
+TOML = list(of_language("toml"))
+LINKING = [*pages(), *sorted(ROOT.glob("docs/course/*.md")), *sorted(ROOT.glob("docs/decisions/*.md"))]
+LINKING += [ROOT / "CHANGELOG.md", *sorted(ROOT.glob("examples/**/*.md")), *sorted(ROOT.glob(".github/**/*.md"))]
+LINK = re.compile(r"(?<!\\)\]\(<?([^()\s>]+)>?\)")
+PROGRAMS = re.compile(r"```.*?```|`[^`\n]*`", re.S)
+ROOM = tomllib.loads((ROOT / "examples" / "room" / "shot.toml").read_text(encoding="utf-8"))
+
+
+@pytest.mark.parametrize("page", pages(), ids=lambda page: page.stem)
+def test_the_blocks_of_a_page_are_of_languages_that_are_tested(page: Path) -> None:
+    assert [block.place for block in blocks(page) if block.language not in LANGUAGES] == []
+    # Marks that open no block, or close none, would hide one from the tests.
+    assert not re.search(r"(?m)^ *```", FENCE.sub("", page.read_text(encoding="utf-8")))
+
+
+@pytest.mark.parametrize("block", list(of_language("json")), ids=lambda block: block.place)
+def test_json_on_a_page_is_json(block: Block) -> None:
+    assert json.loads(block.code)
+
+
+@pytest.mark.parametrize("block", TOML, ids=lambda block: block.place)
+def test_a_file_on_a_page_is_of_a_kind_that_relume_reads(block: Block, tmp_path: Path) -> None:
+    tables = tomllib.loads(block.code)
+    faults = {}
+    for kind, reads in KINDS.items():
+        try:
+            reads(tables, tmp_path)
+        except (ValueError, RelumeError) as error:
+            faults[kind] = str(error)
+    assert len(faults) < len(KINDS), faults
+
+
+def _shot(tables: dict[str, Any], _: Path) -> None:
+    whole = tables if {"plate", "light", "objects"} <= set(tables) else ROOM | tables
+    if not SOURCES & {*whole["light"]}:
+        whole = {**whole, "light": ROOM["light"] | whole["light"]}
+    if "ball" in tables.get("camera", {}):
+        whole = {**whole, "light": {"balls": [{"photographs": ["ball/*.jpg"]}], "ball": {"radius": 0.05}}}
+    Shot.model_validate(whole)
+
+
+def _scene(tables: dict[str, Any], _: Path) -> None:
+    rest = {"camera": {"position": [0, 0, 1], "target": [0, 0, 0]}, "objects": [{"mesh": "a.obj"}]}
+    SceneTable.model_validate(rest | tables)
+
+
+def _film(tables: dict[str, Any], _: Path) -> None:
+    FilmTable.model_validate(tables)
+
+
+def _preset(tables: dict[str, Any], folder: Path) -> None:
+    preset_of(tables, folder)
+
+
+def _place(tables: dict[str, Any], _: Path) -> None:
+    PlaceTables.model_validate(tables)
+
+
+SOURCES = {"balls", "map", "maps", "probes", "sky"}
+"""Where a shot's light may come from; a part of its table that names none goes with the room's."""
+KINDS = {"shot": _shot, "scene": _scene, "film": _film, "preset": _preset, "place": _place}
+"""The files that relume reads, and what reads each from its tables; parts of a shot go with the rest of the room's."""
+
+
+@cache
+def anchors(page: Path) -> frozenset[str]:
+    """The headings of a page as links name them, and its labels."""
+    text = PROGRAMS.sub(lambda found: found[0].strip("`") if "\n" not in found[0] else "", page.read_text("utf-8"))
+    headings = re.findall(r"(?m)^#+ +(.*?) *$", text)
+    names = [re.sub(r"[^\w\- ]", "", heading.lower()).replace(" ", "-") for heading in headings]
+    return frozenset(names) | frozenset(re.findall(r"(?m)^\(([\w-]+)\)=$", text))
+
+
+def broken_links(page: Path, text: str) -> list[str]:
+    """The links to files and headings that are not there; those to other places are not followed."""
+    broken = []
+    for link in LINK.findall(PROGRAMS.sub("", text)):
+        if re.match(r"[a-z]+:", link):
+            continue
+        name, _, heading = link.partition("#")
+        path = (page.parent / name).resolve() if name else page
+        made = {"api", "commands"} & {*path.parts}
+        if not path.exists() and not made:
+            broken.append(link)
+        elif heading and path.suffix == ".md" and not made and heading not in anchors(path):
+            broken.append(link)
+    return broken
+
+
+@pytest.mark.parametrize("page", LINKING, ids=lambda page: page.stem)
+def test_the_links_of_a_page_lead_somewhere(page: Path) -> None:
+    assert broken_links(page, page.read_text(encoding="utf-8")) == []
+
+
+def test_a_broken_link_is_found() -> None:
+    readme = ROOT / "README.md"
+    text = "[a](nowhere.md) [b](docs/start.md#no-such-heading) [c](#in-python) [d](https://a.b) `[e](code.md)`"
+    assert broken_links(readme, text) == ["nowhere.md", "docs/start.md#no-such-heading"]

@@ -1,0 +1,152 @@
+"""Every command line on the pages has words that the parser takes; the cheap ones run."""
+
+from __future__ import annotations
+
+import re
+import shlex
+import tomllib
+import warnings
+from collections.abc import Iterator
+from functools import cache
+from pathlib import Path
+from typing import Any
+
+import pytest
+from cyclopts import App
+
+from documents.pages import ROOT, Block, of_language
+from documents.reader import folder_of_examples, folders_and_files
+from relume.cli import COMMANDS, FOLDERS, main
+
+BLOCKS = list(of_language("sh"))
+OTHERS = {"dask", "openjd", "openssl", "export", "kill", "TLS="}
+"""Programs and settings of others, which the pages show beside relume's commands."""
+INSTALLERS = ("pip install", "pipx install", "uv tool install", "python -m pip install")
+SMALLER = {"1024": "32"}
+"""Sizes on the pages, and what is taken in their place."""
+NOT_RUN = {
+    "demo": "a minute of rendering; tests/cli/test_commands.py",
+    "studio": "a page that waits for its reader; tests/studio",
+    "view": "a page that waits for its reader; tests/studio",
+    "film": "renders and develops frames; tests/project",
+    "model": "photographs of a place with marked edges; tests/cli/light/test_model.py",
+    "panorama": "photographs of a whole sphere; tests/cli/test_panorama.py",
+    "probe": "photographs and films of mirrored balls; tests/cli/test_probe.py",
+    "sun": "a clipped sun and a grey ball in one light; tests/cli/light/test_sun.py",
+    "stage import": "photographs of a light stage; tests/cli/test_stage_import.py",
+    r"cat\.zarr": "what an import has stored; tests/cli/test_stage_import.py",
+    "stage view head/ --position": "the mesh of a scan; tests/lightstage/novel_view",
+    "stage scan": "photographs under patterns; tests/lightstage/geometry/test_scan.py",
+    "stage matte": "photographs under stripes; tests/lightstage/matting",
+    "stage perform": "a film under strobes; tests/lightstage/strobes",
+    "--cluster": "starts workers; tests/cluster",
+    "--job": "tests/export/test_farm_job.py",
+    "--renderer photon-map": "a minute of photons; tests/renderers",
+    "--renderer radiosity": "half a minute; tests/renderers",
+    "--frames": "many pictures; tests/cli/test_render.py and test_insert_frames.py",
+    "SHOOT": "many brackets; tests/cli/test_merge.py",
+    r"CR3|\$\w": "camera raws, and variables of a shell; tests/capture",
+    "salvage": "a damaged file; tests/cli/test_convert_formats.py",
+    r"\.mp4": "movies; tests/cli/test_develop.py",
+    "--sheet": "fourteen seconds of materials; tests/cli/test_reflect.py",
+    "--environment": "six pictures of rays, twenty seconds; tests/cli/test_panorama.py",
+    "--(?:roi|crop|tree|foot) ": "of a larger picture; tests/cli/test_edit.py, tests/renderers/test_ray_tree.py",
+    r"camera\.json": "the profile of the reader's camera; tests/cli/test_develop.py",
+    r"\.binary": "a file of the MERL database; tests/scene/test_measured.py",
+    "--brdf tiles": "a material of the reader's scene; tests/cli/test_render.py",
+}
+"""Commands, and patterns of lines, that are parsed and not run, and why; where they are proved else."""
+
+
+def lines(block: Block) -> Iterator[list[str]]:
+    """The words of each line, without its comment. A line that ends with `\\` goes on; of a loop it is what is repeated."""
+    for line in block.code.replace("\\\n", " ").splitlines():
+        repeated = re.sub(r"^\s*for \w+ in .*?; *do (.*?); *done.*$", r"\1", line)
+        if words := shlex.split(repeated.removesuffix("&").rstrip().removesuffix("&"), comments=True):
+            yield words
+
+
+@cache
+def parser() -> App:
+    app = App(name="relume", help_flags=[], version_flags=[])
+    for name in COMMANDS:
+        app.command(f"relume.cli.{FOLDERS.get(name, '')}{name}:{name}", name=name)
+    return app
+
+
+def parsed(words: list[str]) -> Any:
+    """The command and its arguments; raises CycloptsError where the words are wrong."""
+    function, bound, _ = parser().parse_args(words[1:], exit_on_error=False, print_error=False)
+    return function, bound
+
+
+def reason_not_to_run(words: list[str]) -> str | None:
+    line = shlex.join(words)
+    found = (
+        why for what, why in NOT_RUN.items() if what == words[1] or (what not in COMMANDS and re.search(what, line))
+    )
+    return next(found, None)
+
+
+@pytest.mark.parametrize("block", BLOCKS, ids=lambda block: block.place)
+def test_the_words_of_every_line_are_taken(block: Block, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.chdir(tmp_path)  # some options ask whether their file is there
+    for words in lines(block):
+        if words[0] == "relume":
+            parsed(["relume", *folders_and_files(words[1:], tmp_path)])
+        else:
+            assert is_of_others(words), f"{block.place}: {shlex.join(words)}"
+
+
+def is_of_others(words: list[str]) -> bool:
+    """Whether a line that is not relume's is one of make, of an installer, or of the programs above."""
+    line = " ".join(words)
+    if words[0] == "make":
+        return bool(re.search(rf"(?m)^{words[1]}( \w+)*:|^{words[1]}:", (ROOT / "Makefile").read_text()))
+    if line.startswith(INSTALLERS):
+        extras = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))["project"][
+            "optional-dependencies"
+        ]
+        return all(set(each.split(",")) <= set(extras) for each in re.findall(r"relume\[([^]]+)\]", line))
+    return any(words[0] == each or (each.endswith("=") and words[0].startswith(each)) for each in OTHERS)
+
+
+@pytest.mark.parametrize("block", BLOCKS, ids=lambda block: block.place)
+def test_the_cheap_lines_of_a_block_run(
+    block: Block, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    folder_of_examples(tmp_path)
+    for words in lines(block):
+        if words[0] != "relume" or reason_not_to_run(words):
+            continue
+        given = [SMALLER.get(word, word) for word in folders_and_files(words[1:], tmp_path)]
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore", UserWarning)  # of what is small or doubtful; other kinds fail
+            code = main([*given, *fewer(words)])
+        assert code in (0, 4), f"{block.place}: {shlex.join(words)}\n{capsys.readouterr().err}"
+
+
+def fewer(words: list[str]) -> list[str]:
+    """What is put at the end of a line, so that it takes little time."""
+    if words[1] == "render" and "--brdf" not in words:
+        return ["--size", "32x16"]
+    if words[1] == "insert" and not {"--dry-run", "--prepare", "--to"} & {*words}:
+        return ["--dry-run"]
+    return []
+
+
+def test_a_wrong_word_is_found() -> None:
+    from cyclopts import CycloptsError
+
+    with pytest.raises(CycloptsError):
+        parsed(["relume", "convert", "a.exr", "-o", "b.exr", "--nothing"])
+    assert not is_of_others(["make", "coffee"]) and not is_of_others(["pipx", "install", "relume[coffee]"])
+
+
+def test_every_reason_not_to_run_is_needed() -> None:
+    all_lines = [words for block in BLOCKS for words in lines(block) if words[0] == "relume"]
+    found = {shlex.join(words) for words in all_lines}
+    proofs = [proof for why in NOT_RUN.values() for proof in re.findall(r"tests/[\w/.]*\w", why)]
+    assert [proof for proof in proofs if not (ROOT / proof).exists()] == []
+    assert [each for each in NOT_RUN if not any(re.search(each, line) for line in found)] == []
