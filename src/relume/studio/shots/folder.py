@@ -156,7 +156,8 @@ class Folder:
 def plain_stem(name: str) -> str:
     """A file's name before its ending in letters, digits, points and dashes, which every system takes; may be empty.
 
-    Windows keeps con, nul and the like for devices, whatever their ending.
+    Windows keeps con, nul and the like for devices, whatever follows the first point.
     """
     stem = re.sub(r"[^A-Za-z0-9._-]+", "_", name).strip("._-")[:80]
-    return f"{stem}_" if DEVICES.fullmatch(stem.partition(".")[0]) else stem
+    first, point, rest = stem.partition(".")
+    return f"{first}_{point}{rest}" if DEVICES.fullmatch(first) else stem
