@@ -69,4 +69,4 @@ def test_the_pages_name_every_key_once_a_table(keys):
 def test_a_link_leads_from_the_explanation_to_the_keys():
     for page, kinds in {"shot-file": ["shot"], "scene-file": ["scene", "film"]}.items():
         text = (DOCS / "reference" / f"{page}.md").read_text(encoding="utf-8")
-        assert all(f"(files/{kind}.md)" in text for kind in kinds)
+        assert all(f"(keys/{kind}.md)" in text for kind in kinds)

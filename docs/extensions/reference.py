@@ -164,7 +164,7 @@ def write(app: Any) -> None:
     folder = Path(app.srcdir) / "reference"
     pages = {f"commands/{name}.md": text for name, text in command_pages().items()}
     pages |= {f"api/{name or 'rl'}.md": module_page(name, summary) for name, summary in MODULES.items()}
-    pages |= {f"files/{kind}.md": text for kind, text in file_pages().items()}
+    pages |= {f"keys/{kind}.md": text for kind, text in file_pages().items()}
     for name, text in pages.items():
         path = folder / name
         path.parent.mkdir(exist_ok=True)
