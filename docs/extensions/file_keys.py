@@ -78,7 +78,9 @@ def tables_of(root: Model, kind: str = "") -> Iterator[tuple[Model, str]]:
         yield model, path
         for name, field in model.model_fields.items():
             if not field.exclude:
-                waiting += [(inner, f"{path}.{name}{many}".lstrip(".")) for inner, many in tables_within(field.annotation)]
+                waiting += [
+                    (inner, f"{path}.{name}{many}".lstrip(".")) for inner, many in tables_within(field.annotation)
+                ]
 
 
 def tables_within(annotation: Any, many: str = "") -> list[tuple[Model, str]]:

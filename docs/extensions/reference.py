@@ -10,8 +10,9 @@ from textwrap import dedent
 from types import ModuleType
 from typing import Any
 
-import relume as rl
 from file_keys import escaped, file_pages
+
+import relume as rl
 
 WIDE = 100
 CASE = re.compile(r"^(?P<names>[\w*][\w*, ]*?) : (?P<text>.*)$")

@@ -28,7 +28,9 @@ def test_a_stem_is_one_that_every_system_takes(name: str, plain: str):
     assert plain_stem(name) == plain
 
 
-@pytest.mark.parametrize("name", ["C:secret.jpg", "C:/secret.jpg", "/secret.jpg", "//host/share/secret.jpg", "a/../../b"])
+@pytest.mark.parametrize(
+    "name", ["C:secret.jpg", "C:/secret.jpg", "/secret.jpg", "//host/share/secret.jpg", "a/../../b"]
+)
 def test_no_name_of_windows_leads_out_of_the_folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, name: str):
     monkeypatch.setattr(folder, "Path", PureWindowsPath)
     with pytest.raises(LookupError):

@@ -89,7 +89,7 @@ def accumulate(
     watch : what goes on around it
     progress : called with the share of `passes` that is done
 
-    Raises Interrupted after the first Ctrl-C or other signal to end, once the pass under way is done and the state kept;
+    Raises Interrupted after the first Ctrl-C or signal to end, once the pass under way is done and the state kept;
     CannotResume where the state kept is another render's; OutputNotWritten; what `trace` or `progress` raise, after
     the state was kept.
     """
