@@ -14,7 +14,9 @@ import relume as rl
 
 ROOT = Path(__file__).parents[1]
 SCRIPTS = [path for folder in ("benchmarks", "examples") for path in (ROOT / folder).rglob("*.py")]
-PAGES = (path for path in (ROOT / "docs").rglob("*.md") if not {"decisions", "api", "commands"} & set(path.parts))
+PAGES = (
+    path for path in (ROOT / "docs").rglob("*.md") if not {"decisions", "api", "commands", "keys"} & set(path.parts)
+)
 DOCUMENTS = [ROOT / "README.md", *PAGES]  # decisions keep the names of their day; the reference is made from the code
 FILE = re.compile(r"(?:src/relume|tests|benchmarks|examples)/[\w/.-]+\.(?:py|md|toml)")
 

@@ -1,4 +1,4 @@
-"""The reference, written from the code each time the site is built: every command's help, every public name."""
+"""The reference, written from the code each time the site is built: commands' help, public names, keys of files."""
 
 from __future__ import annotations
 
@@ -10,6 +10,8 @@ from pathlib import Path
 from textwrap import dedent
 from types import ModuleType
 from typing import Any
+
+from file_keys import escaped, file_pages
 
 import relume as rl
 
@@ -172,17 +174,12 @@ def listed(words: str) -> str:
     return "\n".join(out).strip()
 
 
-def escaped(text: str) -> str:
-    """Text outside of `code` in which nothing is taken for mark-up."""
-    parts = text.split("`")
-    return "`".join(re.sub(r"([\\*_$<\[\]|#])", r"\\\1", each) if i % 2 == 0 else each for i, each in enumerate(parts))
-
-
 def write(app: Any) -> None:
     """Write the pages where they differ from what is there, so that only these are read again."""
     folder = Path(app.srcdir) / "reference"
     pages = {f"commands/{name}.md": text for name, text in command_pages().items()}
     pages |= {f"api/{name or 'rl'}.md": module_page(name, summary) for name, summary in MODULES.items()}
+    pages |= {f"keys/{kind}.md": text for kind, text in file_pages().items()}
     for name, text in pages.items():
         path = folder / name
         path.parent.mkdir(exist_ok=True)

@@ -10,7 +10,7 @@ from pathlib import Path
 # As a word of prose, as a part of an identifier (`is_told`) and inside a name of several words (`ToldFilm`).
 PRIVATE_WORDS = re.compile(r"(?<![A-Za-z])[Tt](?:old|ells?)(?![a-z])|(?<=[a-z])T(?:old|ells?)(?![a-z])")
 LONGEST_LINE = 120
-WRITTEN_OTHERWISE = {"decisions", "api", "commands"}
+WRITTEN_OTHERWISE = {"decisions", "api", "commands", "keys"}
 """Folders of documents: history, and what the site makes from the code."""
 
 

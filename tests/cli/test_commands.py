@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import platform
 import re
 import shutil
 import subprocess
@@ -61,7 +62,14 @@ def test_info_says_a_photograph_a_map_and_the_system(tmp_path, capsys):
     assert "768 × 512" in printed(["info", PLATE[0]], capsys).out
     write(tmp_path / "grey.exr", RadianceMap(np.full((8, 8, 3), 0.18, np.float32)))
     assert reported(["info", str(tmp_path / "grey.exr")], capsys)["kind"] == "radiance map"
-    assert reported(["info", "--system"], capsys)["variant"] in ("cuda_ad_rgb", "llvm_ad_rgb", "scalar_rgb")
+
+
+def test_info_says_of_this_machine_what_a_report_of_a_fault_needs(capsys):
+    said = reported(["info", "--system"], capsys)
+    assert said["variant"] in ("cuda_ad_rgb", "llvm_ad_rgb", "scalar_rgb")
+    assert f"numpy {np.__version__}" in said["libraries"] and "missing" not in said["libraries"]
+    assert said["python"].startswith(platform.python_version()) and said["system"] == platform.platform()
+    assert "video" in said["extras"] and "dev" not in said["extras"]
 
 
 def test_dry_runs_write_nothing(tmp_path, capsys):

@@ -10,6 +10,7 @@ from pathlib import Path
 
 import pytest
 
+from relume.cluster import renaming
 from relume.errors import OutputNotWritten
 from relume.image.files import atomic, replacing, write_text
 
@@ -144,6 +145,12 @@ def test_a_link_goes_on_pointing_to_what_is_written(tmp_path):
     assert (tmp_path / "link.txt").is_symlink() and (tmp_path / "real" / "a.txt").read_text() == "new"
 
 
+def like_windows(monkeypatch):
+    monkeypatch.setattr(atomic, "WINDOWS", True)
+    monkeypatch.setattr(renaming, "WINDOWS", True)
+    monkeypatch.setattr(renaming.time, "sleep", lambda seconds: None)
+
+
 def test_windows_refuses_while_a_scanner_has_the_file_and_is_asked_again(tmp_path, monkeypatch):
     asked = []
     rename = os.replace
@@ -154,9 +161,8 @@ def test_windows_refuses_while_a_scanner_has_the_file_and_is_asked_again(tmp_pat
             raise PermissionError(13, "Access is denied")
         rename(source, target)
 
-    monkeypatch.setattr(atomic.os, "replace", refusing_twice)
-    monkeypatch.setattr(atomic, "WINDOWS", True)
-    monkeypatch.setattr(atomic.time, "sleep", lambda seconds: None)
+    monkeypatch.setattr(os, "replace", refusing_twice)
+    like_windows(monkeypatch)
     path = tmp_path / "a.txt"
     with atomic.replacing(path) as temporary:
         temporary.write_bytes(b"x")
@@ -170,9 +176,8 @@ def test_a_file_that_windows_has_open_elsewhere_is_named_and_stays(tmp_path, mon
     def refusing(source, target):
         raise PermissionError(13, "Access is denied")
 
-    monkeypatch.setattr(atomic.os, "replace", refusing)
-    monkeypatch.setattr(atomic, "WINDOWS", True)
-    monkeypatch.setattr(atomic.time, "sleep", lambda seconds: None)
+    monkeypatch.setattr(os, "replace", refusing)
+    like_windows(monkeypatch)
     with pytest.raises(OutputNotWritten, match="another program has it open"), atomic.replacing(path) as temporary:
         temporary.write_bytes(b"new")
     assert path.read_text() == "old" and os.listdir(tmp_path) == ["a.txt"]

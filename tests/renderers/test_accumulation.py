@@ -21,6 +21,7 @@ from relume.renderers.progressive.accumulation import RenderSession, accumulate,
 from relume.renderers.progressive.checkpoint import Checkpoint, previous, read_checkpoint, write_checkpoint
 from relume.renderers.progressive.convergence import ChangeError, Sums, Target, standard_error
 from relume.renderers.progressive.fingerprint import program
+from relume.renderers.progressive.graceful_shutdown import interruptible
 from relume.scene.cameras.camera import Camera
 from relume.scene.materials.materials import Diffuse
 from relume.scene.scene import Scene
@@ -313,6 +314,23 @@ def test_nothing_kept_is_said():
     with pytest.raises(Interrupted, match="interrupted; nothing is kept") as caught:
         accumulate(signalled(signal.SIGTERM), passes=9)
     assert caught.value.exit_code == 143
+
+
+@pytest.mark.skipif(not hasattr(signal, "SIGHUP"), reason="Windows has no such signal")
+def test_a_closed_terminal_keeps_what_was_done(tmp_path):
+    with pytest.raises(Interrupted, match="3 of 9 passes are kept") as caught:
+        accumulate(signalled(signal.SIGHUP, before=2), passes=9, seed=3, key=KEY, watch=RenderSession(tmp_path / "p"))
+    assert caught.value.exit_code == 129
+
+
+def test_ctrl_break_of_windows_is_noted_and_other_systems_do_not_ask_for_it(monkeypatch):
+    monkeypatch.setattr(signal, "SIGBREAK", signal.SIGTERM, raising=False)  # a number that this system has
+    for name in ("SIGHUP", "SIGTERM"):
+        monkeypatch.delattr(signal, name, raising=False)
+    before = signal.getsignal(signal.SIGBREAK)
+    with interruptible() as asked:
+        signal.raise_signal(signal.SIGBREAK)
+    assert asked.signal == signal.SIGBREAK and signal.getsignal(signal.SIGBREAK) == before
 
 
 # What happens to a process, from outside

@@ -101,6 +101,24 @@ def test_a_link_without_a_number_has_the_version_of_what_it_leads_to(tmp_path):
     assert llvm_version(str(tmp_path / "libLLVM.so")) == 15
 
 
+def test_the_library_of_windows_has_no_number_in_its_name_and_is_asked(machine, monkeypatch):
+    class Library:
+        def __init__(self, path):
+            self.version = int(Path(path).read_text())
+
+        def LLVMGetVersion(self, major, minor, patch):
+            major._obj.value = self.version
+
+    monkeypatch.setattr(sys, "platform", "win32")
+    monkeypatch.setattr(mitsuba_variant.ctypes, "CDLL", Library)
+    path = machine / "LLVM-C.dll"
+    path.write_text("18")
+    assert llvm_version(str(path)) == 18
+    assert (choose_variant().name, choose_variant().library) == ("llvm_ad_rgb", str(path))
+    monkeypatch.delattr(Library, "LLVMGetVersion")  # as before 16
+    assert choose_variant().name == "scalar_rgb"
+
+
 RENDERING = """
 import sys
 import numpy as np

@@ -2,6 +2,7 @@
 
 import json
 import struct
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -9,6 +10,7 @@ import pytest
 
 import relume as rl
 import virtual_place as place
+from relume.report.shots import place_files
 
 
 @pytest.fixture(scope="module")
@@ -56,6 +58,14 @@ def test_holes_are_drawn(baked, tmp_path):
     mask = rl.read_photograph(written.masks[1]).pixels
     part = baked.parts[1]
     assert np.array_equal(mask[..., 0] > 0, part.used & ~part.seen) and mask.any()
+
+
+def test_names_differ_by_more_than_their_case(baked):
+    parts = [replace(baked.parts[0], mesh=replace(baked.parts[0].mesh, name=name)) for name in ("Wall", "wall", "WALL")]
+    names = place_files._names(replace(baked, parts=tuple(parts)))
+    assert names == ["Wall", "wall_1", "WALL_2"]
+    parts = [replace(parts[0], mesh=replace(parts[0].mesh, name=name)) for name in ("a_2", "A", "a")]
+    assert place_files._names(replace(baked, parts=tuple(parts))) == ["a_2", "A", "a_3"]
 
 
 def test_other_files_are_refused(baked, tmp_path):

@@ -12,10 +12,11 @@ import os
 import socket
 import time
 from collections.abc import Callable, Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from pathlib import Path
 from typing import Any
 
+from relume.cluster.renaming import patiently, remove
 from relume.errors import OutputNotWritten, printable
 
 try:
@@ -72,7 +73,8 @@ def claim(path: Path, waiting: Callable[[str], None] | None = None, *, sure: boo
     finally:
         if fcntl is None:  # an open file cannot be removed there
             os.close(file)
-            path.unlink(missing_ok=True)
+            with suppress(PermissionError):  # one who goes on without the lock has it open, and removes it
+                remove(path)
         else:
             # While the lock is held: whoever opened the file before finds that it is gone, and makes another.
             path.unlink(missing_ok=True)
@@ -112,7 +114,8 @@ def _opened(path: Path) -> tuple[int, bool]:
         try:
             return os.open(path, os.O_RDWR | os.O_CREAT | os.O_EXCL, 0o666), True
         except FileExistsError:
-            return os.open(path, os.O_RDWR | os.O_CREAT, 0o666), False
+            # Windows refuses while the one before is about to be removed.
+            return patiently(lambda: os.open(path, os.O_RDWR | os.O_CREAT, 0o666)), False
     except OSError as error:
         raise OutputNotWritten(f"{path}: cannot be made ({error.strerror}); choose another -o") from None
 

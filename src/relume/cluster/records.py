@@ -13,6 +13,7 @@ from pathlib import Path
 from typing import Any
 
 from relume.cluster.program import program
+from relume.cluster.renaming import put_in_place
 from relume.errors import OutputNotWritten
 
 RECORDS = ".relume-done"
@@ -42,7 +43,7 @@ def record(target: Path, key: str, facts: list[Any] | dict[str, Any]) -> None:
     try:
         path.parent.mkdir(exist_ok=True)
         temporary.write_text(text, encoding="utf-8")
-        os.replace(temporary, path)
+        put_in_place(temporary, path)
     except OSError as error:
         raise OutputNotWritten(f"{path}: cannot be written ({error.strerror}); choose another folder") from None
 

@@ -11,6 +11,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Literal
 
+from relume.cluster.renaming import put_in_place
 from relume.errors import OutputNotWritten, warn
 from relume.export.blender import shot as blender
 from relume.export.mitsuba import shot as mitsuba_xml
@@ -113,7 +114,7 @@ def complete_folder(folder: str | os.PathLike[str], last: str) -> Iterator[Path]
             if not folder.exists() or not any(folder.iterdir()):
                 if folder.exists() and os.name == "nt":
                     folder.rmdir()  # Windows puts no folder in the place of another
-                os.replace(temporary, folder)
+                put_in_place(temporary, folder)
                 return
             names = sorted(path.name for path in temporary.iterdir())
             for name in sorted(names, key=lambda name: name == last):

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import os
 import platform
+import re
 from collections.abc import Mapping as MappingOf
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -16,6 +17,14 @@ from relume.sphere.map_store import is_map_store, store_facts
 
 if TYPE_CHECKING:
     from relume.sphere.environment_map import EnvironmentMap
+
+LIBRARIES = (
+    "numpy", "scipy", "numba", "llvmlite", "drjit", "mitsuba-oidn", "opencv-python-headless", "OpenImageIO", "OpenEXR",
+    "pillow", "rawpy", "trimesh",
+)  # fmt: skip
+"""Distributions whose version decides what a picture becomes, beside Mitsuba."""
+NO_EXTRAS = ("dev", "docs")
+"""Extras of developers, which no report needs."""
 
 
 def describe(path: str | os.PathLike[str], options: ReadOptions = ReadOptions()) -> dict[str, Any]:
@@ -71,20 +80,54 @@ def _mesh_facts(path: Path) -> dict[str, Any]:
 
 
 def describe_system() -> dict[str, Any]:
-    """What this machine renders with, and why: versions, Mitsuba's variant, cores; in plain values."""
+    """What this machine renders with, and why, in plain values: what a report of a fault needs.
+
+    "variant" is Mitsuba's and "because" says why it was chosen; "cores" are those that this process may use; "extras"
+    are those of `pip install relume[…]` that are whole; "kernels" says where compiled loops come from. The machine's
+    name and the user's are not asked for.
+    """
     from importlib.metadata import version
 
     from relume.renderers.mitsuba.variant import choose_variant
 
     choice = choose_variant()
+    mine = len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count()
+    in_wheel = (Path(__file__).parents[1] / "kernels").is_dir()
     return {
         "relume": version("relume"),
-        "python": platform.python_version(),
+        "python": f"{platform.python_version()} ({platform.python_implementation()})",
+        "system": platform.platform(),
+        "processor": platform.machine(),
+        "cores": mine,
         "mitsuba": version("mitsuba"),
         "variant": choice.name,
         "because": choice.reason,
-        "cores": os.cpu_count(),
+        "libraries": ", ".join(f"{name} {_version(name) or 'missing'}" for name in LIBRARIES),
+        "extras": ", ".join(_extras()) or "none",
+        "kernels": "from the wheel" if in_wheel else "compiled here, when they are first called",
     }
+
+
+def _version(distribution: str) -> str | None:
+    from importlib.metadata import PackageNotFoundError, version
+
+    try:
+        return version(distribution)
+    except PackageNotFoundError:
+        return None
+
+
+def _extras() -> list[str]:
+    """The extras all of whose distributions are installed, by relume's own metadata."""
+    from importlib.metadata import metadata, requires
+
+    needed: dict[str, list[str]] = {name: [] for name in metadata("relume").get_all("Provides-Extra") or []}
+    for line in requires("relume") or []:
+        name = re.match(r"[\w.-]+", line)
+        extra = re.search(r"extra == ['\"]([\w-]+)['\"]", line)
+        if name and extra:
+            needed[extra[1]].append(name[0])
+    return [name for name, all_of in needed.items() if name not in NO_EXTRAS and all(map(_version, all_of))]
 
 
 def draw_environment(light: EnvironmentMap, path: str | os.PathLike[str], *, title: str = "") -> None:

@@ -9,16 +9,14 @@ from __future__ import annotations
 import os
 import secrets
 import shutil
-import time
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
 
+from relume.cluster.renaming import put_in_place
 from relume.errors import OutputNotWritten
 
 WINDOWS = os.name == "nt"
-TRIED_AGAIN = (0.05, 0.2, 0.8)
-"""Seconds to wait before a file is put in its place again where Windows refused."""
 
 
 @contextmanager
@@ -44,7 +42,7 @@ def replacing(path: str | os.PathLike[str]) -> Iterator[Path]:
             if path.exists():
                 shutil.copymode(path, temporary)  # a file that only its owner may read stays so
             _flush(temporary)
-            _rename(temporary, path)
+            put_in_place(temporary, path)
         except BaseException:
             temporary.unlink(missing_ok=True)
             raise
@@ -65,18 +63,6 @@ def relative_name(path: str | os.PathLike[str], folder: str | os.PathLike[str]) 
         return Path(os.path.relpath(path, folder)).as_posix()
     except ValueError:  # Windows' drives have no way from one to the other
         return Path(path).absolute().as_posix()
-
-
-def _rename(temporary: Path, path: Path) -> None:
-    """Put the file in its place; Windows refuses while another program has the old one open, as scanners do briefly."""
-    for wait in (*TRIED_AGAIN, None):
-        try:
-            os.replace(temporary, path)
-            return
-        except PermissionError:
-            if not WINDOWS or wait is None:
-                raise
-            time.sleep(wait)
 
 
 def _reason(path: Path, error: OSError) -> str:

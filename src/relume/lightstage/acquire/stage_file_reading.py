@@ -32,7 +32,7 @@ def _three(value: object) -> object:
 
 
 def _inside(name: str) -> str:
-    if PurePath(name).is_absolute() or ".." in PurePath(name).parts:
+    if PurePath(name).anchor or ".." in PurePath(name).parts:
         raise ValueError(f"{name} is not inside the stage's folder; put the pictures beside the file")
     return name
 

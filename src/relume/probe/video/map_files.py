@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import os
 import secrets
 import shutil
 import warnings
@@ -13,6 +12,7 @@ from pathlib import Path
 
 import numpy as np
 
+from relume.cluster.renaming import put_in_place
 from relume.errors import Doubt, OutputNotWritten, doubt_of, warn
 from relume.image import files
 from relume.image.files.encodings import SUFFIXES, OpenEXR
@@ -61,7 +61,7 @@ def appearing(out: Path) -> Iterator[Path]:
             yield folder
         if out.is_dir():
             out.rmdir()
-        os.replace(folder, out)
+        put_in_place(folder, out)
     except OSError as error:
         raise OutputNotWritten(f"{out}: cannot be written: {error.strerror}; choose another place") from None
     finally:

@@ -25,6 +25,7 @@ FOLDERS = (
     "/usr/local/lib",
     "/opt/homebrew/opt/llvm*/lib",
     "/usr/local/opt/llvm*/lib",
+    "/Program Files/LLVM/bin",
 )
 
 
@@ -77,17 +78,27 @@ def _choice(cuda: bool, libraries: Iterable[str]) -> Variant:
         "scalar_rgb",
         None,
         f"{found}, so rendering is about 3 times slower; install version {OLDEST_LLVM} or newer "
-        "(Debian, Ubuntu: apt-get install libllvm19; macOS: brew install llvm)",
+        "(Debian, Ubuntu: apt-get install libllvm19; macOS: brew install llvm; Windows: winget install LLVM.LLVM)",
     )
 
 
 def llvm_version(path: str) -> int | None:
-    """The major version in a libLLVM's file name, following links; None where no name holds it."""
+    """The major version in a libLLVM's file name, following links, or else what it says itself; None if neither."""
     for name in (Path(path).name, Path(os.path.realpath(path)).name, str(Path(os.path.realpath(path)).parent)):
         match = re.search(r"LLVM(?:-|\.so\.|\.)(\d+)", name) or re.search(r"llvm[@/-]?(\d+)", name)
         if match:
             return int(match.group(1))
-    return None
+    return _said_version(path)
+
+
+def _said_version(path: str) -> int | None:
+    """What a library answers: the one of Windows is LLVM-C.dll whatever its version; before 16 none answers."""
+    major = ctypes.c_uint(0)
+    try:
+        ctypes.CDLL(path).LLVMGetVersion(ctypes.byref(major), None, None)
+    except (OSError, AttributeError):
+        return None
+    return major.value
 
 
 def _libraries(environment: Mapping[str, str]) -> list[str]:
@@ -96,7 +107,7 @@ def _libraries(environment: Mapping[str, str]) -> list[str]:
     if named and Path(named).is_file() and (llvm_version(named) or 0) >= OLDEST_LLVM:
         return [named]
     pattern = {"darwin": "libLLVM*.dylib", "win32": "LLVM-C.dll"}.get(sys.platform, "libLLVM*.so*")
-    root = Path("/")
+    root = Path(f"{environment.get('SystemDrive', '')}/")  # of Windows, where one may be on another drive
     return sorted(str(file) for folder in FOLDERS for file in root.glob(f"{folder[1:]}/{pattern}") if file.is_file())
 
 

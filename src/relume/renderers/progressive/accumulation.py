@@ -92,7 +92,7 @@ def accumulate(
     ahead : the seeds of passes that `trace` has traced together with the one before, as they are at each moment: a stop
         waits until they are added, which takes no time
 
-    Raises Interrupted after the first Ctrl-C or SIGTERM, once the pass under way is done and the state kept;
+    Raises Interrupted after the first Ctrl-C or signal to end, once the pass under way is done and the state kept;
     CannotResume where the state kept is another render's; OutputNotWritten; what `trace` or `progress` raise, after
     the state was kept.
     """

@@ -17,6 +17,7 @@ from pathlib import Path
 
 import numpy as np
 
+from relume.cluster.renaming import put_in_place, remove
 from relume.errors import CannotResume, OutputNotWritten, warn
 from relume.image.files import replacing
 
@@ -71,7 +72,7 @@ def write_checkpoint(path: Path, checkpoint: Checkpoint) -> None:
             os.fsync(file.fileno())
         # Last, so that a disk which is full leaves both generations where they were.
         if path.exists():
-            os.replace(path, previous(path))
+            put_in_place(path, previous(path))
 
 
 def read_checkpoint(path: Path, key: Mapping[str, str]) -> Checkpoint | None:
@@ -96,7 +97,7 @@ def remove_checkpoint(path: Path) -> None:
     """Remove both generations, and temporary files that a killed process left; raises OutputNotWritten."""
     try:
         for file in (path, previous(path), *_left_behind(path)):
-            file.unlink(missing_ok=True)
+            remove(file)
     except OSError as error:
         raise OutputNotWritten(f"{path}: cannot be removed ({error.strerror}); choose another -o") from None
 

@@ -10,6 +10,9 @@ from contextlib import contextmanager
 from dataclasses import dataclass
 from types import FrameType
 
+ENDING = ("SIGINT", "SIGTERM", "SIGHUP", "SIGBREAK")
+"""Signals that ask a program to end, of which each system has some: SIGHUP comes when a terminal or a connection is
+closed, SIGBREAK is Windows' Ctrl-Break."""
 SECOND = 0.3
 """Seconds that a second signal leaves for files to be tidied away before the process ends, where it is forced to."""
 
@@ -36,7 +39,7 @@ class StopFlag:
 
 @contextmanager
 def interruptible(*, force: HardStop | None = None, save: Callable[[], None] = lambda: None) -> Iterator[StopFlag]:
-    """Within the block the first Ctrl-C or SIGTERM is only noted; a second raises KeyboardInterrupt.
+    """Within the block the first signal to end, such as Ctrl-C, is only noted; a second raises KeyboardInterrupt.
 
     force : a renderer's native code keeps Python from acting on a signal until its pass is done. Where this is given, a
         thread ends the process if the block has not ended so many seconds after the first signal, or 0.3 seconds after
@@ -56,7 +59,8 @@ def interruptible(*, force: HardStop | None = None, save: Callable[[], None] = l
             raise KeyboardInterrupt
         asked.signal = number
 
-    numbers = [n for n in (signal.SIGINT, signal.SIGTERM) if signal.getsignal(n) not in (signal.SIG_IGN, None)]
+    known = [getattr(signal, name) for name in ENDING if hasattr(signal, name)]
+    numbers = [n for n in known if signal.getsignal(n) not in (signal.SIG_IGN, None)]
     before = {number: signal.signal(number, noted) for number in numbers}
     watch = _Watch(force, save, numbers) if force is not None else None
     try:

@@ -68,12 +68,20 @@ def require_place_suffix(path: Path) -> None:
 
 
 def _names(place: BakedPlace) -> list[str]:
-    """A name of each mesh that files and USD take: letters, digits and underscores, no two alike."""
+    """A name of each mesh that files and USD take: letters, digits and underscores, no two alike in any case.
+
+    Wall and wall are one file on macOS and Windows.
+    """
     found: list[str] = []
+    taken = set[str]()
     for part in place.parts:
         word = re.sub(r"[^A-Za-z0-9]+", "_", part.mesh.name).strip("_") or "mesh"
         word = f"mesh_{word}" if word[0].isdigit() else word
-        found.append(word if word not in found else f"{word}_{len(found)}")
+        name, number = word, len(found)
+        while name.casefold() in taken:
+            name, number = f"{word}_{number}", number + 1
+        taken.add(name.casefold())
+        found.append(name)
     return found
 
 

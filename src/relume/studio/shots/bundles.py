@@ -18,7 +18,7 @@ from pathlib import Path
 from typing import Any
 
 import relume as rl
-from relume.studio.shots.folder import MESHES, PICTURES, Folder
+from relume.studio.shots.folder import MESHES, PICTURES, Folder, plain_stem
 
 BESIDE = (".bin", ".mtl", ".mtlx", ".webp", ".bmp", ".tga", ".avif", ".ktx2")
 """Endings of what meshes name beside pictures."""
@@ -101,7 +101,7 @@ class Bundle:
         for target, source in self._placed.items():
             self._link(source, target)
         roots = [name for name in meshes if name not in named]
-        stem = re.sub(r"[^A-Za-z0-9._-]+", "_", Path((roots or meshes)[0]).stem).strip("._-")[:80] or "mesh"
+        stem = plain_stem(Path((roots or meshes)[0]).stem) or "mesh"
         target, number = self._place.with_name(stem), 1
         while os.path.lexists(target):
             number += 1

@@ -32,6 +32,7 @@ PICTURES = (
     ".raf",
 )
 PNG = b"\x89PNG\r\n\x1a\n"
+DEVICES = re.compile("con|prn|aux|nul|(com|lpt)[0-9]", re.IGNORECASE)
 LARGEST_UPLOAD = 1024**3
 """Bytes of a file that a page may hand over; a scan of ten million triangles has half of it."""
 ROOM_LEFT = 256 * 1024**2
@@ -52,7 +53,7 @@ class Folder:
 
         A symbolic link is followed where it stays below the root.
         """
-        if not name or "\0" in name or "\\" in name or Path(name).is_absolute() or ".." in Path(name).parts:
+        if not name or "\0" in name or "\\" in name or Path(name).anchor or ".." in Path(name).parts:
             raise LookupError
         path = (self.root / name).resolve()
         if not path.is_relative_to(self.root) or not path.exists():
@@ -67,7 +68,7 @@ class Folder:
         """The files below the root that names and patterns of the shot file stand for."""
         found: list[Path] = []
         for pattern in patterns:
-            if Path(pattern).is_absolute() or ".." in Path(pattern).parts:
+            if Path(pattern).anchor or ".." in Path(pattern).parts:
                 continue
             one = self.root / pattern
             inside = [one] if one.is_file() else sorted(self.root.glob(pattern))
@@ -103,7 +104,7 @@ class Folder:
         if ending not in MESHES + PICTURES:
             raise ValueError(f'a file that ends in "{ending[:12]}" is of no use here; drop meshes or photographs')
         folder = self.root / ("objects" if ending in MESHES else "photographs")
-        stem = re.sub(r"[^A-Za-z0-9._-]+", "_", stem).strip("._-")[:80] or "file"
+        stem = plain_stem(stem) or "file"
         if folder.is_symlink():
             raise ValueError(f"{folder.name} is a link elsewhere; nothing is written there")
         try:
@@ -145,8 +146,18 @@ class Folder:
     def refuse_outside(self, value: object) -> None:
         """Raises ValueError where a value for the shot file names a file that is not below the root."""
         if isinstance(value, str):
-            if Path(value).is_absolute() or ".." in Path(value).parts or "\0" in value:
+            if Path(value).anchor or ".." in Path(value).parts or "\0" in value:
                 raise ValueError(f"{value[:80]} is not below {self.root}; the page works in this folder alone")
         elif isinstance(value, dict | list):
             for each in value.values() if isinstance(value, dict) else value:
                 self.refuse_outside(each)
+
+
+def plain_stem(name: str) -> str:
+    """A file's name before its ending in letters, digits, points and dashes, which every system takes; may be empty.
+
+    Windows keeps con, nul and the like for devices, whatever follows the first point.
+    """
+    stem = re.sub(r"[^A-Za-z0-9._-]+", "_", name).strip("._-")[:80]
+    first, point, rest = stem.partition(".")
+    return f"{first}_{point}{rest}" if DEVICES.fullmatch(first) else stem
