@@ -53,7 +53,7 @@ def test_a_file_on_a_page_is_of_a_kind_that_relume_reads(block: Block, tmp_path:
 
 def _shot(tables: dict[str, Any], _: Path) -> None:
     whole = tables if {"plate", "light", "objects"} <= set(tables) else ROOM | tables
-    if not SOURCES & {*whole["light"]}:
+    if isinstance(whole["light"], dict) and not SOURCES & {*whole["light"]}:
         whole = {**whole, "light": ROOM["light"] | whole["light"]}
     if "ball" in tables.get("camera", {}):
         whole = {**whole, "light": {"balls": [{"photographs": ["ball/*.jpg"]}], "ball": {"radius": 0.05}}}

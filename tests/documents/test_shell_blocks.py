@@ -59,7 +59,7 @@ NOT_RUN = {
 
 
 def lines(block: Block) -> Iterator[list[str]]:
-    """The words of each line, without its comment. A line that ends with `\\` goes on; of a loop it is what is repeated."""
+    """The words of each line, without its comment. A line that ends with `\\` goes on; a loop is what it repeats."""
     for line in block.code.replace("\\\n", " ").splitlines():
         repeated = re.sub(r"^\s*for \w+ in .*?; *do (.*?); *done.*$", r"\1", line)
         if words := shlex.split(repeated.removesuffix("&").rstrip().removesuffix("&"), comments=True):
