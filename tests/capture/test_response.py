@@ -11,6 +11,7 @@ from relume.capture.merging import hat, merge
 from relume.capture.response.calibration import recover_response
 from relume.capture.response.debevec_malik import DebevecMalik, Equations, roughness
 from relume.capture.response.sampling import Observations, observations
+from relume.errors import NotABracket
 from relume.image.colour import luminance
 from relume.image.files import read_radiance
 from relume.image.photograph import Exposure
@@ -274,3 +275,10 @@ def test_the_memorial_church_gives_a_film_s_curve_and_its_published_radiance(sha
     # Measured: 0.9995, and 2 to 3 % apart at the median pixel; the published map was merged by other weights.
     assert correlation > 0.995
     assert np.median(np.abs(np.log(ours / theirs)), axis=0).max() < 0.05
+
+
+def test_photographs_that_are_alike_whatever_their_exposures_are_refused_in_words():
+    photographs = NOISY.bracket(wide_scene()).photographs[:3]
+    alike = tuple(replace(photographs[1], name=each.name, exposure=each.exposure) for each in photographs)
+    with pytest.raises(NotABracket, match=r"said to be 2\.0 stops apart show the same values"):
+        recover_response(Bracket(alike))
