@@ -21,7 +21,7 @@ TASKS = {
     "what a warning means": ("warnings", "What a warning means"),
     "turn environment map half round": ("place", "Turn an environment map half round"),
     "clean up tripod": ("light", "Clean up a tripod, paint on a map"),
-    "sun too bright for the file": ("light", "Mend a sun that is too bright for the file"),
+    "sun too bright for the file": ("light", "Mend a clipped sun that is too bright for the file"),
     "fireflies": ("render", "Get rid of fireflies"),
     "match the grain": ("match", "Match the grain"),
     "depth of field of the insert": ("match", "Give the insert depth of field"),

@@ -2,8 +2,8 @@
 
 Sphinx reads this file in place of its own numbers (html_search_scorer). `Scorer.score` gets each hit as
 [page, title, anchor, description, score, file, kind] and may set its title and anchor, so a hit opens at the heading
-that holds half of the words or more. `splitQuery` is Sphinx's hook for the words of a query: "how do I" is left out, and so is
-a word that no page has or that leaves no page, for Sphinx wants a page to have all of them. */
+that holds half of the words or more. `splitQuery` is Sphinx's hook for the words of a query: "how do I" is left out,
+and so is a word that no page has or that leaves no page, for Sphinx wants a page to have all of them. */
 
 var PLACES = [
   // The first that the page's name begins with. A heading with all words counts 60, so a place is less than a heading.
