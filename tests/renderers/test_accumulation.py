@@ -305,13 +305,14 @@ def test_a_closed_terminal_keeps_what_was_done(tmp_path):
 
 
 def test_ctrl_break_of_windows_is_noted_and_other_systems_do_not_ask_for_it(monkeypatch):
-    monkeypatch.setattr(signal, "SIGBREAK", signal.SIGTERM, raising=False)  # a number that this system has
+    number = signal.SIGTERM  # one that this system has
+    monkeypatch.setattr(signal, "SIGBREAK", number, raising=False)
     for name in ("SIGHUP", "SIGTERM"):
         monkeypatch.delattr(signal, name, raising=False)
-    before = signal.getsignal(signal.SIGBREAK)
+    before = signal.getsignal(number)
     with interruptible() as asked:
-        signal.raise_signal(signal.SIGBREAK)
-    assert asked.signal == signal.SIGBREAK and signal.getsignal(signal.SIGBREAK) == before
+        signal.raise_signal(number)
+    assert asked.signal == number and signal.getsignal(number) == before
 
 
 # What happens to a process, from outside
