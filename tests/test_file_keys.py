@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import sys
+from importlib import import_module
 from pathlib import Path
 from typing import Any
 
@@ -16,10 +17,9 @@ def keys() -> Any:
     """The extension of the site."""
     sys.path.insert(0, str(DOCS / "extensions"))
     try:
-        import file_keys  # pyright: ignore[reportMissingImports]
+        return import_module("file_keys")
     finally:
         sys.path.pop(0)
-    return file_keys
 
 
 def fields(keys: Any) -> list[tuple[Any, str]]:
