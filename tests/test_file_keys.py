@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-import sys
+from importlib.util import module_from_spec, spec_from_file_location
 from pathlib import Path
 from typing import Any
 
@@ -14,12 +14,11 @@ DOCS = Path(__file__).parents[1] / "docs"
 @pytest.fixture(scope="module")
 def keys() -> Any:
     """The extension of the site."""
-    sys.path.insert(0, str(DOCS / "extensions"))
-    try:
-        import file_keys  # pyright: ignore[reportMissingImports]
-    finally:
-        sys.path.pop(0)
-    return file_keys
+    spec = spec_from_file_location("extension_of_keys", DOCS / "extensions" / "file_keys.py")
+    assert spec is not None and spec.loader is not None
+    module = module_from_spec(spec)
+    spec.loader.exec_module(module)
+    return module
 
 
 def fields(keys: Any) -> list[tuple[Any, str]]:

@@ -206,7 +206,8 @@ def described(annotation: Any) -> str:
         each = list(dict.fromkeys(map(described, inner)))
         return f"list of {len(inner)}: {' or '.join(each)}"
     if origin in (list, tuple) or getattr(origin, "__name__", "") == "Sequence":
-        return f"list: {described(inner[0])}"
+        each = described(inner[0])
+        return "list of tables" if each == "table" else f"list: {each}"
     choices = [described(each) for each in inner if each is not NoneType]
     return " or ".join(dict.fromkeys(choices))
 
