@@ -100,7 +100,7 @@ def broken_links(page: Path, text: str) -> list[str]:
             continue
         name, _, heading = link.partition("#")
         path = (page.parent / name).resolve() if name else page
-        made = {"api", "commands"} & {*path.parts}
+        made = {"api", "commands", "keys"} & {*path.parts}
         if not path.exists() and not made:
             broken.append(link)
         elif heading and path.suffix == ".md" and not made and heading not in anchors(path):
