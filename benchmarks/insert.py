@@ -13,6 +13,7 @@ from __future__ import annotations
 
 import numpy as np
 from insert_scatter import (
+    A_PASS,
     Way,
     compared,
     compiled,
@@ -41,11 +42,12 @@ def main(rows: Rows, bpy: str | None, quick: bool) -> None:
     mine = Way("relume", ours(scene, camera, clean=True))
     pair = path_pair(scene, camera, "multijitter", same_seed=False)
     theirs = Way("two Mitsuba renders", lambda samples, seed: two_sided(*pair(samples, seed), guides))
-    compiled([mine, theirs], counts[0])
     long = {} if bpy is None else cycles_ways(
         Cycles(bpy), scene, camera, plate, CYCLES_LONG // share, (1001,), denoise=False
     )  # fmt: skip
     for samples in counts:
+        if samples <= A_PASS:
+            compiled([mine, theirs], samples)
         runs = compared([mine, theirs], samples, seeds)
         found = {name: error_rows(each, plate, beside, truth) for name, each in runs.items()}
         told(rows, samples, found, "two Mitsuba renders", "change_mitsuba")

@@ -29,6 +29,8 @@ from relume.renderers.mitsuba.scene import scene_dictionary
 
 BOUNCES = 12
 WORST = 0.01
+A_PASS = 64
+"""Rays a pixel that Mitsuba's pictures are made of at once."""
 
 Estimate = Callable[[int, int], tuple[np.ndarray, float]]
 """From samples and a seed: the difference (H, W, 3) and the seconds it took."""
@@ -67,8 +69,8 @@ def _worlds(mi: Any, scenes: Sequence[rl.Scene], camera: rl.Camera, sampler: str
 
 
 def _picture(mi: Any, path: Any, world: Any, samples: int, seed: int) -> np.ndarray:
-    """Of at most 64 rays a pixel at once."""
-    passes = max(round(samples / 64), 1)
+    """Of at most A_PASS rays a pixel at once."""
+    passes = max(round(samples / A_PASS), 1)
     seeds = [(seed * 1009 + index) % 2**31 for index in range(passes)]
     return np.mean(
         [np.array(mi.render(world, integrator=path, spp=samples // passes, seed=each)) for each in seeds], axis=0
@@ -142,7 +144,7 @@ def two_sided(difference: np.ndarray, seconds: float, guides: rl.Change) -> tupl
 
 
 def compiled(ways: Sequence[Way], samples: int) -> None:
-    """Run each way once, which compiles; more samples compile nothing anew."""
+    """Run each way once, which compiles what another number of samples asks for."""
     for way in ways:
         way.estimate(samples, 1)
 
@@ -199,8 +201,9 @@ def main(rows: Rows, bpy: str | None, quick: bool) -> None:
         Way("two Mitsuba renders", path_pair(scene, camera, "multijitter", same_seed=False)),
         Way("two Mitsuba renders of one seed", path_pair(scene, camera, "multijitter", same_seed=True)),
     ]
-    compiled(ways, counts[0])
     for samples in counts:
+        if samples <= A_PASS:  # more are passes of as many
+            compiled(ways, samples)
         runs = compared(ways, samples, seeds)
         if bpy is not None:
             runs |= cycles_ways(Cycles(bpy), scene, camera, plate, samples, seeds, denoise=False)

@@ -218,11 +218,10 @@ def timed(table: Rows, subject: Subject, rounds: int) -> None:
         table.ratio(what, alike, "POV-Ray's trace", traces, goal="whitted", note=said)
     else:
         table.value(what, alike, "s", note=said)
-    if rounds == ROUNDS:
+    if rounds == ROUNDS and peers:
         whole = [command(subject.path) for _ in range(3)]
         walls = [peer.wall for peer in peers[:3]]
-        if walls:
-            table.ratio(f"Whitted, {name}, the whole command", whole, "POV-Ray's", walls)
+        table.ratio(f"Whitted, {name}, the whole command", whole, "POV-Ray's", walls)
 
 
 def errors(table: Rows, subject: Subject) -> None:
@@ -242,11 +241,9 @@ def errors(table: Rows, subject: Subject) -> None:
     its_error = rms(peer.pixels[rows], subject.peer_truth())
     found = as_fine_as_peer(subject, truth, its_error)
     print(f"  POV-Ray {peer.rays / 1e6:.2f} million rays besides shadows', error {its_error:.4f}")
-    if found is None:
-        print("  as fine as POV-Ray is none of the tolerances tried")
-    else:
-        tolerance, coarse = found
-        print(f"  as fine: tolerance {tolerance} (AS_FINE says {AS_FINE[name]}), error {coarse / its_error:.2f} of its")
+    if found is None or found[0] != AS_FINE[name]:
+        raise SystemExit(f"{name}: as fine as POV-Ray is {found}; AS_FINE says {AS_FINE[name]}")
+    print(f"  as fine: tolerance {found[0]}, error {found[1] / its_error:.2f} of its")
     alike = subject.picture(replace(file.whitted, attenuation=Unattenuated()))
     print(f"  the two pictures differ by {np.mean(np.abs(shown(alike.radiance) - shown(peer.pixels))):.4f} on average")
 

@@ -277,8 +277,8 @@ def test_the_memorial_church_gives_a_film_s_curve_and_its_published_radiance(sha
     assert np.median(np.abs(np.log(ours / theirs)), axis=0).max() < 0.05
 
 
-def test_photographs_that_are_alike_whatever_their_exposures_are_refused_in_words():
+def test_identical_photographs_of_other_exposures_are_refused_in_words():
     photographs = NOISY.bracket(wide_scene()).photographs[:3]
     alike = tuple(replace(photographs[1], name=each.name, exposure=each.exposure) for each in photographs)
-    with pytest.raises(NotABracket, match=r"said to be 2\.0 stops apart show the same values"):
+    with pytest.raises(NotABracket, match=r"said to be 2\.0 stops apart show identical values"):
         recover_response(Bracket(alike))

@@ -13,6 +13,7 @@ from relume.cluster import claims, records, renaming
 from relume.cluster.claims import Claimed, claim, held
 from relume.errors import OutputNotWritten
 from relume.export.shot_files import complete_folder
+from relume.image.files.atomic import replacing
 from relume.probe.video.map_files import appearing
 from relume.renderers.progressive.checkpoint import Checkpoint, previous, read_checkpoint, write_checkpoint
 
@@ -69,6 +70,12 @@ def test_folders_are_put_in_their_places(tmp_path, scanner):
     assert len(scanner.asked) == 2
 
 
+def test_what_went_wrong_is_said_though_the_new_file_cannot_be_cleared_away(tmp_path, scanner, monkeypatch):
+    monkeypatch.setattr(os, "unlink", Scanner(os.unlink, times=9))
+    with pytest.raises(ValueError, match="no picture"), replacing(tmp_path / "a.exr"):
+        raise ValueError("no picture")
+
+
 def test_what_stays_open_is_refused_in_a_line(tmp_path, scanner):
     scanner.times = 9
     (tmp_path / "a.exr").write_bytes(b"x")
@@ -113,6 +120,23 @@ def test_of_two_that_go_on_without_locks_the_last_removes_the_file(tmp_path, sca
         kept_open.clear()
         assert (tmp_path / "lock").exists()
     assert not (tmp_path / "lock").exists()
+
+
+def test_a_lock_file_that_is_removed_while_it_is_opened_is_made_anew(tmp_path, monkeypatch):
+    """Opened once more, it was an empty file that nobody holds and nobody removes."""
+    monkeypatch.setattr(claims, "fcntl", None)
+    path, open_file = tmp_path / "lock", os.open
+    path.write_text("the one before")
+
+    def opened(name: Path, flags: int, mode: int = 0o777) -> int:
+        if name == path and not flags & os.O_EXCL:
+            path.unlink(missing_ok=True)  # its holder ends at this moment
+        return open_file(name, flags, mode)
+
+    monkeypatch.setattr(os, "open", opened)
+    with claim(path, sure=True):
+        assert b"pid" in path.read_bytes()
+    assert not path.exists()
 
 
 def test_a_holder_is_named_also_where_there_are_no_locks(tmp_path, monkeypatch):

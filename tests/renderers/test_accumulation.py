@@ -21,7 +21,7 @@ from relume.renderers.progressive.accumulation import RenderSession, accumulate,
 from relume.renderers.progressive.checkpoint import Checkpoint, previous, read_checkpoint, write_checkpoint
 from relume.renderers.progressive.convergence import ChangeError, Sums, Target, standard_error
 from relume.renderers.progressive.fingerprint import program
-from relume.renderers.progressive.graceful_shutdown import interruptible
+from relume.renderers.progressive.graceful_shutdown import HardStop, interruptible
 from relume.scene.cameras.camera import Camera
 from relume.scene.materials.materials import Diffuse
 from relume.scene.scene import Scene
@@ -327,6 +327,38 @@ def test_a_closed_terminal_keeps_what_was_done(tmp_path):
     finally:
         signal.signal(signal.SIGHUP, before)
     assert caught.value.exit_code == 129
+
+
+@pytest.mark.skipif(not hasattr(signal, "SIGHUP"), reason="Windows has no such signal")
+@pytest.mark.parametrize("first", ["SIGHUP", "SIGTERM"])
+def test_a_terminal_that_closes_sends_its_signal_twice_and_is_not_impatient(tmp_path, first):
+    """Its shell sends one and the system another; a session that ends sends SIGTERM before."""
+    watch, before = RenderSession(tmp_path / "p"), signal.signal(signal.SIGHUP, signal.SIG_DFL)
+    twice = signalled(getattr(signal, first), signal.SIGHUP, signal.SIGHUP, before=2)
+    try:
+        with pytest.raises(Interrupted, match="3 of 9 passes are kept"):
+            accumulate(twice, passes=9, seed=3, key=KEY, watch=watch)
+    finally:
+        signal.signal(signal.SIGHUP, before)
+
+
+@pytest.mark.skipif(not hasattr(signal, "SIGHUP"), reason="Windows has no such signal")
+def test_what_is_done_is_saved_before_a_process_ends_though_its_terminal_hangs_up_twice():
+    done, ended = [], threading.Event()
+    before = signal.signal(signal.SIGHUP, signal.SIG_DFL)
+
+    def end(number: int, words: str) -> None:
+        done.append((number, words.split(";")[0]))
+        ended.set()
+
+    try:
+        with interruptible(force=HardStop(end, after=0.4), save=lambda: done.append("saved")):
+            signal.raise_signal(signal.SIGHUP)
+            signal.raise_signal(signal.SIGHUP)
+            assert ended.wait(20)
+    finally:
+        signal.signal(signal.SIGHUP, before)
+    assert done == ["saved", (signal.SIGHUP, "interrupted")]
 
 
 def test_ctrl_break_of_windows_is_noted_and_other_systems_do_not_ask_for_it(monkeypatch):

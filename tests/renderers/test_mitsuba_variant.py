@@ -117,6 +117,8 @@ def test_the_library_of_windows_has_no_number_in_its_name_and_is_asked(machine, 
     assert (choose_variant().name, choose_variant().library) == ("llvm_ad_rgb", str(path))
     monkeypatch.delattr(Library, "LLVMGetVersion")  # as before 16
     assert choose_variant().name == "scalar_rgb"
+    (machine / "libLLVM.so").write_text("18")
+    assert llvm_version(str(machine / "libLLVM.so")) is None, "no other library is loaded to learn what it is"
 
 
 RENDERING = """

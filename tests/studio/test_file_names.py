@@ -7,6 +7,7 @@ from pathlib import Path, PureWindowsPath
 import pytest
 
 from relume.studio.shots import folder
+from relume.studio.shots.bundles import _safe
 from relume.studio.shots.folder import Folder, plain_stem
 
 
@@ -38,6 +39,13 @@ def test_no_name_of_windows_leads_out_of_the_folder(tmp_path: Path, monkeypatch:
     with pytest.raises(ValueError, match="is not below"):
         Folder(tmp_path).refuse_outside({"mesh": name})
     assert Folder(tmp_path).named([name]) == []
+
+
+@pytest.mark.parametrize("name", ["con/chair.obj", "chair/aux.png", "NUL.bin"])
+def test_no_file_that_is_dropped_is_called_like_a_device_of_windows(name: str):
+    with pytest.raises(ValueError, match="is no name for a file here"):
+        _safe(name)
+    assert _safe("console/auxiliary.png") == "console/auxiliary.png"
 
 
 def test_a_name_within_the_folder_is_taken(tmp_path: Path):

@@ -111,11 +111,12 @@ def _opened(path: Path) -> tuple[int, bool]:
     """The lock file, open, and whether it was made for that."""
     try:
         path.parent.mkdir(parents=True, exist_ok=True)
-        try:
-            return os.open(path, os.O_RDWR | os.O_CREAT | os.O_EXCL, 0o666), True
-        except FileExistsError:
+        while True:
             # Windows refuses while the one before is about to be removed.
-            return patiently(lambda: os.open(path, os.O_RDWR | os.O_CREAT, 0o666)), False
+            with suppress(FileExistsError):
+                return patiently(lambda: os.open(path, os.O_RDWR | os.O_CREAT | os.O_EXCL, 0o666)), True
+            with suppress(FileNotFoundError):  # removed meanwhile: then it is made
+                return patiently(lambda: os.open(path, os.O_RDWR)), False
     except OSError as error:
         raise OutputNotWritten(f"{path}: cannot be made ({error.strerror}); choose another -o") from None
 

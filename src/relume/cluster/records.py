@@ -9,11 +9,12 @@ import hashlib
 import json
 import os
 from collections.abc import Sequence
+from contextlib import suppress
 from pathlib import Path
 from typing import Any
 
 from relume.cluster.program import program
-from relume.cluster.renaming import put_in_place
+from relume.cluster.renaming import put_in_place, remove
 from relume.errors import OutputNotWritten
 
 RECORDS = ".relume-done"
@@ -45,6 +46,8 @@ def record(target: Path, key: str, facts: list[Any] | dict[str, Any]) -> None:
         temporary.write_text(text, encoding="utf-8")
         put_in_place(temporary, path)
     except OSError as error:
+        with suppress(OSError):
+            remove(temporary)
         raise OutputNotWritten(f"{path}: cannot be written ({error.strerror}); choose another folder") from None
 
 

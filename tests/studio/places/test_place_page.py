@@ -147,6 +147,17 @@ def test_a_point_is_kept_where_the_server_says_how_the_file_was_before_it(page: 
     page.until(lambda: marks(folder, "right", "well").get("ring_1") == [[100, 700]], "the point")
 
 
+def test_marks_are_the_file_s_where_another_window_s_change_came_before_the_answer(page: Tab):
+    left = page.tab.evaluate(
+        "() => { const { page } = relume, now = page.state, mark = () => page.marks.points('well', 'ring_2');"
+        "const own = { ...now, revision: now.revision + 1 }, both = { ...now, revision: now.revision + 2 };"
+        "const send = page.edit; page.edit = () => {}; page.photograph = 'right'; page.pick('well', 'ring_2');"
+        "page.waiting = 1; page.marks.clicked(100, 700); const ahead = mark(); page.take(both);"
+        "page.waiting = 0; page.take(own); const after = mark(); page.edit = send; return [ahead, after]; }"
+    )
+    assert left == [[[100, 700]], None]
+
+
 def test_a_block_is_added_with_its_constraints_and_what_is_refused_is_said(page: Tab, folder: Path):
     page.click('details[data-part="adding"] > summary')
     page.tab.locator('details[data-part="adding"] input').fill("porch")

@@ -162,10 +162,10 @@ def _require_enough(brackets: Sequence[Bracket], observed: list[Observations], c
             f"{brackets[0].name}: pixel values from {values.min()} to {values.max()} only, too few grey levels to "
             "recover a response from; photograph a scene of many, or use a response recovered before"
         )
-    if all(_alike(o.values) for o in observed):
+    if all(_identical(o.values) for o in observed):
         stops = max(float(np.ptp(o.log_exposures)) for o in observed) / np.log(2)
         raise NotABracket(
-            f"{brackets[0].name}: photographs whose exposures are said to be {stops:.1f} stops apart show the same "
+            f"{brackets[0].name}: photographs whose exposures are said to be {stops:.1f} stops apart show identical "
             "values; give the times that they were taken with, or photograph at different ones"
         )
     # N(P − 1) > Z_max − Z_min (Debevec & Malik 1997, §2.1).
@@ -176,7 +176,7 @@ def _require_enough(brackets: Sequence[Bracket], observed: list[Observations], c
         )
 
 
-def _alike(values: np.ndarray) -> bool:
+def _identical(values: np.ndarray) -> bool:
     """Whether each place (N, P) has one value in all photographs that show it."""
     shown = values > 0
     lowest = np.where(shown, values, np.iinfo(values.dtype).max).min(1)

@@ -10,10 +10,10 @@ import os
 import secrets
 import shutil
 from collections.abc import Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from pathlib import Path
 
-from relume.cluster.renaming import put_in_place
+from relume.cluster.renaming import put_in_place, remove
 from relume.errors import OutputNotWritten
 
 WINDOWS = os.name == "nt"
@@ -44,7 +44,8 @@ def replacing(path: str | os.PathLike[str]) -> Iterator[Path]:
             _flush(temporary)
             put_in_place(temporary, path)
         except BaseException:
-            temporary.unlink(missing_ok=True)
+            with suppress(OSError):  # what went wrong before is what is said
+                remove(temporary)
             raise
         _flush(path.parent)
     except OSError as error:

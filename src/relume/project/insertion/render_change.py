@@ -3,11 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
+from contextlib import suppress
 from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
 
+from relume.cluster.renaming import remove
 from relume.errors import CannotResume, OutputNotWritten, warn
 from relume.image import files
 from relume.image.radiance import RadianceMap
@@ -112,17 +114,16 @@ def render_change(
     made_from.append(calibrated.plate)
     identity = fingerprint(made_from)
 
-    def make() -> Change:
-        # The saved state of an interrupted render, and previews beside it.
-        folder = steps.stages.folder
-        folder.mkdir(parents=True, exist_ok=True)
-        plate = calibrated.plate
-        previews = Previews(folder.parent, plate, film)
-        watch = RenderSession(
-            folder / "render.passes", rendering.restart, preview=previews if table.preview else None,
-            force=rendering.force, workers=rendering.workers,
-        )  # fmt: skip
+    # The saved state of an interrupted render, and previews beside it.
+    plate, folder = calibrated.plate, steps.stages.folder
+    previews = Previews(folder.parent, plate, film)
+    watch = RenderSession(
+        folder / "render.passes", rendering.restart, preview=previews if table.preview else None,
+        force=rendering.force, workers=rendering.workers,
+    )  # fmt: skip
 
+    def make() -> Change:
+        folder.mkdir(parents=True, exist_ok=True)
         shutter = Shutter(0.0, 0.0) if motion is None else motion.shutter
 
         def report(share: float) -> None:
@@ -159,12 +160,14 @@ def render_change(
             what = str(error).partition(";")[0]
             warn(f"cannot resume the saved render: {what}; starting over")
             change = trace(replace(watch, restart=True))
-        forget(watch)
-        previews.remove()
         return change
 
-    # Things from light stages show their own pixels.
     change = steps.keep("render", identity, make)
+    if "render" not in steps.kept:
+        # The change is safe: its passes and previews are not needed any more.
+        forget(watch)
+        previews.remove()
+    # Things from light stages show their own pixels.
     forget_tiles(steps.stages)
     if any(each.stage is not None for each in shot.objects):
         from relume.project.insertion.light_stage_objects import with_stages
@@ -304,6 +307,7 @@ class Previews:
             warn(f"no preview: {error}")
 
     def remove(self) -> None:
-        """Remove them, once the result itself is there."""
+        """Remove them, once the result itself is there; one that another program has open on Windows stays."""
         for name in ("preview.exr", "preview.png"):
-            (self.folder / name).unlink(missing_ok=True)
+            with suppress(OSError):
+                remove(self.folder / name)

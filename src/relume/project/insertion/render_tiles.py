@@ -19,6 +19,7 @@ from typing import Any
 import numpy as np
 
 from relume.cluster.attempt import threads as worker_threads
+from relume.cluster.renaming import remove
 from relume.errors import CannotResume, Doubt, GatheredDoubts, OutputNotWritten, warn
 from relume.image.files import replacing
 from relume.project.stages import Stages
@@ -300,7 +301,7 @@ def _through(moment: tuple[Scene, Camera], seen_by: Callable[[Camera], Camera]) 
 def forget_tiles(stages: Stages) -> None:
     """Remove the tiles, once the picture that they are parts of is safe."""
     for path in stages.folder.glob("render_tile_*.npz"):
-        path.unlink(missing_ok=True)
+        remove(path)
 
 
 def _tiles(height: int, width: int) -> Iterator[Tile]:

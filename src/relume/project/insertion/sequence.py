@@ -17,6 +17,7 @@ from typing import Any
 import numpy as np
 
 from relume.cluster.claims import Claimed, claim
+from relume.cluster.renaming import remove
 from relume.errors import Doubt, GatheredDoubts, IncompleteSequence, naming, ranked
 from relume.image import files
 from relume.project.insertion.frame_shots import at_frame, frames_of
@@ -197,7 +198,7 @@ def _one(
         if (kept := _kept(number, folder, key)) is not None:
             return kept
         # From here until all is written the frame counts as not made.
-        (folder / _DONE).unlink(missing_ok=True)
+        remove(folder / _DONE)
         begun = time.perf_counter()
         with naming(f"frame {number}"), GatheredDoubts() as gathered:
             found = make(shot, folder, before)

@@ -16,6 +16,7 @@ import numpy as np
 from relume.cluster.claims import Claimed, claim, held
 from relume.cluster.connection import connect
 from relume.cluster.records import RECORDS, record, recorded
+from relume.cluster.renaming import remove
 from relume.cluster.tasks import run_tasks
 from relume.errors import CannotResume, OutputNotWritten, naming, warn
 from relume.image import files
@@ -69,8 +70,9 @@ class Preview:
             warn(f"no preview: {error}")
 
     def remove(self) -> None:
-        """Remove it, once the picture itself is there."""
-        self.path.unlink(missing_ok=True)
+        """Remove it, once the picture itself is there; one that another program has open on Windows stays."""
+        with suppress(OSError):
+            remove(self.path)
 
 
 @dataclass(frozen=True)
@@ -276,7 +278,7 @@ def _spread(work: _Work, cluster: Any, report: Report) -> int:
             names=[f"frame {number}" for number in numbers], cluster=connected, paths=[lock, shared],
             progress=lambda done, failed, to_go, left: report("rendering", (done + failed) / len(numbers)),
         )  # fmt: skip
-        shared.unlink()
+        remove(shared)
     return sum(kept)
 
 

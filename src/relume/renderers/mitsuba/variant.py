@@ -83,16 +83,16 @@ def _choice(cuda: bool, libraries: Iterable[str]) -> Variant:
 
 
 def llvm_version(path: str) -> int | None:
-    """The major version in a libLLVM's file name, following links, or else what it says itself; None if neither."""
+    """The major version in a libLLVM's file name, following links, or what Windows' says itself; None if neither."""
     for name in (Path(path).name, Path(os.path.realpath(path)).name, str(Path(os.path.realpath(path)).parent)):
         match = re.search(r"LLVM(?:-|\.so\.|\.)(\d+)", name) or re.search(r"llvm[@/-]?(\d+)", name)
         if match:
             return int(match.group(1))
-    return _said_version(path)
+    return _said_version(path) if Path(path).name.lower() == "llvm-c.dll" else None
 
 
 def _said_version(path: str) -> int | None:
-    """What a library answers: the one of Windows is LLVM-C.dll whatever its version; before 16 none answers."""
+    """What a library answers, for the one of Windows has no number in its name; before 16 none answers."""
     major = ctypes.c_uint(0)
     try:
         ctypes.CDLL(path).LLVMGetVersion(ctypes.byref(major), None, None)

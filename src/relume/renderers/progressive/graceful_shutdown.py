@@ -5,6 +5,7 @@ from __future__ import annotations
 import signal
 import socket
 import threading
+import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
@@ -13,6 +14,9 @@ from types import FrameType
 ENDING = ("SIGINT", "SIGTERM", "SIGHUP", "SIGBREAK")
 """Signals that ask a program to end, of which each system has some: SIGHUP comes when a terminal or a connection is
 closed, SIGBREAK is Windows' Ctrl-Break."""
+HANGUP = "SIGHUP"
+"""A terminal that is closed sends it twice, by its shell and by the system, and so may a session that ends after a
+SIGTERM: after another signal it says nothing new, and is nobody's impatience."""
 SECOND = 0.3
 """Seconds that a second signal leaves for files to be tidied away before the process ends, where it is forced to."""
 
@@ -46,6 +50,7 @@ def interruptible(*, force: HardStop | None = None, save: Callable[[], None] = l
         the second
     save : called before the process is ended after the first signal, in that thread
 
+    A terminal that closes sends its signal twice: only as the first does it count.
     Outside the main thread, and for signals that the process ignores, nothing changes. The handlers that
     were there come back afterwards.
     """
@@ -55,9 +60,10 @@ def interruptible(*, force: HardStop | None = None, save: Callable[[], None] = l
         return
 
     def noted(number: int, frame: FrameType | None) -> None:
-        if asked.signal is not None:
+        if asked.signal is None:
+            asked.signal = number
+        elif not _hangs_up(number):
             raise KeyboardInterrupt
-        asked.signal = number
 
     known = [getattr(signal, name) for name in ENDING if hasattr(signal, name)]
     numbers = [n for n in known if signal.getsignal(n) not in (signal.SIG_IGN, None)]
@@ -70,6 +76,10 @@ def interruptible(*, force: HardStop | None = None, save: Callable[[], None] = l
             watch.end()
         for number, handler in before.items():
             signal.signal(number, handler)
+
+
+def _hangs_up(number: int) -> bool:
+    return number == getattr(signal, HANGUP, None)
 
 
 class _Watch:
@@ -95,23 +105,29 @@ class _Watch:
         first = self._next(None)
         if first is None:
             return
-        second = self._next(self.force.after)
+        second = self._next(self.force.after, impatient=True)
         if second is None:
             if not self.over.is_set():
                 self._leave(first)
         elif not self.over.wait(SECOND):
             self.force.end(second, "")
 
-    def _next(self, seconds: float | None) -> int | None:
-        """The next signal's number; None when the block ends or the time is over."""
-        self.read.settimeout(seconds)
+    def _next(self, seconds: float | None, *, impatient: bool = False) -> int | None:
+        """The next signal's number; None when the block ends or the time is over.
+
+        impatient : pass over those that are sent twice by themselves
+        """
+        until = None if seconds is None else time.monotonic() + seconds
         try:
-            while data := self.read.recv(1):
-                if data[0] in self.numbers:
+            while True:
+                self.read.settimeout(None if until is None else max(until - time.monotonic(), 1e-3))
+                data = self.read.recv(1)
+                if not data:
+                    return None
+                if data[0] in self.numbers and not (impatient and _hangs_up(data[0])):
                     return data[0]
         except TimeoutError:
-            pass
-        return None
+            return None
 
     def _leave(self, number: int) -> None:
         try:

@@ -21,6 +21,7 @@ from typing import TYPE_CHECKING, Any, Protocol
 import numpy as np
 
 from relume.cluster.connection import connect
+from relume.cluster.renaming import remove
 from relume.cluster.tally import TaskProgress
 from relume.cluster.tasks import run_tasks
 from relume.errors import OutputNotWritten
@@ -113,7 +114,7 @@ class Parts:
                 f"{path}: written by a worker, and not seen from here ({error.strerror or error}); give all machines "
                 "one folder"
             ) from None
-        path.unlink()
+        remove(path)
         return planes
 
     def kept(self, name: str, array: np.ndarray) -> Path:

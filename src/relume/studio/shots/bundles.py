@@ -18,7 +18,7 @@ from pathlib import Path
 from typing import Any
 
 import relume as rl
-from relume.studio.shots.folder import MESHES, PICTURES, Folder, plain_stem
+from relume.studio.shots.folder import DEVICES, MESHES, PICTURES, Folder, plain_stem
 
 BESIDE = (".bin", ".mtl", ".mtlx", ".webp", ".bmp", ".tga", ".avif", ".ktx2")
 """Endings of what meshes name beside pictures."""
@@ -247,6 +247,7 @@ def _safe(name: object) -> str:
     parts = name.split("/") if isinstance(name, str) else []
     for part in parts:
         strange = any(ord(each) < 32 or each in '\\:*?"<>|' for each in part)
+        strange |= DEVICES.fullmatch(part.partition(".")[0]) is not None
         if not part or part.startswith(".") or part.endswith((" ", ".")) or strange or len(part.encode()) > 200:
             raise _UnsafeName(f"{str(name)[:80]!r} is no name for a file here; rename it")
     if not 1 <= len(parts) <= 8:

@@ -116,9 +116,10 @@ export class PlacePage {
   /** What the server says the place is. @param {any} state @param {boolean} [anyway] */
   take(state, anyway = false) {
     const before = this.state;
-    if (state.revision < before.revision) return;
-    this.state = state;
+    // Another window's change may have come before the answer to ours, which is in it then.
     if (!this.waiting) this.marks.caughtUp();
+    if (state.revision < before.revision) return this.drawn();
+    this.state = state;
     element("title").textContent = `${state.folder.split("/").pop()}/${state.name}`;
     element("title").title = `${state.folder}/${state.name}`;
     element("undo").disabled = !state.undo;

@@ -337,7 +337,8 @@ export class Studio {
   /** What the server says the shot is. @param {any} state @param {boolean} [anyway] */
   take(state, anyway = false) {
     const before = this.state;
-    if (state.revision < before.revision) return;
+    // Another window's change may have come before the answer to ours, which is in it then.
+    if (state.revision < before.revision) return void (this.waiting || this.panes[this.step]?.changed?.());
     this.state = state;
     const job = state.job, old = before.job;
     this.measured = state.measured;
