@@ -12,6 +12,7 @@ import pytest
 from relume.errors import InvalidShot, NotABracket, OutputNotWritten, UnreadableFile
 from relume.image import bands, mapped_arrays
 from relume.image.files import read_layers, read_photograph, read_radiance, write
+from relume.project.insertion import render_change
 from relume.project.insertion.insert import insert
 from relume.project.insertion.outcome import Inserted
 from relume.project.shot_file.shot import Object, read_shot
@@ -36,6 +37,18 @@ def test_the_job_writes_every_output_whole_and_no_temporary_file(room: Room) -> 
     assert sorted(p.name for p in (out / "stages").iterdir()) == [
         "denoised.npz", "light.npz", "match.npz", "plate.npz", "reflectance.npz", "render.npz", "response.npz",
     ]  # fmt: skip
+
+
+def test_a_render_is_forgotten_only_once_it_is_kept(
+    copied_room: tuple[Path, Path], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Else a preview that another program has open on Windows would cost all of it."""
+    path, out = copied_room
+    (out / "stages" / "render.npz").unlink(missing_ok=True)
+    kept: list[bool] = []
+    monkeypatch.setattr(render_change, "forget", lambda watch: kept.append((out / "stages" / "render.npz").is_file()))
+    insert(read_shot(path), out, renderer=FAKE)
+    assert kept == [True]
 
 
 def test_pixels_that_no_object_covers_or_changes_are_the_plate_to_the_bit(room: Room) -> None:
