@@ -149,9 +149,9 @@ def test_a_point_is_kept_where_the_server_says_how_the_file_was_before_it(page: 
 
 def test_marks_are_the_file_s_where_another_window_s_change_came_before_the_answer(page: Tab):
     left = page.tab.evaluate(
-        "() => { const { page } = relume, now = page.state, mark = () => page.marks.points('well', 'ring_2');"
+        "() => { const { page } = relume, now = page.state, mark = () => page.marks.points('well', 'ring_1');"
         "const own = { ...now, revision: now.revision + 1 }, both = { ...now, revision: now.revision + 2 };"
-        "const send = page.edit; page.edit = () => {}; page.photograph = 'right'; page.pick('well', 'ring_2');"
+        "const send = page.edit; page.edit = () => {}; page.photograph = 'right'; page.pick('well', 'ring_1');"
         "page.waiting = 1; page.marks.clicked(100, 700); const ahead = mark(); page.take(both);"
         "page.waiting = 0; page.take(own); const after = mark(); page.edit = send; return [ahead, after]; }"
     )
