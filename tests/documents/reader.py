@@ -49,6 +49,7 @@ def _made() -> Path:
             shutil.copyfile(path, copy)
     write_small_shot(examples / "room")
     write_small_shot(folder)
+    write_small_shot(folder / "OUT")  # as `relume insert -o OUT/` wrote it
     _map(folder / "light.exr")  # with a sun
     return folder
 
