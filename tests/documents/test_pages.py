@@ -9,10 +9,14 @@ from functools import cache
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 import pytest
 
-from documents.pages import FENCE, LANGUAGES, ROOT, Block, blocks, of_language, pages
+import relume as rl
+from documents.pages import FENCE, LANGUAGES, MADE_BY_THE_SITE, ROOT, Block, blocks, made_by_the_site, of_language, pages
 from relume.errors import RelumeError
+from relume.lightstage.acquire.stage_file_reading import read_stage_file
+from relume.lightstage.reflectometry.patch_files import LIST, read_patch
 from relume.project.film.film_file import FilmTable
 from relume.project.presets.preset import preset_of
 from relume.project.scene_file.scene_file import SceneTable
@@ -35,8 +39,34 @@ def test_the_blocks_of_a_page_are_of_languages_that_are_tested(page: Path) -> No
 
 
 @pytest.mark.parametrize("block", list(of_language("json")), ids=lambda block: block.place)
-def test_json_on_a_page_is_json(block: Block) -> None:
-    assert json.loads(block.code)
+def test_json_on_a_page_is_a_file_that_relume_reads(block: Block, tmp_path: Path) -> None:
+    read_json(block.code, tmp_path)
+
+
+def read_json(code: str, folder: Path) -> None:
+    """Read a file of a light stage, or the list of a patch's photographs, which are made."""
+    tables = json.loads(code)
+    path = folder / ("stage.json" if "lights" in tables else LIST)
+    path.write_text(code, encoding="utf-8")
+    if "lights" in tables:
+        assert set(read_stage_file(path).others) <= {"mesh"}
+        return
+    for each in tables.get("pictures", []):
+        rl.write(folder / each["file"], rl.RadianceMap(np.full((256, 256, 3), 0.5, np.float32)))
+    read_patch(folder)
+
+
+@pytest.mark.parametrize(
+    "code",
+    [
+        '{ "lights": [ { "file": "a.exr", "directon": [0, 1, 0] } ] }',
+        '{ "lights": [ { "file": "a.exr", "direction": [0, 1, 0] } ], "camera": {} }',
+        '{ "area": [4, 6, 8, 8], "pictures": [ { "file": "a.exr", "incident": -30, "view": 22.5 } ] }',
+    ],
+)
+def test_json_with_a_wrong_key_is_found(code: str, tmp_path: Path) -> None:
+    with pytest.raises(RelumeError):
+        read_json(code, tmp_path)
 
 
 @pytest.mark.parametrize("block", TOML, ids=lambda block: block.place)
@@ -100,7 +130,7 @@ def broken_links(page: Path, text: str) -> list[str]:
             continue
         name, _, heading = link.partition("#")
         path = (page.parent / name).resolve() if name else page
-        made = {"api", "commands", "keys"} & {*path.parts}
+        made = made_by_the_site(path)
         if not path.exists() and not made:
             broken.append(link)
         elif heading and path.suffix == ".md" and not made and heading not in anchors(path):
@@ -117,3 +147,12 @@ def test_a_broken_link_is_found() -> None:
     readme = ROOT / "README.md"
     text = "[a](nowhere.md) [b](docs/start.md#no-such-heading) [c](#in-python) [d](https://a.b) `[e](code.md)`"
     assert broken_links(readme, text) == ["nowhere.md", "docs/start.md#no-such-heading"]
+
+
+def test_the_folders_that_the_site_makes_are_known() -> None:
+    ignored = (ROOT / ".gitignore").read_text(encoding="utf-8").splitlines()
+    assert {f"{folder}/" for folder in MADE_BY_THE_SITE} == {each for each in ignored if each.startswith("docs/")}
+    root = Path("/api/keys/relume")  # a checkout below folders of these names
+    assert made_by_the_site(root / "docs/reference/keys/shot.md", root)
+    assert not made_by_the_site(root / "docs/reference/shot-file.md", root)
+    assert not [page for page in pages() if made_by_the_site(page)]

@@ -14,7 +14,7 @@ from typing import Any
 import pytest
 from cyclopts import App
 
-from documents.pages import ROOT, Block, of_language
+from documents.pages import ROOT, Block, of_language, without_proof
 from documents.reader import folder_of_examples, folders_and_files
 from relume.cli import COMMANDS, FOLDERS, main
 
@@ -24,6 +24,8 @@ OTHERS = {"dask", "openjd", "openssl", "export", "kill", "TLS="}
 INSTALLERS = ("pip install", "pipx install", "uv tool install", "python -m pip install")
 SMALLER = {"1024": "32"}
 """Sizes on the pages, and what is taken in their place."""
+FAILED = re.compile(r"\d+ of \d+ failed: ")
+"""How errors.Incomplete begins."""
 NOT_RUN = {
     "demo": "a minute of rendering; tests/cli/test_commands.py",
     "studio": "a page that waits for its reader; tests/studio",
@@ -81,11 +83,12 @@ def parsed(words: list[str]) -> Any:
 
 
 def reason_not_to_run(words: list[str]) -> str | None:
-    line = shlex.join(words)
-    found = (
-        why for what, why in NOT_RUN.items() if what == words[1] or (what not in COMMANDS and re.search(what, line))
-    )
-    return next(found, None)
+    return next((why for what, why in NOT_RUN.items() if stands_for(what, words)), None)
+
+
+def stands_for(what: str, words: list[str]) -> bool:
+    """Whether a key of NOT_RUN stands for a line: it is its command, or a pattern of the line."""
+    return what == words[1] if what in COMMANDS else re.search(what, shlex.join(words)) is not None
 
 
 @pytest.mark.parametrize("block", BLOCKS, ids=lambda block: block.place)
@@ -124,7 +127,9 @@ def test_the_cheap_lines_of_a_block_run(
         with warnings.catch_warnings():
             warnings.simplefilter("ignore", UserWarning)  # of what is small or doubtful; other kinds fail
             code = main([*given, *fewer(words)])
-        assert code in (0, 4), f"{block.place}: {shlex.join(words)}\n{capsys.readouterr().err}"
+        said = capsys.readouterr().err
+        # 4 is said of what is doubtful, as small and made photographs are, and of tasks of which some failed.
+        assert code == 0 or (code == 4 and not FAILED.search(said)), f"{block.place}: {shlex.join(words)}\n{said}"
 
 
 def fewer(words: list[str]) -> list[str]:
@@ -145,8 +150,17 @@ def test_a_wrong_word_is_found() -> None:
 
 
 def test_every_reason_not_to_run_is_needed() -> None:
-    all_lines = [words for block in BLOCKS for words in lines(block) if words[0] == "relume"]
-    found = {shlex.join(words) for words in all_lines}
-    proofs = [proof for why in NOT_RUN.values() for proof in re.findall(r"tests/[\w/.]*\w", why)]
-    assert [proof for proof in proofs if not (ROOT / proof).exists()] == []
-    assert [each for each in NOT_RUN if not any(re.search(each, line) for line in found)] == []
+    found = [words for block in BLOCKS for words in lines(block) if words[0] == "relume"]
+    assert [what for what in NOT_RUN if not any(stands_for(what, words) for words in found)] == []
+    assert without_proof(NOT_RUN.values()) == []
+    assert sum(reason_not_to_run(words) is None for words in found) > len(found) / 3
+
+
+def test_a_command_is_no_pattern_of_a_line() -> None:
+    assert not stands_for("sun", ["relume", "convert", "sky.png", "--hot", "sun.png=12"])
+    assert not stands_for("view", ["relume", "insert", "shot.toml", "--preview"])
+    assert stands_for("view", ["relume", "view", "a.exr"]) and stands_for("--frames", ["relume", "render", "--frames"])
+    assert without_proof(["a minute", "a minute; tests/nowhere.py", "a minute; tests/cli"]) == [
+        "a minute",
+        "a minute; tests/nowhere.py",
+    ]
