@@ -21,6 +21,7 @@ from relume.project.film.film_file import FilmTable
 from relume.project.presets.preset import preset_of
 from relume.project.scene_file.scene_file import SceneTable
 from relume.project.shot_file.shot import Shot
+from relume.renderers.progressive.graceful_shutdown import ENDING
 from relume.scene.places.place_tables import PlaceTables
 
 TOML = list(of_language("toml"))
@@ -156,3 +157,11 @@ def test_the_folders_that_the_site_makes_are_known() -> None:
     assert made_by_the_site(root / "docs/reference/keys/shot.md", root)
     assert not made_by_the_site(root / "docs/reference/shot-file.md", root)
     assert not [page for page in pages() if made_by_the_site(page)]
+
+
+def test_the_exit_codes_of_all_signals_that_end_a_render_are_named() -> None:
+    page = (ROOT / "docs" / "reference" / "exit-codes.md").read_text(encoding="utf-8")
+    cells = [line.split("|")[1] for line in page.splitlines() if line.startswith("| ")]
+    numbers = {"SIGHUP": 1, "SIGINT": 2, "SIGTERM": 15, "SIGBREAK": 21}  # Windows has no SIGHUP, others no SIGBREAK
+    assert set(numbers) == set(ENDING)
+    assert {str(128 + number) for number in numbers.values()} <= set(re.findall(r"\d+", " ".join(cells)))
