@@ -13,10 +13,21 @@ import numpy as np
 import pytest
 
 import relume as rl
-from documents.pages import FENCE, LANGUAGES, MADE_BY_THE_SITE, ROOT, Block, blocks, made_by_the_site, of_language, pages
+from documents.pages import (
+    FENCE,
+    LANGUAGES,
+    MADE_BY_THE_SITE,
+    ROOT,
+    Block,
+    blocks,
+    made_by_the_site,
+    of_language,
+    pages,
+)
 from relume.errors import RelumeError
 from relume.lightstage.acquire.stage_file_reading import read_stage_file
 from relume.lightstage.reflectometry.patch_files import LIST, read_patch
+from relume.lightstage.reflectometry.patch_samples import FEWEST
 from relume.project.film.film_file import FilmTable
 from relume.project.presets.preset import preset_of
 from relume.project.scene_file.scene_file import SceneTable
@@ -47,26 +58,28 @@ def test_json_on_a_page_is_a_file_that_relume_reads(block: Block, tmp_path: Path
 def read_json(code: str, folder: Path) -> None:
     """Read a file of a light stage, or the list of a patch's photographs, which are made."""
     tables = json.loads(code)
-    path = folder / ("stage.json" if "lights" in tables else LIST)
-    path.write_text(code, encoding="utf-8")
     if "lights" in tables:
-        assert set(read_stage_file(path).others) <= {"mesh"}
+        (folder / "stage.json").write_text(code, encoding="utf-8")
+        assert set(read_stage_file(folder / "stage.json").others) <= {"mesh"}
         return
-    for each in tables.get("pictures", []):
+    for each in tables["pictures"]:
         rl.write(folder / each["file"], rl.RadianceMap(np.full((256, 256, 3), 0.5, np.float32)))
+    tables["pictures"] *= FEWEST  # of which a page shows one
+    (folder / LIST).write_text(json.dumps(tables), encoding="utf-8")
     read_patch(folder)
 
 
 @pytest.mark.parametrize(
-    "code",
+    ("code", "named"),
     [
-        '{ "lights": [ { "file": "a.exr", "directon": [0, 1, 0] } ] }',
-        '{ "lights": [ { "file": "a.exr", "direction": [0, 1, 0] } ], "camera": {} }',
-        '{ "area": [4, 6, 8, 8], "pictures": [ { "file": "a.exr", "incident": -30, "view": 22.5 } ] }',
+        ('{ "lights": [ { "file": "a.exr", "directon": [0, 1, 0] } ] }', "directon"),
+        ('{ "lights": [ { "file": "a.exr", "direction": [0, 1, 0] } ], "camera": {} }', "cameras"),
+        ('{ "area": [4, 6, 8, 8], "pictures": [ { "file": "a.exr", "incident": 3, "view": 2 } ] }', "incident"),
+        ('{ "aera": [4, 6, 8, 8], "pictures": [ { "file": "a.exr", "incidence": 3, "view": 2 } ] }', "aera"),
     ],
 )
-def test_json_with_a_wrong_key_is_found(code: str, tmp_path: Path) -> None:
-    with pytest.raises(RelumeError):
+def test_json_with_a_wrong_key_is_found(code: str, named: str, tmp_path: Path) -> None:
+    with pytest.raises(RelumeError, match=named):
         read_json(code, tmp_path)
 
 
