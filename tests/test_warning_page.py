@@ -13,6 +13,8 @@ SOURCE = REPOSITORY / "src" / "relume"
 WARNINGS, REFUSALS = (
     (REPOSITORY / "docs" / "how-to" / "warnings.md").read_text(encoding="utf-8").split("## What is refused\n")
 )
+WORDS = 4
+"""From which on a row's words are taken to be its warning's alone."""
 FROM_PARTS = "…: … of … pixels …"  # LogLuv's, whose last part the page has: three rows
 
 
@@ -36,6 +38,20 @@ def without_a_row(rows: list[str], source: Path) -> list[str]:
 
 def test_every_warning_has_its_row() -> None:
     assert without_a_row(first_cells(WARNINGS), SOURCE) == []
+
+
+def test_a_short_row_stands_for_one_warning() -> None:
+    # Few words would also stand for a new warning that has them, which the page does not explain then.
+    rows = first_cells(WARNINGS)
+    short = [row for row in rows if len(row.replace(GAP, " ").split()) < WORDS]
+    assert swallowed(short, [row for row in rows if row not in short], SOURCE) == {}
+
+
+def swallowed(short: list[str], long: list[str], source: Path) -> dict[str, list[str]]:
+    """The short rows that stand for several warnings of which no long row is, with those."""
+    alone = {words for _, words in warned(source) if not any(said(row, words) for row in long)}
+    found = {row: sorted(words for words in alone if said(row, words)) for row in short}
+    return {row: warnings for row, warnings in found.items() if len(warnings) > 1}
 
 
 def test_every_row_is_something_that_relume_says() -> None:
@@ -66,3 +82,5 @@ def test_a_warning_without_a_row_is_found(tmp_path: Path) -> None:
         "new.py:4: is … another",
     ]
     assert without_a_row(["is a … thing", "another", "nothing"], tmp_path) == []
+    assert swallowed(["is"], [], tmp_path) == {"is": ["is … another", "…: is a new thing"]}
+    assert swallowed(["is"], ["is a new thing"], tmp_path) == {}

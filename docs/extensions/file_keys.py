@@ -21,10 +21,9 @@ from pydantic.fields import FieldInfo
 
 Model = type[BaseModel]
 CASE = re.compile(r"^(?P<names>\w[\w, ]*?) : (?P<text>.*)$")
-UNIT = re.compile(
-    r"(?<![\w.])(metres|pixels|degrees|radians|seconds|stops|frames a second|per metre|steradians|cd/m²|µm²|µm⁴|nm|K)"
-    r"(?![\w⁻])"
-)
+UNITS = "metres|pixels|degrees|radians|seconds|stops|frames a second|per metre|steradians|cd/m²|µm²|µm⁴|nm|K"
+UNIT = re.compile(rf"(?:^|: |(?<!`), |\bin )({UNITS})(?![\w⁻])")
+"""A unit where a meaning begins, after a comma or after "in"; what follows another key's name is that key's."""
 FILES = {
     "shot": ("The keys of a shot file", "`relume insert`, `rl.read_shot`", "[The shot file](../shot-file.md)"),
     "scene": ("The keys of a scene file", "`relume render`", "[The scene file](../scene-file.md)"),
@@ -117,9 +116,15 @@ def summary(model: Model) -> str:
 
 def row(model: Model, name: str, field: FieldInfo) -> str:
     meaning = meaning_of(model, name) or ""
-    units = ", ".join(dict.fromkeys(UNIT.findall(meaning)))
-    cells = [f"`{name}`", type_of(field.annotation, field.metadata), units, default_of(field), escaped(meaning)]
+    kind = type_of(field.annotation, field.metadata)
+    cells = [f"`{name}`", kind, unit_of(kind, meaning), default_of(field), escaped(meaning)]
     return "| " + " | ".join(re.sub(r"(?<!\\)\|", r"\|", cell) for cell in cells) + " |"
+
+
+def unit_of(kind: str, meaning: str) -> str:
+    """The unit that the first part of a meaning names, of a key that holds numbers."""
+    found = UNIT.search(meaning.partition(";")[0]) if "number" in kind else None
+    return found[1] if found else ""
 
 
 def meaning_of(model: Model, name: str) -> str | None:

@@ -3,15 +3,15 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
 from functools import cache
 from pathlib import Path
 
-ROOT = Path(__file__).parents[2]
+ROOT = Path(__file__).resolve().parents[2]
 FENCE = re.compile(r"^(?P<indent> *)```(?P<language>[^\n`]*)\n(?P<code>.*?)^(?P=indent)```[ ]*$", re.S | re.M)
-MADE_BY_THE_SITE = {"api", "commands"}
-"""Folders that the site writes from the code."""
+MADE_BY_THE_SITE = ("docs/reference/api", "docs/reference/commands", "docs/reference/keys")
+"""Folders that the site writes from the code; a clean clone has none of them."""
 ALIASES = {"py": "python", "bash": "sh", "shell": "sh"}
 LANGUAGES = {"python", "sh", "toml", "json", "console", "text"}
 """What a block may be: each is run, read, or, as `console` and `text`, what a program prints."""
@@ -42,7 +42,15 @@ def pages() -> tuple[Path, ...]:
     """The pages for readers: lessons have a test of their own, and decisions are history."""
     found = [*ROOT.glob("*.md"), *ROOT.glob("docs/*.md"), *ROOT.glob("docs/how-to/**/*.md")]
     found += ROOT.glob("docs/reference/**/*.md")
-    return tuple(sorted(page for page in found if page.name != "CHANGELOG.md" and not MADE_BY_THE_SITE & {*page.parts}))
+    return tuple(sorted(page for page in found if page.name != "CHANGELOG.md" and not made_by_the_site(page)))
+
+
+def made_by_the_site(path: Path, root: Path = ROOT) -> bool:
+    """Whether a path lies in a folder that the site writes.
+
+    root : the repository
+    """
+    return any(path.is_relative_to(root / folder) for folder in MADE_BY_THE_SITE)
 
 
 @cache
@@ -65,3 +73,9 @@ def blocks(page: Path) -> tuple[Block, ...]:
 def of_language(language: str) -> Iterator[Block]:
     """The blocks of one language on all pages."""
     return (block for page in pages() for block in blocks(page) if block.language == language)
+
+
+def without_proof(reasons: Iterable[str]) -> list[str]:
+    """The reasons not to run something that name no test, or one that is not there."""
+    proofs = {why: re.findall(r"tests/[\w/.]*\w", why) for why in reasons}
+    return [why for why, named in proofs.items() if not named or not all((ROOT / each).exists() for each in named)]

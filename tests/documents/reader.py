@@ -75,7 +75,7 @@ def provide(name: str, folder: Path) -> bool:
     if path.exists():
         return True
     make = MAKERS.get(path.suffix.lower())
-    unknown = path.suffix == ".toml" and path.name != "scene.toml"
+    unknown = path.suffix == ".toml" and path.name not in ("scene.toml", "film.toml")
     if make is None or unknown or Path(name).is_absolute() or ".." in path.parts or "*" in name:
         return False
     path.parent.mkdir(parents=True, exist_ok=True)
@@ -118,8 +118,11 @@ def _floats(path: Path) -> None:
 
 
 def _scene(path: Path) -> None:
-    text = (ROOT / "examples" / "whitted" / "figure_8.toml").read_text(encoding="utf-8")
-    path.write_text(small_scene(text), encoding="utf-8")
+    text = small_scene((ROOT / "examples" / "whitted" / "figure_8.toml").read_text(encoding="utf-8"))
+    if path.name == "film.toml":
+        (path.parent / "shown.toml").write_text(f'{text}\n[sequence]\nframes = "1-2"\n', encoding="utf-8")
+        text = 'scene = "shown.toml"\n'
+    path.write_text(text, encoding="utf-8")
 
 
 MAKERS: dict[str, Callable[[Path], object]] = {
@@ -186,6 +189,7 @@ NAMES: dict[str, Callable[[], Any]] = {
 FOLDERS: dict[str, tuple[str, ...]] = {
     "FOLDER": tuple(f"IMG_{number:04}.jpg" for number in (1, 2, 3, 4)),
     "PLACE": tuple(f"IMG_{number:04}.jpg" for number in (1, 2, 3, 4)),
+    "photographs": tuple(f"IMG_{number:04}.jpg" for number in (1, 2, 3, 4)),
     "MAPS": ("a.exr", "b.exr"),
     "maps": ("map_1.exr", "map_2.exr"),
     "probe": ("probe_1.exr", "probe_2.exr"),
@@ -223,7 +227,8 @@ def folders_and_files(words: list[str], folder: Path) -> list[str]:
         else:
             name = word.rpartition("=")[0] or word
             provide(name, folder)
-            if words[0] == "convert" and SQUARE & {each.split(":")[0] for each in words} and (folder / name).is_file():
+            square = words[0] == "convert" and SQUARE & {each.split(":")[0] for each in words}
+            if (square or "--faces" in words) and (folder / name).is_file():
                 rl.write(folder / name, rl.RadianceMap(np.full((64, 64, 3), 0.5, np.float32)))
             given.append(word)
     return given

@@ -9,14 +9,30 @@ from functools import cache
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 import pytest
 
-from documents.pages import FENCE, LANGUAGES, ROOT, Block, blocks, of_language, pages
+import relume as rl
+from documents.pages import (
+    FENCE,
+    LANGUAGES,
+    MADE_BY_THE_SITE,
+    ROOT,
+    Block,
+    blocks,
+    made_by_the_site,
+    of_language,
+    pages,
+)
 from relume.errors import RelumeError
+from relume.lightstage.acquire.stage_file_reading import read_stage_file
+from relume.lightstage.reflectometry.patch_files import LIST, read_patch
+from relume.lightstage.reflectometry.patch_samples import FEWEST
 from relume.project.film.film_file import FilmTable
 from relume.project.presets.preset import preset_of
 from relume.project.scene_file.scene_file import SceneTable
 from relume.project.shot_file.shot import Shot
+from relume.renderers.progressive.graceful_shutdown import ENDING
 from relume.scene.places.place_tables import PlaceTables
 
 TOML = list(of_language("toml"))
@@ -35,8 +51,36 @@ def test_the_blocks_of_a_page_are_of_languages_that_are_tested(page: Path) -> No
 
 
 @pytest.mark.parametrize("block", list(of_language("json")), ids=lambda block: block.place)
-def test_json_on_a_page_is_json(block: Block) -> None:
-    assert json.loads(block.code)
+def test_json_on_a_page_is_a_file_that_relume_reads(block: Block, tmp_path: Path) -> None:
+    read_json(block.code, tmp_path)
+
+
+def read_json(code: str, folder: Path) -> None:
+    """Read a file of a light stage, or the list of a patch's photographs, which are made."""
+    tables = json.loads(code)
+    if "lights" in tables:
+        (folder / "stage.json").write_text(code, encoding="utf-8")
+        assert set(read_stage_file(folder / "stage.json").others) <= {"mesh"}
+        return
+    for each in tables["pictures"]:
+        rl.write(folder / each["file"], rl.RadianceMap(np.full((256, 256, 3), 0.5, np.float32)))
+    tables["pictures"] *= FEWEST  # of which a page shows one
+    (folder / LIST).write_text(json.dumps(tables), encoding="utf-8")
+    read_patch(folder)
+
+
+@pytest.mark.parametrize(
+    ("code", "named"),
+    [
+        ('{ "lights": [ { "file": "a.exr", "directon": [0, 1, 0] } ] }', "directon"),
+        ('{ "lights": [ { "file": "a.exr", "direction": [0, 1, 0] } ], "camera": {} }', "cameras"),
+        ('{ "area": [4, 6, 8, 8], "pictures": [ { "file": "a.exr", "incident": 3, "view": 2 } ] }', "incident"),
+        ('{ "aera": [4, 6, 8, 8], "pictures": [ { "file": "a.exr", "incidence": 3, "view": 2 } ] }', "aera"),
+    ],
+)
+def test_json_with_a_wrong_key_is_found(code: str, named: str, tmp_path: Path) -> None:
+    with pytest.raises(RelumeError, match=named):
+        read_json(code, tmp_path)
 
 
 @pytest.mark.parametrize("block", TOML, ids=lambda block: block.place)
@@ -100,7 +144,7 @@ def broken_links(page: Path, text: str) -> list[str]:
             continue
         name, _, heading = link.partition("#")
         path = (page.parent / name).resolve() if name else page
-        made = {"api", "commands", "keys"} & {*path.parts}
+        made = made_by_the_site(path)
         if not path.exists() and not made:
             broken.append(link)
         elif heading and path.suffix == ".md" and not made and heading not in anchors(path):
@@ -117,3 +161,20 @@ def test_a_broken_link_is_found() -> None:
     readme = ROOT / "README.md"
     text = "[a](nowhere.md) [b](docs/start.md#no-such-heading) [c](#in-python) [d](https://a.b) `[e](code.md)`"
     assert broken_links(readme, text) == ["nowhere.md", "docs/start.md#no-such-heading"]
+
+
+def test_the_folders_that_the_site_makes_are_known() -> None:
+    ignored = (ROOT / ".gitignore").read_text(encoding="utf-8").splitlines()
+    assert {f"{folder}/" for folder in MADE_BY_THE_SITE} == {each for each in ignored if each.startswith("docs/")}
+    root = Path("/api/keys/relume")  # a checkout below folders of these names
+    assert made_by_the_site(root / "docs/reference/keys/shot.md", root)
+    assert not made_by_the_site(root / "docs/reference/shot-file.md", root)
+    assert not [page for page in pages() if made_by_the_site(page)]
+
+
+def test_the_exit_codes_of_all_signals_that_end_a_render_are_named() -> None:
+    page = (ROOT / "docs" / "reference" / "exit-codes.md").read_text(encoding="utf-8")
+    cells = [line.split("|")[1] for line in page.splitlines() if line.startswith("| ")]
+    numbers = {"SIGHUP": 1, "SIGINT": 2, "SIGTERM": 15, "SIGBREAK": 21}  # Windows has no SIGHUP, others no SIGBREAK
+    assert set(numbers) == set(ENDING)
+    assert {str(128 + number) for number in numbers.values()} <= set(re.findall(r"\d+", " ".join(cells)))

@@ -38,7 +38,7 @@ FOLDERS = {
 
 def main(arguments: Sequence[str] | None = None) -> int:
     """Run one command; returns the exit code: 0 done, 2 bad input, 3 output could not be written, 4 done but doubtful,
-    130 interrupted."""
+    or some of many failed, 130 interrupted by Ctrl-C, 128 and the signal's number by another one."""
     from cyclopts import App, CycloptsError
 
     from relume.cli import console

@@ -104,7 +104,8 @@ class Light(FinishedLight):
         channel, give the light the plate's white too, which is then not looked for
     surface_reflectance : mean share of light that the surface under the objects gives back, from which the scale is
         found where no exposure says it; its reflectance is recovered all the same
-    turn, exposure : degrees about +Y and stops, to change what was measured
+    turn : degrees about +Y by which what was measured is turned, counter-clockwise from above
+    exposure : stops by which it is brighter than what was measured
     added : lights that were never there, beside what was measured
     """
 

@@ -168,7 +168,8 @@ class PhotogrammetryTable(Table):
     """Cameras and a mesh that another program found, instead of photographs and blocks.
 
     model : COLMAP's folder, Meshroom's or OpenMVG's .json, or glTF; files are relative to the place file
-    metres_per_unit : or `between` two cameras, numbered points or places, and the `metres` that were measured there
+    metres_per_unit : metres of a unit of the model; or `between` two cameras, numbered points or places, and the
+        `metres` that were measured there
     up : what points up in the model's frame
     """
 
