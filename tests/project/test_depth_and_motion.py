@@ -41,6 +41,16 @@ def test_depth_is_found_beside_a_picture(tmp_path, name):
     np.testing.assert_array_equal(read_depth(tmp_path / "render.exr", 100.0), DEPTH)
 
 
+@pytest.mark.parametrize(
+    "own", [("objects", "matte", "difference"), ("radiance", "matte", "normal")], ids=["insert", "render"]
+)
+def test_depth_of_our_own_layers_is_along_the_rays(tmp_path, own):
+    files.write_layers(tmp_path / "layers.exr", {name: DEPTH for name in (*own, "depth")})
+    depth = read_depth(tmp_path / "layers.exr", 4.0)
+    assert depth[0, 0] == pytest.approx(7 / np.sqrt(1 + (4**2 + 2.5**2) / 4**2))
+    np.testing.assert_array_equal(read_depth(tmp_path / "layers.exr", 4.0, "axis"), DEPTH)
+
+
 def test_planes_that_lack_what_is_needed_are_refused(tmp_path):
     files.write_layers(tmp_path / "one.exr", {"motion": DEPTH})
     with pytest.raises(UnreadableFile, match=r"holds only Y; motion needs two, right in R and down in G"):

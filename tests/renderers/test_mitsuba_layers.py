@@ -5,6 +5,7 @@ import pytest
 
 import gltf_files
 from montecarlo import assert_matte_of_disc
+from relume.renderers.mitsuba.differential import Differential
 from relume.renderers.mitsuba.limits import MATTE_SAMPLES
 from relume.renderers.mitsuba.path_tracer import Mitsuba
 from relume.renderers.renderer import render
@@ -60,6 +61,8 @@ def test_depth_normal_and_albedo_of_a_floor_seen_from_above():
     expected = 2 / -camera.rays()[..., 1]
     np.testing.assert_allclose(seen.depth, expected, rtol=0.01)
     assert seen.depth[4, 4] == pytest.approx(2.0, rel=2e-3)
+    change = Differential(16).change(Scene(LIGHT, local=(Plane(GREY),), objects=(sphere(GREY, radius=0.01),)), camera)
+    np.testing.assert_allclose(change.depth[:3], expected[:3], rtol=0.01)
     np.testing.assert_allclose(seen.normal, np.broadcast_to([0, 1, 0], (9, 9, 3)), atol=1e-6)
     np.testing.assert_allclose(seen.albedo, np.broadcast_to([0.2, 0.4, 0.6], (9, 9, 3)), atol=1e-5)
 

@@ -18,7 +18,7 @@ class Render:
     radiance : (H, W, 3) float32, in the light's unit
     variance : (H, W, 3) float32, of the pixel means; 0 for a renderer without noise
     matte : (H, W) float32, the share of each pixel that the scene's objects cover, 0 to 1
-    depth : (H, W) float32, metres from the camera, mean over what was hit; 0 where nothing was
+    depth : (H, W) float32, metres from the camera along the ray, mean over what was hit; 0 where nothing was
     normal : (H, W, 3) float32, world, mean over the pixel
     albedo : (H, W, 3) float32
     samples : rays a pixel that were traced
@@ -49,7 +49,7 @@ class Change:
     difference : (H, W, 3) float32, signed: what they change of the radiance of the real surfaces beside them, times the
         share that they do not cover; exactly 0 where they change nothing
     matte : (H, W) float32, that share: 0 to 1
-    depth : (H, W) float32, metres from the camera, mean over what was hit; 0 where nothing was
+    depth : (H, W) float32, metres from the camera along the ray, mean over what was hit; 0 where nothing was
     normal : (H, W, 3) float32, world, mean over the pixel
     albedo : (H, W, 3) float32
     objects_variance, difference_variance : (H, W, 3) float32, of the two planes' means

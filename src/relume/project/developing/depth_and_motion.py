@@ -12,8 +12,8 @@ if TYPE_CHECKING:
 
 Along = Literal["axis", "rays"]
 DEPTH_NAMES = ("depth", "Depth", "Z", "z", "ViewLayer.Depth")
-OURS = {"objects", "matte", "difference", "depth"}
-"""Layers that `relume insert` writes together; its depth is along each pixel's ray."""
+OURS = ({"objects", "matte", "difference", "depth"}, {"radiance", "matte", "depth", "normal"})
+"""Layers that `relume insert` and `relume render` write together; their depth is along each pixel's ray."""
 MOTION_NAMES = ("motion", "Motion", "vector", "Vector", "forward")
 _COLOURS = ("R", "G", "B", "A", "Y", "RY", "BY")
 
@@ -22,8 +22,8 @@ def read_depth(path: Path, focal_length: float, along: Along | None = None) -> n
     """Depth (H, W) float32, metres along the viewing axis, from an EXR's layer of that name, or its only one.
 
     focal_length : pixels, by which distances along rays become depths
-    along : what the file's metres are along; None for rays in layers of `relume insert`, else the axis, as most
-        programs write
+    along : what the file's metres are along; None for rays in layers of relume's own, else the axis, as most programs
+        write
 
     0, and what is not finite, is the distance: renderers write either where nothing was hit. Raises UnreadableFile.
     """
@@ -34,7 +34,7 @@ def read_depth(path: Path, focal_length: float, along: Along | None = None) -> n
     if (depth < 0).any():
         raise UnreadableFile(f"--depth {path}: has depths below 0; expected metres before the camera")
     depth = np.where(np.isfinite(depth) & (depth > 0), depth, np.inf).astype(np.float32)
-    if (along or ("rays" if OURS <= layers else "axis")) == "axis":
+    if (along or ("rays" if any(own <= layers for own in OURS) else "axis")) == "axis":
         return depth
     height, width = depth.shape
     y, x = np.ogrid[0.5 - height / 2 : height / 2, 0.5 - width / 2 : width / 2]

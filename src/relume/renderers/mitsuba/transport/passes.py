@@ -158,8 +158,8 @@ class Tracing(ABC):
         }  # fmt: skip
 
     def _depth(self, si: Any) -> Any:
-        """Metres along the camera's axis."""
-        return -(self.lens.back @ (si.p - self.lens.place)).z
+        """Metres along the ray, as all renderers have it."""
+        return dr.norm(si.p - self.lens.place)
 
     def _beyond(self, ray: Any, active: Any) -> Any:
         """What guides a denoiser where a ray from the camera meets nothing."""

@@ -103,10 +103,6 @@ class Plain(Tracing):
         ray = self._rays(numbers)
         return ray, self.world.within_walls(ray, self._seen_object(ray, numbers), mi.Bool(True))
 
-    def _depth(self, si: Any) -> Any:
-        # Of whole pictures depth is along the ray.
-        return dr.norm(si.p - self.lens.place)
-
     def _beyond(self, ray: Any, active: Any) -> Any:
         # The distant scene has edges, as it has in a mirror.
         light = self.world.light
