@@ -121,7 +121,7 @@ def _scene(path: Path) -> None:
     text = small_scene((ROOT / "examples" / "whitted" / "figure_8.toml").read_text(encoding="utf-8"))
     if path.name == "film.toml":
         (path.parent / "shown.toml").write_text(f'{text}\n[sequence]\nframes = "1-2"\n', encoding="utf-8")
-        text = 'scene = "shown.toml"\n[render]\nrenderer = "whitted"\n'
+        text = 'scene = "shown.toml"\n\n[render]\nrenderer = "whitted"\n'
     path.write_text(text, encoding="utf-8")
 
 

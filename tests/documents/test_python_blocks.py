@@ -125,4 +125,4 @@ def test_every_reason_not_to_run_stands_for_its_blocks_alone() -> None:
         "patches_from_photographs(": ["light-stage.md"],
     }  # fmt: skip
     assert without_proof(NOT_RUN.values()) == []
-    assert sum(reason_not_to_run(block) is None for block in BLOCKS) > len(BLOCKS) * 3 / 4
+    assert sum(reason_not_to_run(block) is None for block in BLOCKS) > len(BLOCKS) / 2

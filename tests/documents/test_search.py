@@ -66,6 +66,7 @@ def test_a_heading_with_the_words_stands_first_and_how_to_before_decisions(tmp_p
         ("Resume renders", ["Resume", "renders"]),
         ("resume was render", ["resume", "render"]),  # a stop word of Sphinx's
         ("resume xyzzy render", ["resume", "render"]),  # that no page has
+        ("xyzzy plugh render", ["render"]),
         ("interrupt", ["interrupt"]),  # a part of a word
         ("render grain", ["grain"]),  # no page has both, and more pages have the first
         ("how do I", ["how", "do", "I"]),

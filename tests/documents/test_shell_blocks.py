@@ -17,6 +17,7 @@ from cyclopts import App
 from documents.pages import ROOT, Block, of_language, without_proof
 from documents.reader import folder_of_examples, folders_and_files
 from relume.cli import COMMANDS, FOLDERS, main
+from relume.errors import Incomplete
 
 BLOCKS = list(of_language("sh"))
 OTHERS = {"dask", "openjd", "openssl", "export", "kill", "TLS="}
@@ -150,11 +151,16 @@ def test_a_wrong_word_is_found() -> None:
     assert not is_of_others(["make", "coffee"]) and not is_of_others(["pipx", "install", "relume[coffee]"])
 
 
+def test_tasks_that_failed_are_told_from_doubts() -> None:
+    assert FAILED.search(str(Incomplete([("a.exr", "no such file")], [None, 1])))
+    assert not FAILED.search("relume: one photograph, assumed to be sRGB (all was written; --accept takes it as it is)")
+
+
 def test_every_reason_not_to_run_is_needed() -> None:
     found = [words for block in BLOCKS for words in lines(block) if words[0] == "relume"]
     assert [what for what in NOT_RUN if not any(stands_for(what, words) for words in found)] == []
     assert without_proof(NOT_RUN.values()) == []
-    assert sum(reason_not_to_run(words) is None for words in found) > len(found) / 3
+    assert sum(reason_not_to_run(words) is None for words in found) > len(found) * 2 / 5
 
 
 def test_of_few_commands_no_line_runs() -> None:
