@@ -115,7 +115,7 @@ if __name__ == "__main__":
     patched = seconds(lambda: patches.nearest(TEAPOT_EYE, directions, footprint=FOOTPRINT, threads=1))
     note = f"{met / count:.0%} of the rays hit"
     rows_of_table.value("rays, the teapot's 32 patches", count / patched / 1e6, "Mrays/s", limit="≥ 1.5", note=note)
-    print(f"{built:6.2f} s        to split it into {len(patches.form)} leaves and build their tree")
+    print(f"{built:6.2f} s        to split it into {len(patches.geometry.form)} leaves and build their tree")
     each = seconds(lambda: surfaces.at(TEAPOT_EYE, directions, hits, threads=1)) / met
     print(f"{each * 1e9:6.0f} ns       point, normals and derivatives of a hit on it")
     mesh = tessellated(teapot)
