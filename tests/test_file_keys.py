@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
-from importlib.util import module_from_spec, spec_from_file_location
 from pathlib import Path
 from typing import Any
 
 import pytest
+
+from documents.pages import extension
 
 DOCS = Path(__file__).parents[1] / "docs"
 
@@ -14,11 +15,7 @@ DOCS = Path(__file__).parents[1] / "docs"
 @pytest.fixture(scope="module")
 def keys() -> Any:
     """The extension of the site."""
-    spec = spec_from_file_location("extension_of_keys", DOCS / "extensions" / "file_keys.py")
-    assert spec is not None and spec.loader is not None
-    module = module_from_spec(spec)
-    spec.loader.exec_module(module)
-    return module
+    return extension("file_keys")
 
 
 def fields(keys: Any) -> list[tuple[Any, str]]:

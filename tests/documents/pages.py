@@ -6,7 +6,9 @@ import re
 from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
 from functools import cache
+from importlib.util import module_from_spec, spec_from_file_location
 from pathlib import Path
+from types import ModuleType
 
 ROOT = Path(__file__).resolve().parents[2]
 FENCE = re.compile(r"^(?P<indent> *)```(?P<language>[^\n`]*)\n(?P<code>.*?)^(?P=indent)```[ ]*$", re.S | re.M)
@@ -35,6 +37,15 @@ class Block:
     @property
     def place(self) -> str:
         return f"{self.page}:{self.line}"
+
+
+def extension(name: str) -> ModuleType:
+    """An extension of the site, by its path: the site's own folder is on no test's path."""
+    described = spec_from_file_location(f"extension_{name}", ROOT / "docs" / "extensions" / f"{name}.py")
+    assert described is not None and described.loader is not None
+    module = module_from_spec(described)
+    described.loader.exec_module(module)
+    return module
 
 
 @cache

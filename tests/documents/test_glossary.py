@@ -2,26 +2,16 @@
 
 from __future__ import annotations
 
-import importlib.util
 import re
-from types import ModuleType
 
 import pytest
 
-from documents.pages import ROOT
+from documents.pages import ROOT, extension
 
 GLOSSARY = (ROOT / "docs" / "reference" / "glossary.md").read_text(encoding="utf-8")
 
 
-def extension() -> ModuleType:
-    described = importlib.util.spec_from_file_location("glossary_links", ROOT / "docs/extensions/glossary_links.py")
-    assert described is not None and described.loader is not None
-    module = importlib.util.module_from_spec(described)
-    described.loader.exec_module(module)
-    return module
-
-
-LINKS = extension()
+LINKS = extension("glossary_links")
 
 
 def entries() -> dict[str, str]:

@@ -3,27 +3,16 @@
 from __future__ import annotations
 
 import ast
-import importlib.util
 import json
 import re
 from pathlib import Path
-from types import ModuleType
 from typing import Any
 
 import pytest
 
-from documents.pages import ROOT
+from documents.pages import ROOT, extension
 
-
-def extension() -> ModuleType:
-    described = importlib.util.spec_from_file_location("notebooks", ROOT / "docs/extensions/notebooks.py")
-    assert described is not None and described.loader is not None
-    module = importlib.util.module_from_spec(described)
-    described.loader.exec_module(module)
-    return module
-
-
-NOTEBOOKS = extension()
+NOTEBOOKS = extension("notebooks")
 LESSONS = NOTEBOOKS.lessons(ROOT / "docs")
 
 

@@ -166,9 +166,13 @@ def test_three_points_on_a_line_speak_for_no_other_point():
     assert rays.near(sound, 200.0, 1e-6)[[0, 1, 3]].all()
 
 
-def test_a_line_whose_plane_is_infinite_speaks_for_no_point():
-    """Some machines warn of such products too, and warnings are failures here."""
-    rays = Grazing.of(np.array([(50.0, 50.0), (50.0, 20.0), (50.0, 40.0), (30.0, 20.0)]), (100.0, 100.0), 200.0)
-    planes = rays.planes(np.array([(0, 1, 2)]))
-    assert np.isinf(planes).any()
-    assert not rays.near(planes, 200.0, 1.0).any()
+def test_of_many_threes_those_on_a_line_speak_for_no_point_and_warn_of_nothing():
+    """Some have infinite planes; NumPy's warnings are failures here."""
+    random = np.random.default_rng(1)
+    line = np.stack([np.full(20, 50.0), 2.0 * np.arange(20)], axis=1)
+    rays = Grazing.of(np.concatenate([line, random.uniform(20, 80, (30, 2))]), (100.0, 100.0), 200.0)
+    planes = rays.planes(random.integers(0, 50, (400, 3)))
+    none = ~np.isfinite(planes).all(axis=1)
+    assert np.isinf(planes).any() and none.sum() < 40
+    near = rays.near(planes, 200.0, 1.0)
+    assert not near[none].any() and near[~none].any()
