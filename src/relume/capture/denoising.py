@@ -11,7 +11,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from relume.image.bands import in_bands
+from relume.image.bands import in_bands, in_threads
 from relume.image.radiance import RadianceMap
 
 SQUARE = 512
@@ -28,7 +28,6 @@ def denoise(picture: RadianceMap) -> RadianceMap:
     if picture.variance is None:
         raise ValueError("the radiance map has no variance plane, so its noise is not known; merge a bracket")
     from relume.capture.denoising_kernel import BLOCK
-    from relume.image.kernel import in_threads
 
     radiance, variance = picture.radiance, picture.variance
     height, width = radiance.shape[:2]

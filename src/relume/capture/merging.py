@@ -9,6 +9,7 @@ import numpy as np
 
 from relume.capture.exposure.bracket import Bracket
 from relume.errors import NotABracket
+from relume.image.bands import in_threads
 from relume.image.radiance import BLACK, OUTSIDE, SATURATED, RadianceMap
 from relume.image.response import Response
 
@@ -118,7 +119,6 @@ def merge(
     Raises NotABracket when hardly any pixel is measured.
     """
     from relume.capture.merge_kernel import BESIDE, finish, merge_stretch
-    from relume.image.kernel import in_threads
 
     width, height = bracket.photographs[0].size
     frames = [p.pixels.reshape(-1, 3) for p in bracket.photographs]

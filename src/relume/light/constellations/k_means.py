@@ -7,7 +7,8 @@ from typing import Protocol
 
 import numpy as np
 
-from relume.image.kernel import in_threads, kernel
+from relume.image.bands import in_threads
+from relume.image.kernel import kernel
 from relume.light.constellations.cells import Cells
 from relume.light.constellations.rectangles import MedianCut
 

@@ -12,8 +12,8 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from relume.image import files
+from relume.image.bands import in_threads
 from relume.image.colour_space import decoded
-from relume.image.kernel import in_threads
 from relume.image.radiance import RadianceMap
 from relume.lightstage.field.field import ReflectanceField
 from relume.lightstage.matting import kernel as matte_kernel

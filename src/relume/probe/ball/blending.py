@@ -14,6 +14,7 @@ from itertools import chain
 import numpy as np
 
 from relume.errors import Doubt
+from relume.image.bands import in_threads
 from relume.image.colour import luminance
 from relume.image.primaries import inside_gamut
 from relume.image.radiance import OUTSIDE, SATURATED
@@ -108,8 +109,6 @@ def blend_views(
     A direction that no view sees is filled smoothly from round about it, marked OUTSIDE, and its confidence is 0.
     Raises BallNotFound where the registration finds that views do not overlap; ValueError for no views.
     """
-    from relume.image.kernel import in_threads
-
     if not views:
         raise ValueError("no views of the ball were given; give one at least")
     # Lay the views on one another.

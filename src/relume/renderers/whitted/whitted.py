@@ -15,7 +15,7 @@ import numpy as np
 
 from relume.cluster.attempt import threads as worker_threads
 from relume.errors import UnsupportedScene, warn
-from relume.image.kernel import in_threads
+from relume.image.bands import in_threads
 from relume.light.reflection.convolution import as_latlong
 from relume.renderers.progressive.pass_workers import PassWorkers
 from relume.renderers.raytrace.raycast import RayCaster

@@ -7,6 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from relume.capture.scale.absolute import Q
+from relume.image.bands import in_threads
 from relume.image.photograph import Exposure
 from relume.virtual_camera.film.film import warn_of_range
 from relume.virtual_camera.film.negative import FilmStock, Paper
@@ -76,7 +77,6 @@ class Darkroom:
 
         Warns where most of the picture is beyond the range of the film.
         """
-        from relume.image.kernel import in_threads
         from relume.virtual_camera.film.printing_kernel import print_rows
 
         radiance = np.ascontiguousarray(radiance)
@@ -134,7 +134,6 @@ class Darkroom:
 
     def _halo(self, radiance: np.ndarray, sensitivity: np.ndarray, pixel: float) -> tuple[np.ndarray, np.ndarray, int]:
         """Shares (layers,), and the halos' exposures (layers, rows, columns) on blocks of step × step pixels."""
-        from relume.image.kernel import in_threads
         from relume.virtual_camera.film.printing_kernel import gather
 
         halation, layers = self.negative.halation, len(self.negative.curves)

@@ -11,6 +11,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from relume.image.bands import in_threads
 from relume.image.photograph import Photograph
 from relume.virtual_camera.lens.blades import Blades
 from relume.virtual_camera.protocols import Relative
@@ -122,7 +123,6 @@ class Defocus(Relative):
         Raises ValueError without a depth map, and for discs that are wider than the picture.
         """
         # Numba is imported only where a kernel is used.
-        from relume.image.kernel import in_threads
         from relume.virtual_camera.lens.defocus_kernels import _defocus
         from relume.virtual_camera.lens.disc_table import disc_table, size_of
         from relume.virtual_camera.lens.disocclusion import hidden_background, unmixed

@@ -6,6 +6,7 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
+from relume.image.bands import in_threads
 from relume.scene.cameras.distortion import Distortion
 from relume.virtual_camera.protocols import Relative
 from relume.virtual_camera.view import View
@@ -96,7 +97,6 @@ class LensGeometry(Relative):
 
     def _resampled(self, radiance: np.ndarray, view: View, *, undo: bool) -> np.ndarray:
         # Numba is imported only where a kernel is used.
-        from relume.image.kernel import in_threads
         from relume.virtual_camera.lens.geometry_kernels import _resample
 
         if self.distortion is None and self.lateral is None:

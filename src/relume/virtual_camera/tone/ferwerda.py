@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from relume.image.kernel import in_threads
+from relume.image.bands import in_threads
 from relume.image.primaries import REC709
 from relume.virtual_camera.protocols import Absolute, Adaptation
 from relume.virtual_camera.tone.display_range import DisplayRange

@@ -12,6 +12,7 @@ from typing import Any
 
 import numpy as np
 
+from relume.image.bands import in_threads
 from relume.image.colour import decode_srgb
 from relume.image.primaries import REC709
 from relume.virtual_camera.protocols import Adaptation, Relative
@@ -80,8 +81,6 @@ class Ocio(Relative):
         Rec. 709, for a display, view or look that it does not have, and for a view whose code values have no known
         decoding.
         """
-        from relume.image.kernel import in_threads
-
         gain = np.float32(GREY / np.exp(adaptation.values[0]))
         processor, is_encoded = self._processor()
         height, width = radiance.shape[:2]

@@ -7,6 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from relume.image.bands import in_threads
 from relume.image.colour import luminance
 from relume.virtual_camera.protocols import Adaptation, Pixelwise, Relative
 from relume.virtual_camera.view import View
@@ -118,7 +119,6 @@ class ReinhardLocal(_Keyed):
 
     def display_values(self, radiance: np.ndarray, view: View, adaptation: Adaptation) -> np.ndarray:
         """Display values (H, W, 3) (eq. 9)."""
-        from relume.image.kernel import in_threads
         from relume.virtual_camera.tone.luminance_curve import WEIGHTS
         from relume.virtual_camera.tone.reinhard_local_kernel import TILE, dodge_and_burn
 

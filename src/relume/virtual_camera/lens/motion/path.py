@@ -7,6 +7,7 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
+from relume.image.bands import in_threads
 from relume.virtual_camera.lens.motion.shutter import Shutter
 from relume.virtual_camera.protocols import Relative
 from relume.virtual_camera.view import View
@@ -132,7 +133,6 @@ class TurningCamera(Relative):
 
 
 def _along(path: HomographyPath, radiance: np.ndarray, known: np.ndarray) -> np.ndarray:
-    from relume.image.kernel import in_threads
     from relume.virtual_camera.lens.motion.kernels import along_paths
 
     height, width = radiance.shape[:2]

@@ -6,6 +6,7 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
+from relume.image.bands import in_threads
 from relume.image.blurring import line_weights
 from relume.virtual_camera.lens.motion.shutter import Shutter
 from relume.virtual_camera.protocols import Relative
@@ -42,7 +43,6 @@ class StraightMotion(Relative):
 
     def apply(self, radiance: np.ndarray, view: View) -> np.ndarray:
         """Radiance (H, W, 3) float32 that the sensor gathers."""
-        from relume.image.kernel import in_threads
         from relume.virtual_camera.lens.motion.kernels import gathered, level_sums, upright_sums
 
         rows, columns, weights = self._weights()

@@ -6,6 +6,7 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
+from relume.image.bands import in_threads
 from relume.virtual_camera.lens.motion.shutter import Shutter
 from relume.virtual_camera.protocols import Relative
 from relume.virtual_camera.view import View
@@ -41,7 +42,6 @@ class MotionVectors(Relative):
 
 
 def _carried(shutter: Shutter, radiance: np.ndarray, view: View) -> tuple[np.ndarray, np.ndarray]:
-    from relume.image.kernel import in_threads
     from relume.virtual_camera.lens.motion.splats import TILE, carried_tile, reaches
 
     height, width = radiance.shape[:2]

@@ -9,6 +9,7 @@ from pathlib import Path
 import numpy as np
 
 from relume.image import files
+from relume.image.bands import in_threads
 from relume.image.photograph import Photograph
 from relume.image.primaries import P3, REC709
 from relume.virtual_camera.tone.display.code_table import Clipping, clipping_of
@@ -87,7 +88,6 @@ def profile_of(display: Srgb | DisplayP3) -> bytes:
 
 def _write_gain_map(path: str | os.PathLike[str], values: np.ndarray, display: HdrGainMap) -> Clipping:
     from relume.image.files.gain_map import gain_map
-    from relume.image.kernel import in_threads
 
     base, dark = encoded_and_clipped(values, display)
     brightest = np.float32(2.0**display.headroom)

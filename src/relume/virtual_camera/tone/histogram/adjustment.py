@@ -7,8 +7,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from relume.image.bands import in_threads
 from relume.image.colour import LUMINANCE_WEIGHTS, luminance
-from relume.image.kernel import in_threads
 from relume.virtual_camera.protocols import Adaptation
 from relume.virtual_camera.tone.display_range import DisplayRange
 from relume.virtual_camera.tone.histogram.curve import (
