@@ -36,7 +36,7 @@ def _made() -> Path:
     atexit.register(shutil.rmtree, made, ignore_errors=True)
     folder = Path(made)
     examples = folder / "examples"
-    for each in ("cornell_box", "whitted"):
+    for each in ("cornell_box", "spectral", "whitted"):
         shutil.copytree(ROOT / "examples" / each, examples / each)
         for path in (examples / each).glob("*.toml"):
             path.write_text(small_scene(path.read_text(encoding="utf-8")), encoding="utf-8")
