@@ -63,7 +63,7 @@ class Hat:
         return False
 
     def table(self, response: Response) -> np.ndarray:
-        """Weights (3, levels)."""
+        """Weights (3, levels) for the pixel values of a camera of that `response`."""
         return np.tile(hat(response.levels), (3, 1))
 
 
@@ -86,7 +86,7 @@ class InverseVariance:
     predicted: bool = True
 
     def table(self, response: Response) -> np.ndarray:
-        """Weights (3, levels)."""
+        """Weights (3, levels) for the pixel values of a camera of that `response`."""
         deviation = log_deviation(response)
         if response.levels == 256:
             counted = np.clip((hat(256) - self.guard) / self.fade, 0.0, 1.0)
@@ -103,7 +103,7 @@ def merge(
     weighting: Weighting = InverseVariance(),
     believed: np.ndarray | None = None,
 ) -> RadianceMap:
-    """Average all photographs into relative radiance by eq. 6: a weighted mean of ln E over the photographs.
+    """Average all photographs into relative radiance: a weighted mean of ln E over them (Debevec & Malik 1997, eq. 6).
 
     bracket : photographs of one view in register, of two exposures at least
     response : of the camera, of the photographs' depth

@@ -124,5 +124,5 @@ class Scene:
         return replace(self, objects=())
 
     def with_local(self, local: Iterable[Shape]) -> Scene:
-        """The same scene over other real surfaces."""
+        """The same scene over other real surfaces, `local`."""
         return replace(self, local=tuple(local))

@@ -105,8 +105,7 @@ def read_bracket(
 ) -> Bracket:
     """Read photographs into a bracket, each with the exposure of the strongest source that has it.
 
-    The order of sources is fixed: `times` or the names, a list beside the photographs, EXIF, the pixels
-    (`exposures.exposed`).
+    The order of the sources is fixed: `times` or the names, a list beside the photographs, EXIF, the pixels.
 
     paths : image files; their order does not matter but for `times` in seconds
     times : exposure time of each path in seconds, or the path of a file that lists them; replaces the whole EXIF

@@ -66,6 +66,7 @@ def deghost(bracket: Bracket, response: Response, *, method: Consistency = Consi
 
     bracket : aligned photographs; what is outside in one of them already stays outside and says nothing here
     response : with the noise of its pixel values
+    method : how far two frames may differ and still show the same
 
     Moving regions come from the reference, the frame with the fewest holes there: squares that it clips and no agreeing
     frame measures. A region of which another frame shows clearly more comes from that one, and what is white in all of

@@ -63,7 +63,11 @@ class Vignetting:
 
     @staticmethod
     def from_dict(table: Mapping[str, object]) -> Vignetting:
-        """The vignetting that `to_dict` wrote; raises ValueError for anything else."""
+        """The vignetting that `to_dict` wrote.
+
+        table : what it returned, as read from a file
+        Raises ValueError for anything else.
+        """
         try:
             coefficients, centre, deviation = (
                 tuple(float(v) for v in table[key])  # type: ignore[union-attr]
@@ -158,7 +162,11 @@ def recover_vignetting(
 
 
 def read_flat_fields(paths: Sequence[str | Path]) -> tuple[Vignetting, ...]:
-    """The vignetting in radiance maps of an evenly lit wall by one lens; empty without any. Raises UnreadableFile."""
+    """The vignetting in radiance maps of an evenly lit wall by one lens; empty without any.
+
+    paths : of the maps, several of one aperture or of several
+    Raises UnreadableFile; NotABracket for maps of no even wall.
+    """
     if not paths:
         return ()
     walls = [files.read_radiance(path) for path in paths]

@@ -26,7 +26,7 @@ LEAST_RISE = 1e-9
 
 @dataclass(frozen=True)
 class DebevecMalik:
-    """Minimises eq. 3 with the weights of eq. 4, each ln E replaced by its own best value.
+    """Minimises eq. 3 of Debevec & Malik 1997 with the weights of eq. 4, each ln E replaced by its own best value.
 
     smoothness : λ of eq. 3, per observed pixel. None takes what `smoothness_for` says for the photographs' exposures
     power_law : smooth the curve's departure from the power law that fits it best instead of the curve: encodings
@@ -58,6 +58,7 @@ class DebevecMalik:
         """The curve g (levels,), rising, 0 at the middle value, and its standard error (levels,).
 
         observed : at least one bracket's, of one channel
+        levels : how many pixel values there are, 256 or 65536
         The error is what noise alone does to the curve: from the scatter of the pixels' own equations about the
         solution (White 1980), so that neither equal nor known noise is assumed; what smoothing takes is not in it.
         """

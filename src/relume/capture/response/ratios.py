@@ -69,6 +69,7 @@ class Ratios:
 
         observed : for each channel the observations of every bracket
         names : a bracket each, the photographs' names
+        levels : how many pixel values there are, 256 or 65536
         A bracket of fewer than four telling exposures says nothing: with three, any one may be the wrong one. Where
         more than a third of the exposures stand out, which are right is not known: a warning, and none is corrected.
         """

@@ -133,9 +133,11 @@ def recover_reflectance(
         show them
     renderer : 64 rays a pixel are enough, because the light is smoothed; six bounces between real surfaces leave less
         than 0.5 % of the light out for albedos up to 0.4
+    seed : of the renders; the same gives the same reflectance
+    progress : called with the share of the work that is done, 0 to 1
 
     Albedos above 1 and below 0 are reported with their place: in the notes where they are few, else by a warning.
-    Raises ValueError where a surface is hardly seen or not lit.
+    Raises ValueError where a surface is hardly seen or not lit. Source: Debevec 1998, §7.
     """
     # Which pixels of the plate show which surface.
     wanted = [Recovery()] * len(scene.local) if wanted is None else wanted

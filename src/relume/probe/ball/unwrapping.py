@@ -211,6 +211,7 @@ def unwrap_ball(
     outline : taken exactly as given, as from `outline_through` or `outline_of_circle`; the rim is sought and followed
         as an ellipse unless given. Only a ball that is picked so may be cut by the picture's edge
     reflectance : of the ball, divided out of what it shows; 1 unless given
+    name : of the picture, for messages
     measured : whether radius and places are by tape measure, so that they say how large the ball is in the picture
     Raises BallNotFound; ValueError when neither focal length nor radius is given.
     """

@@ -65,6 +65,7 @@ def insert(
 ) -> Inserted:
     """Do the whole job and write composite.exr and .png, layers.exr, light.exr and response.json.
 
+    shot : as `read_shot` or `Shot.new` made it
     out : folder; stages kept there from an earlier run are used where nothing they depend on has changed, and an
         interrupted render is resumed
     renderer : Differential with the shot's settings unless given; of another renderer two pictures are subtracted
@@ -197,8 +198,11 @@ def prepare_shot(
 ) -> PreparedShot:
     """The shot ready to be rendered, for another program: all but the render is done, its stages kept in `out`.
 
+    shot : as `read_shot` or `Shot.new` made it
+    out : the folder that `insert` would write to; it is made where it is missing
     frame : of the shot's sequence. What all frames share, `insert_frames` then takes from `out`, in however many
         processes; each frame still has to measure a plate of its own. Unless given, the shot as if it had no sequence
+    progress : called with the name of each step and the share of it that is done, 0 to 1
     Raises RelumeError. Warns of doubtful measurements, and of objects that hover, sink or are far too large or small.
     """
     out = Path(out)

@@ -86,7 +86,7 @@ class SceneFile:
         return self.sequence.at(frame, self.scene, self.camera)
 
     def resized(self, width: int, height: int) -> SceneFile:
-        """The same at another size, at the same field of view across."""
+        """The same in a picture of `width` × `height` pixels, at the same field of view across."""
         return replace(self, camera=self.camera.resized(width, height))
 
     def under(self, light: EnvironmentMap) -> SceneFile:

@@ -31,6 +31,7 @@ def camera_from_grid(
 ) -> Camera:
     """Find a chequered board lying on the ground in a photograph and place the camera in its frame.
 
+    photograph : in which the whole board is seen
     squares : how many across and along, the squares counted and not the corners
     square : the side of one, metres
     focal_length : pixels; that of the photograph's EXIF unless given

@@ -85,10 +85,12 @@ class Film(Relative):
     ) -> Film:
         """The film in a camera at that shutter, aperture and ISO.
 
+        exposure : shutter, aperture and ISO
         response : of the camera; None for one that writes sRGB as its ISO number promises (ISO 12232, standard output:
             10 / S lx·s make 118 of 255), for pictures in cd/m². Needs f-number and ISO
         scale : cd/m² per relative unit of that response, for pictures in cd/m²; None for relative ones on the
             response's own scale
+        grain : that is added to the pixel values; None for none
 
         Raises NotABracket where f-number or ISO are needed and unknown, and ValueError for a scale without a response.
         """
