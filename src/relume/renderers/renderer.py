@@ -118,7 +118,7 @@ class ConstantRenderer(Renderer):
     radiance: tuple[float, float, float] = (1.0, 1.0, 1.0)
 
     def render(self, scene: Scene, camera: Camera, *, seed: int = 0, progress: Progress | None = None) -> Render:
-        """A flat picture of the camera's size."""
+        """A flat picture of the camera's size, by `Renderer.render`."""
         shape = (camera.height, camera.width)
         matte = np.zeros(shape, np.float32)
         if scene.objects:

@@ -50,6 +50,7 @@ class ShotRadiance:
 def merge_shot(shot: Shot, *, progress: Callable[[str, float], None] = lambda step, share: None) -> ShotRadiance:
     """Merge every bracket of a shot: the radiance that `insert` goes on with, before it is denoised.
 
+    shot : as `read_shot` or `Shot.new` made it
     progress : called with the name of each step and the share of it that is done
     Raises UnreadableFile, NotABracket, InvalidShot, also where the shot has finished maps alone.
     """

@@ -146,7 +146,7 @@ class RectangleLight:
 
 @dataclass(frozen=True)
 class AmbientLight:
-    """The same light from everywhere that nothing shadows: I_a of eq. 1 and 2.
+    """The same light from everywhere that nothing shadows: I_a of Whitted 1980, eq. 1 and 2.
 
     radiance : per channel; a diffuse surface of reflectance ρ adds ρ times this
     """

@@ -164,7 +164,7 @@ def recover_vignetting(
 def read_flat_fields(paths: Sequence[str | Path]) -> tuple[Vignetting, ...]:
     """The vignetting in radiance maps of an evenly lit wall by one lens; empty without any.
 
-    paths : of the maps, several of one aperture or of several
+    paths : of the maps, at one aperture
     Raises UnreadableFile; NotABracket for maps of no even wall.
     """
     if not paths:

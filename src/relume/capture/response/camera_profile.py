@@ -104,7 +104,7 @@ def write_profile(path: str | Path, profile: CameraProfile) -> None:
 def read_profile(path: str | Path) -> CameraProfile:
     """The profile in a file: relume's own, a response that relume wrote, or another program's curves.
 
-    path : .json of relume; curves of pfstools (.m) or hdrgen (.rsp)
+    path : a .json of relume, or the curves that pfstools or hdrgen wrote
     Raises ValueError, one line that names the file, for anything else.
     """
     path = Path(path)

@@ -68,7 +68,13 @@ class Sky:
         cls, latitude: float, longitude: float, time: datetime, turbidity: float = 3.0,
         ground: tuple[float, float, float] | float = 0.2, heading: float = 0.0,
     ) -> Sky:  # fmt: skip
-        """The sky over a place, degrees north and east, at a time with its offset from UTC; raises ValueError."""
+        """The sky over a place at a time.
+
+        latitude, longitude : degrees, north and east positive
+        time : with its offset from UTC
+        turbidity, ground, heading : as of the sky itself; one number of ground is grey
+        Raises ValueError, also where the sun is below the horizon there.
+        """
         grey = (ground, ground, ground) if isinstance(ground, int | float) else ground
         return cls(sun_position(latitude, longitude, time), turbidity, grey, heading)
 

@@ -30,7 +30,10 @@ from relume.light.editing.edits import energy
 
 
 def slice_sidecar(picture: str | os.PathLike[str]) -> Path:
-    """Where a slice's description lies: beside it, where no paint program touches it."""
+    """Where a slice's description lies: beside it, where no paint program touches it.
+
+    picture : the slice's file
+    """
     picture = Path(picture)
     return picture.with_name(picture.name + ".json")
 

@@ -101,7 +101,11 @@ def reflection_map(
 
 
 def reflection_maps(light: EnvironmentMap, specular: Lobe = Phong()) -> tuple[ReflectionMap, ReflectionMap]:
-    """The paper's two tables: D for Lambert, and S for a specular lobe, Phong's with n = 50 unless given."""
+    """The paper's two tables: D for Lambert, and S for a specular lobe (Miller & Hoffman 1984, §6).
+
+    light : in any mapping
+    specular : Phong's with n = 50 unless given
+    """
     return reflection_map(light, Lambert()), reflection_map(light, specular)
 
 

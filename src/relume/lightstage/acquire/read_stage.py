@@ -70,7 +70,9 @@ def stage_camera(
 ) -> Camera:
     """Where a camera of a stage stands and looks, whether the stage has pictures of it or not.
 
-    camera : the one of its pictures unless given; width, height : of the pictures it takes, where the file names it
+    path : as of `read_stage`
+    camera : its name in the stage file; the one of the pictures unless given
+    width, height : pixels of the picture that a named camera takes
     Raises as `read_stage` does, and InvalidStage for a stage that names no camera.
     """
     if camera is not None and not is_url(path) and (Path(path) / STAGE_FILE).is_file():

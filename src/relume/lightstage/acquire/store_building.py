@@ -69,6 +69,7 @@ def build_store(
 ) -> None:
     """Write a field as a store, or go on with one that was cut short.
 
+    field : what is written
     path : a folder, or an fsspec URL
     dtype : float16 unless given, which keeps every value to 1 in 2000 down to 4·10⁻⁹ (2⁻²⁸) of the largest of its own
         picture, and smaller ones to 2·10⁻¹² (2⁻³⁹) of that; float32 keeps all; uint8 holds 255 steps up to the largest

@@ -62,16 +62,16 @@ class LampPrimaries:
 
     @staticmethod
     def white(maximum: float = np.inf) -> LampPrimaries:
-        """Lamps that can only be dimmed; intensity 1 is irradiance (1, 1, 1)."""
+        """Lamps that can only be dimmed; intensity 1 is irradiance (1, 1, 1), and `maximum` the highest intensity."""
         return LampPrimaries(("white",), np.ones((1, 3)), maximum)
 
     @staticmethod
     def rgb(maximum: float = np.inf) -> LampPrimaries:
-        """Lamps of any colour; intensities are the irradiance's own R, G and B."""
+        """Lamps of any colour; intensities are the irradiance's own R, G and B, up to `maximum`."""
         return LampPrimaries(("red", "green", "blue"), np.eye(3), maximum)
 
     def nearest(self, colours: ArrayLike) -> np.ndarray:
-        """Intensities (…, P), at least 0 and without a maximum, whose colour is nearest to linear RGB (…, 3).
+        """Intensities (…, P), at least 0 and without a maximum, whose colour is nearest to linear RGB `colours` (…, 3).
 
         Nearest in the sum of squares, by non-negative least squares (Lawson & Hanson 1974, chapter 23).
         """
@@ -83,7 +83,7 @@ class LampPrimaries:
         return found.reshape(*wanted.shape[:-1], len(self))
 
     def beyond_gamut(self, colours: ArrayLike, weights: ArrayLike) -> float:
-        """The share of colours (…, 3) that no mix of the primaries makes, 0 where all can be made.
+        """The share of `colours` (…, 3) that no mix of the primaries makes, 0 where all can be made.
 
         The distance to the nearest mix over the length of the colour, both summed with weights (…).
         """

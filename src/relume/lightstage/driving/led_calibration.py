@@ -99,6 +99,7 @@ def calibrate_primaries(
 ) -> LampCalibration:
     """The primaries of lamps from what a camera sees of white under each, E = π·L/ρ.
 
+    patches : what the camera sees of white, and of others, under each LED alone
     to_rec709 : (3, 3) from the camera's colours to linear Rec. 709, as `camera_to_rec709` finds it; none unless given,
         as pictures that relume reads are in Rec. 709 already
     maximum : as of `LampPrimaries`

@@ -47,12 +47,12 @@ class SurfaceSubject:
         return LatLong().solid_angles(self.rows).ravel() / (4 * np.pi)
 
     def lit_by(self, lights: StageLights) -> np.ndarray:
-        """What is seen per unit irradiance of each light, (M, N)."""
+        """What is seen per unit irradiance of each of the stage's `lights`, (M, N)."""
         towards = pixel_directions(LatLong(), self.rows).reshape(-1, 3)
         return self.lobe(np.clip(towards @ lights.directions.T, -1, 1))
 
     def under(self, light: EnvironmentMap) -> np.ndarray:
-        """What is seen under a map, (M, 3)."""
+        """What is seen under a map, `light`: (M, 3)."""
         source = cut_up(as_latlong(light), self.lobe.width / 2)
         return convolved(source, self.lobe, self.rows)[0].reshape(-1, 3)
 
@@ -92,7 +92,7 @@ class MeasuredSubject:
         return np.moveaxis(np.tensordot(self._values, shares, (1, 1)), 1, 2)
 
     def under(self, light: EnvironmentMap) -> np.ndarray:
-        """What is seen under a map, (M, 3)."""
+        """What is seen under a map, `light`: (M, 3)."""
         return np.einsum("pfc,fc->pc", self._values, irradiances(self.field.lights, light, self.by))
 
     @cached_property

@@ -162,6 +162,7 @@ class Work:
 def estimate_work(field: ReflectanceField, memory: int, more_seconds: float = 0.0) -> Work:
     """What reading the field takes; the time is that of some rows, times the rest.
 
+    field : whose pictures would be read
     memory : bytes that may be used
     more_seconds : of other work
     """

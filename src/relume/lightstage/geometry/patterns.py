@@ -93,6 +93,9 @@ class ProjectorPatterns:
 def write_patterns(folder: str | os.PathLike[str], patterns: ProjectorPatterns) -> tuple[Path, ...]:
     """Write the pictures to project as PNG files into a folder, and projector.json, which the photographs need too.
 
+    folder : made where it is missing
+    patterns : the projector's
+
     Codes are sRGB's, as projectors show pictures. Returns the files. Raises OutputNotWritten.
     """
     place = Path(folder)

@@ -29,6 +29,8 @@ def film_for(picture: RadianceMap, stops: float = 0.0) -> Film:
 def write_picture(path: str | os.PathLike[str], picture: RadianceMap, stops: float = 0.0) -> None:
     """Write a radiance map as it is to .exr and .hdr, developed to .png and .jpg.
 
+    path : .exr, .hdr, .png or .jpg
+    picture : the radiance map
     stops : by which developed pictures are brighter than `film_for` makes them
     Raises OutputNotWritten.
     """

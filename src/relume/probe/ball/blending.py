@@ -80,7 +80,7 @@ class Probe:
         return picture_html(self.light.radiance, facts)
 
     def share(self, mark: int) -> float:
-        """The share of all light (luminance) that comes from where the map is marked so in `clipped`.
+        """The share of all light (luminance) that comes from where the map has this `mark` in `clipped`.
 
         Of what is SATURATED it is a lower bound, and as much again is missing if the lamps are twice as bright.
         """
@@ -99,6 +99,7 @@ def blend_views(
 ) -> Probe:
     """Register the views of a ball to the first and blend them into a lat-long environment map.
 
+    views : of one ball, each with its camera
     size : rows of the map; 512 is what a ball 600 pixels wide resolves
     registration : how the views are laid on one another; unless given the places of their cameras are taken as given,
         to a tape measure's uncertainty

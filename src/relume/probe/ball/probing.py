@@ -181,7 +181,12 @@ def probe_ball(
 
 
 def write_probe(path: str | os.PathLike[str], probe: Probe) -> None:
-    """Write the environment map; an EXR has layers `clipped` and `confidence`, 0 to 1. Raises OutputNotWritten."""
+    """Write the environment map; an EXR has layers `clipped` and `confidence`, 0 to 1.
+
+    path : .exr or .hdr
+    probe : as `blend_views` or `probe_ball` made it
+    Raises OutputNotWritten.
+    """
     path = Path(path)
     picture = as_radiance_map(probe.light)
     if path.suffix.lower() == ".hdr":

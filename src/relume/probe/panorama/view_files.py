@@ -143,6 +143,7 @@ def known_orientations(
 ) -> dict[Path, KnownOrientation]:
     """The orientation of every view that one of the three gives.
 
+    paths : of the views, in order
     faces : names of a cube's faces (`FACES`), one for each view
     turn : degrees to the right from each view to the next
     table : .csv with the columns `COLUMNS`; it need not name all views

@@ -98,7 +98,11 @@ class FilmCalibration:
     blind: Continuation
 
     def of_frame(self, film: int, number: int) -> list[Take]:
-        """The takes that a film's frame holds."""
+        """The takes that a film's frame holds.
+
+        film : its number, from 0
+        number : of the frame, from 0
+        """
         phase = number % self.courses[film].period
         return [take for take in self.takes if take.film == film and take.phase == phase]
 

@@ -41,7 +41,11 @@ class Steadying:
         return self.after
 
     def steadied(self, maps: Iterable[MomentMap], tables: LightTables) -> Iterator[Callable[[], MomentMap]]:
-        """What makes each map with its neighbours, one after another; at the film's ends there are fewer."""
+        """What makes each map with its neighbours, one after another; at the film's ends there are fewer.
+
+        maps : of the film, frame by frame
+        tables : that turn pixel values to light
+        """
         held: list[MomentMap] = []
         at = 0  # of the next to be given, among those held
         for each in maps:

@@ -81,7 +81,10 @@ class BakedPlace:
     unit: str = "relative"
 
     def known(self, index: int) -> tuple[np.ndarray, np.ndarray]:
-        """Points (N, 3) and radiance (N, 3) of the seen texels of a mesh, or of all meshes where it has none."""
+        """Points (N, 3) and radiance (N, 3) of the seen texels of a mesh, or of all meshes where it has none.
+
+        index : of the mesh, from 0
+        """
         parts = [self.parts[index]] if self.parts[index].seen.any() else self.parts
         return (
             np.concatenate([part.points[part.seen] for part in parts]).astype(np.float64),

@@ -74,6 +74,7 @@ def interpolate_probes(
 ) -> InterpolatedLight:
     """Join the maps of several probes of one place to the light that a probe at `at` would see.
 
+    probes : two or more, in one unit and one world
     at : metres, world; the middle of the probes unless given. For a scene at infinity, where the objects stand
     distant : the shape of the place. Each point of it takes its radiance from the maps that show it, each looked up
         from its own position, by how finely it shows the point (cos θ / distance²) and how near its view is to that
@@ -81,7 +82,7 @@ def interpolate_probes(
 
     Lamps that hang before the walls are found where two maps show them, and put where they are. Raises ValueError for
     no probes, maps of different units, two at one place, places outside of the distant scene, and an open mesh.
-    Source: Debevec 1998, §5.1 and Fig. 5; Debevec, Taylor & Malik 1996, §5.
+    Source: Debevec 1998, §5.1 and Fig. 5; Debevec, Taylor & Malik 1996 (view-dependent texture mapping).
     """
     middle = np.mean([probe.position for probe in probes], axis=0) if at is None and len(probes) else at
     wanted = (0.0, 0.0, 0.0) if middle is None else (float(middle[0]), float(middle[1]), float(middle[2]))

@@ -67,6 +67,7 @@ def draw_brdf(
     scene : a scene file, for its materials
     title : the material's name unless given
     samples : rays a pixel of the balls
+    seed : of the balls' random numbers
     progress : called with the share of the work that is done
     dry_run : check everything and draw nothing
     Raises ValueError for a name that is none or another suffix, UnreadableFile, InvalidScene, UnsupportedScene for

@@ -215,7 +215,9 @@ def undistorted(camera: Camera) -> Camera:
 def reprojected(picture: np.ndarray, seen_by: Camera, wanted: Camera) -> np.ndarray:
     """A picture (H, W) or (H, W, C) as another camera at the same place would have taken it, float32.
 
-    seen_by : the camera of `picture`; wanted : the camera whose lens or turn the result has
+    picture : (H, W) or (H, W, C)
+    seen_by : the camera of `picture`
+    wanted : the camera whose lens or turn the result has
     With `wanted = undistorted(seen_by)` the distortion is undone, the other way round it is redone.
     Bilinear, so that nothing gets brighter or darker than its neighbours; NaN where `picture` does not reach.
     Raises ValueError for a picture of another size than its camera, and for cameras at different places.

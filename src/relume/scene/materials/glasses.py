@@ -112,7 +112,11 @@ def of_abbe(ior: float, dispersion: float) -> Cauchy:
 
 
 def glass_named(name: str) -> Glass:
-    """The glass of that name; raises ValueError that lists the names where there is none."""
+    """The glass of a name, of `GLASSES`.
+
+    name : as glass catalogues have it, like "N-BK7"
+    Raises ValueError that lists the names where there is none.
+    """
     if name not in GLASSES:
         raise ValueError(f"no glass {name!r}; there are {', '.join(GLASSES)}")
     return GLASSES[name]

@@ -50,7 +50,10 @@ class MeasuredBRDF:
             )
 
     def evaluate(self, one: np.ndarray, other: np.ndarray) -> np.ndarray:
-        """f (…, 3) of pairs of unit vectors (…, 3) in the surface's frame; 0 below it; between entries linear."""
+        """f (…, 3) in 1/sr for light from one direction to the other; 0 below the surface; between entries linear.
+
+        one, other : (…, 3) unit, in the surface's frame, whose z is its normal
+        """
         one, other = np.broadcast_arrays(np.asarray(one, float), np.asarray(other, float))
         sizes = np.array(self.values.shape[:3])
         theta_h, theta_d, phi_d = half_and_difference(one, other)
@@ -84,6 +87,8 @@ def half_and_difference(one: np.ndarray, other: np.ndarray) -> tuple[np.ndarray,
 
 def read_merl(path: str | os.PathLike[str]) -> MeasuredBRDF:
     """Read a `.binary` file of the MERL BRDF database: 90 × 90 × 180 values of red, of green and of blue.
+
+    path : the file
 
     Entries below 0 mark what was not measured, as what lies under the surface: they take the value of the nearest
     smaller θd that was measured, else of the nearest smaller θh.

@@ -67,7 +67,10 @@ class Metal:
         return fresnel(np.asarray(cosines, np.float64)[..., None], n, k)
 
     def colour(self, cosines: np.ndarray) -> np.ndarray:
-        """(..., 3) what is reflected of white light (D65), linear Rec. 709; above 1 where outside of its colours."""
+        """(..., 3) what is reflected of white light (D65), linear Rec. 709; above 1 where outside of its colours.
+
+        cosines : (…) of the angle of incidence
+        """
         return colour_of(self.reflectance(cosines))
 
     @property
@@ -111,7 +114,11 @@ def _fitted(metal: Metal) -> tuple[Colour, Colour]:
 
 
 def metal_named(name: str) -> Metal:
-    """The metal of that chemical symbol or name; raises ValueError that lists them where there is none."""
+    """The metal of a name, of `METALS`.
+
+    name : a chemical symbol, like "Au", or an English name
+    Raises ValueError that lists them where there is none.
+    """
     found = next((metal for symbol, metal in METALS.items() if name in (symbol, metal.name)), None)
     if found is None:
         names = ", ".join(f"{symbol} ({metal.name})" for symbol, metal in METALS.items())

@@ -175,6 +175,7 @@ Solid = Mesh | Sphere | Polygon | Patches
 def read_patches(path: str | Path) -> np.ndarray:
     """Control points (P, 4, 4, 3) of a .bpt file: the number of patches, then each one's degrees and 16 points.
 
+    path : the file, .bpt
     Raises UnreadableFile when the file is missing or is no such list.
     """
     path = Path(path)

@@ -119,6 +119,7 @@ class Defocus(Relative):
     def apply(self, radiance: np.ndarray, view: View) -> np.ndarray:
         """Radiance (H, W, 3) float32 with what is out of focus blurred.
 
+        radiance, view : (H, W, 3) float32 in the picture's unit, and the picture's view (`VirtualCamera.view`)
         Raises ValueError without a depth map, and for discs that are wider than the picture.
         """
         # Numba is imported only where a kernel is used.

@@ -46,11 +46,15 @@ class BlackWhitePoint(Relative):
         return float(np.log(255) / np.log(255 * self.white / self.black))
 
     def adapt(self, radiance: np.ndarray, view: View) -> Adaptation:
-        """Nothing: both points are given, not measured."""
+        """Nothing: both points are given, whatever `radiance` and `view` are."""
         return Adaptation(np.zeros(0))
 
     def display_values(self, radiance: np.ndarray, view: View, adaptation: Adaptation) -> np.ndarray:
-        """Linear values that the sRGB curve turns into the filter's pixel values; brighter than `white` exceeds 1."""
+        """Linear values that the sRGB curve turns into the filter's pixel values; brighter than `white` exceeds 1.
+
+        radiance, view, adaptation : (H, W, 3) float32 in the picture's unit, the picture's view (`VirtualCamera.view`),
+            and what `adapt` returned
+        """
         from relume.virtual_camera.film.float_table import mapped, tabulated
 
         # By logarithms: a steep power of a bright light is more than any float holds.

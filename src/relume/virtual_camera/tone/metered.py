@@ -28,7 +28,10 @@ class LinearExposure(ABC):
 
     @abstractmethod
     def gain(self, adaptation: Adaptation, view: View) -> float:
-        """Display values per unit of radiance."""
+        """Display values per unit of radiance.
+
+        adaptation, view : what `adapt` returned, and the picture's view (`VirtualCamera.view`)
+        """
 
     def adapt(self, radiance: np.ndarray, view: View) -> Adaptation:
         """Nothing: (0,)."""
@@ -68,7 +71,7 @@ class MeteredExposure(LinearExposure, Relative):
             raise ValueError(f"grey is {self.grey}; expected a display value above 0, or None")
 
     def adapt(self, radiance: np.ndarray, view: View) -> Adaptation:
-        """The exposure that a meter asks for in front of radiance (H, W, 3)."""
+        """The exposure that a meter asks for in front of `radiance` (H, W, 3)."""
         from relume.virtual_camera.tone.luminance_statistics import light_sum, log_average, percentiles
 
         # The percentile is of what is above 0: it is 0 where nothing is.
@@ -81,7 +84,10 @@ class MeteredExposure(LinearExposure, Relative):
         return Adaptation(np.log([max(gains)]))
 
     def gain(self, adaptation: Adaptation, view: View) -> float:
-        """Display values per unit of radiance."""
+        """Display values per unit of radiance.
+
+        adaptation, view : what `adapt` returned, and the picture's view (`VirtualCamera.view`)
+        """
         return float(np.exp(adaptation.values[0]))
 
 
@@ -99,7 +105,10 @@ class FixedExposure(LinearExposure, Relative):
             raise ValueError(f"display_per_radiance is {self.display_per_radiance}; expected a positive number")
 
     def gain(self, adaptation: Adaptation, view: View) -> float:
-        """Display values per unit of radiance."""
+        """Display values per unit of radiance.
+
+        adaptation, view : what `adapt` returned, and the picture's view (`VirtualCamera.view`)
+        """
         return self.display_per_radiance
 
 

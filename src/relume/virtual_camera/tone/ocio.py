@@ -67,7 +67,10 @@ class Ocio(Relative):
             raise ValueError(f'looks is "{self.looks}"; expected a tuple of names, as ("{self.looks}",)')
 
     def adapt(self, radiance: np.ndarray, view: View) -> Adaptation:
-        """values (1,): the natural logarithm of what is shown as middle grey, in the picture's unit."""
+        """values (1,): the natural logarithm of what is shown as middle grey, in the picture's unit.
+
+        radiance, view : (H, W, 3) float32 in the picture's unit, and the picture's view (`VirtualCamera.view`)
+        """
         from relume.virtual_camera.tone.luminance_statistics import log_average
 
         grey = log_average(radiance) if self.grey is None else self.grey
@@ -76,6 +79,7 @@ class Ocio(Relative):
     def display_values(self, radiance: np.ndarray, view: View, adaptation: Adaptation) -> np.ndarray:
         """Linear display values (H, W, 3) float32.
 
+        radiance, adaptation : (H, W, 3) float32 in the picture's unit, and what `adapt` returned
         Raises ValueError where OpenColorIO is missing, its configuration cannot be read or does not know linear
         Rec. 709, for a display, view or look that it does not have, and for a view whose code values have no known
         decoding.

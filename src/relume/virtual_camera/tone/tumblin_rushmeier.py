@@ -31,14 +31,18 @@ class TumblinRushmeier(Absolute):
     screen: DisplayRange = DisplayRange()
 
     def adapt(self, radiance: np.ndarray, view: View) -> Adaptation:
-        """What an eye before radiance (H, W, 3) is adapted to: exp of the mean of ln(L + 2.3e-5), cd/m²."""
+        """What an eye before `radiance` (H, W, 3) is adapted to: exp of the mean of ln(L + 2.3e-5), cd/m²."""
         from relume.virtual_camera.tone.luminance_statistics import log_average
 
         scale = view.luminance_scale
         return Adaptation(np.log([log_average(radiance, NEAR_BLACK / scale) * scale]))
 
     def display_values(self, radiance: np.ndarray, view: View, adaptation: Adaptation) -> np.ndarray:
-        """Display values (H, W, 3) whose luminances, with the screen's black, are those of `screen_luminance`."""
+        """Display values (H, W, 3) whose luminances, with the screen's black, are those of `screen_luminance`.
+
+        radiance, view, adaptation : (H, W, 3) float32 in the picture's unit, the picture's view (`VirtualCamera.view`),
+            and what `adapt` returned
+        """
         from relume.virtual_camera.tone.luminance_curve import curved
 
         adapted = float(np.exp(adaptation.values[0]))

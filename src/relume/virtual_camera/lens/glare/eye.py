@@ -120,7 +120,10 @@ class EyeGlare:
         return self.adaptation is None
 
     def apply(self, radiance: np.ndarray, view: View) -> np.ndarray:
-        """Radiance (H, W, 3) float32 as it arrives on the retina, in its unit."""
+        """Radiance (H, W, 3) float32 as it arrives on the retina, in its unit.
+
+        radiance, view : (H, W, 3) float32 in the picture's unit, and the picture's view (`VirtualCamera.view`)
+        """
         adaptation = self.adaptation or _rounded(view.settled or seen_luminance(radiance, view))
         reach = float(np.hypot(*radiance.shape[:2]))
         spread = _last_point_spread(self, adaptation, view.focal_length, view.seed, reach)
@@ -135,7 +138,10 @@ class EyeGlare:
         return np.array([shares[0] + shares[3] - halo, shares[1], shares[2], halo])
 
     def point_spread(self, adaptation: float, view: View, reach: float) -> PolarSpread:
-        """The point spread at an adaptation in cd/m², for pixels up to `reach` away."""
+        """The point spread at an `adaptation` in cd/m², for pixels up to `reach` away.
+
+        view : of the picture, by `VirtualCamera.view`
+        """
         # Shares of the light, and the needles of the ciliary corona.
         shares = self.shares(adaptation)
         focal, reach = view.focal_length, max(reach, INTEGRATED * 2.0)

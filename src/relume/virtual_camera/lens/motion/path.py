@@ -65,16 +65,26 @@ class HomographyPath(Relative):
     def along(
         cls, matrix_at: Callable[[float], np.ndarray], keys: int, *, shutter: Shutter | None = None
     ) -> HomographyPath:
-        """The path that a function of the time, −½ to ½, gives as a (3, 3) matrix, sampled at `keys` even times."""
+        """The path that a function of the time, −½ to ½, gives as a (3, 3) matrix, sampled at `keys` even times.
+
+        matrix_at : (3, 3) at a time from −½ to ½
+        shutter : how the light is shared out over that time
+        """
         matrices = np.stack([np.asarray(matrix_at(float(time)), np.float64) for time in np.linspace(-0.5, 0.5, keys)])
         return cls(matrices, shutter=shutter or Shutter())
 
     def apply(self, radiance: np.ndarray, view: View) -> np.ndarray:
-        """Radiance (H, W, 3) float32 that the sensor gathers."""
+        """Radiance (H, W, 3) float32 that the sensor gathers.
+
+        radiance, view : (H, W, 3) float32 in the picture's unit, and the picture's view (`VirtualCamera.view`)
+        """
         return _along(self, radiance, np.empty((0, 0), np.float32))
 
     def coverage(self, shape: tuple[int, int], view: View) -> np.ndarray:
-        """The share (H, W) float32 of a pixel's light that a picture of that shape (rows, columns) shows."""
+        """The share (H, W) float32 of a pixel's light that a picture of that shape (rows, columns) shows.
+
+        view : the picture's view (`VirtualCamera.view`)
+        """
         known = np.empty(shape, np.float32)
         _along(self, np.zeros((*shape, 3), np.float32), known)
         return known
@@ -123,11 +133,17 @@ class TurningCamera(Relative):
         return HomographyPath.along(matrix_at, keys, shutter=self.shutter)
 
     def apply(self, radiance: np.ndarray, view: View) -> np.ndarray:
-        """Radiance (H, W, 3) float32 that the sensor gathers."""
+        """Radiance (H, W, 3) float32 that the sensor gathers.
+
+        radiance, view : (H, W, 3) float32 in the picture's unit, and the picture's view (`VirtualCamera.view`)
+        """
         return self.path((radiance.shape[0], radiance.shape[1]), view.focal_length).apply(radiance, view)
 
     def coverage(self, shape: tuple[int, int], view: View) -> np.ndarray:
-        """The share (H, W) float32 of a pixel's light that a picture of that shape (rows, columns) shows."""
+        """The share (H, W) float32 of a pixel's light that a picture of that shape (rows, columns) shows.
+
+        view : the picture's view (`VirtualCamera.view`)
+        """
         return self.path(shape, view.focal_length).coverage(shape, view)
 
 
