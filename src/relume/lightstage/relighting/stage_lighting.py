@@ -65,8 +65,7 @@ class StageLighting:
         return replace(self, rotation=rotation if self.rotation is None else rotation @ self.rotation)
 
     def turntable(self, frames: int) -> tuple[StageLighting, ...]:
-        """The light of each of `frames` pictures while maps and light sets turn once about the vertical, right-handed.
-        """
+        """The light of each of `frames` while maps and light sets turn once about the vertical, right-handed."""
         turns = 2 * np.pi * np.arange(frames) / frames
         return tuple(self.rotated(rotation_about((0.0, 1.0, 0.0), turn)) for turn in turns)
 

@@ -63,7 +63,7 @@ class Ferwerda(Absolute):
             raise ValueError(f"percentile is {self.percentile}; expected more than 0 and at most 100")
 
     def adapt(self, radiance: np.ndarray, view: View) -> Adaptation:
-        """What cones and rods before `radiance` (H, W, 3) are adapted to in the end."""
+        """What cones and rods before `radiance` (H, W, 3), of that `view`, are adapted to in the end."""
         bright = percentiles(radiance, self.percentile)[0] * view.luminance_scale
         mean = REC709.to_xyz() @ light_sum(radiance)[0]
         rods_per_cones = float(scotopic_luminance(mean)) / mean[1] if mean[1] > 0 else 1.0

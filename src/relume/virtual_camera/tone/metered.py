@@ -71,7 +71,7 @@ class MeteredExposure(LinearExposure, Relative):
             raise ValueError(f"grey is {self.grey}; expected a display value above 0, or None")
 
     def adapt(self, radiance: np.ndarray, view: View) -> Adaptation:
-        """The exposure that a meter asks for in front of `radiance` (H, W, 3)."""
+        """The exposure that a meter asks for in front of `radiance` (H, W, 3), a picture of that `view`."""
         from relume.virtual_camera.tone.luminance_statistics import light_sum, log_average, percentiles
 
         # The percentile is of what is above 0: it is 0 where nothing is.
@@ -131,7 +131,10 @@ class CameraExposure(LinearExposure, Absolute):
         saturation_luminance(self.exposure)
 
     def gain(self, adaptation: Adaptation, view: View) -> float:
-        """Display values per unit of radiance."""
+        """Display values per unit of radiance.
+
+        adaptation, view : what `adapt` returned, and the picture's view (`VirtualCamera.view`)
+        """
         white = saturation_luminance(self.exposure)
         if not self.saturating:
             white *= STANDARD_OUTPUT / SATURATING / _GREY

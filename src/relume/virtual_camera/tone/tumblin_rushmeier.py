@@ -31,7 +31,7 @@ class TumblinRushmeier(Absolute):
     screen: DisplayRange = DisplayRange()
 
     def adapt(self, radiance: np.ndarray, view: View) -> Adaptation:
-        """What an eye before `radiance` (H, W, 3) is adapted to: exp of the mean of ln(L + 2.3e-5), cd/m²."""
+        """What an eye before `radiance` (H, W, 3), of that `view`, is adapted to: exp mean ln(L + 2.3e-5), cd/m²."""
         from relume.virtual_camera.tone.luminance_statistics import log_average
 
         scale = view.luminance_scale
