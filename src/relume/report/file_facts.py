@@ -28,16 +28,16 @@ NO_EXTRAS = ("dev", "docs")
 
 
 def describe(path: str | os.PathLike[str], options: ReadOptions = ReadOptions()) -> dict[str, Any]:
-    """What a file holds, in plain values that JSON can hold: see `relume.image.files.description.describe`.
+    """What a file holds, in plain values that JSON can hold.
 
     path : of a picture, a map, a mesh or a store
     options : limits, and how what a file leaves open is understood
 
-    The places "brightest" and "lone" of a map have a "direction" besides, None where the map has no directions:
-    azimuth and elevation, degrees to the right of −Z and up from level; the name of the mapping; and whether it is
-    assumed, because only the shape says that the map is equirectangular (lat-long).
-    A mesh (.glb, .gltf, .obj, .ply, .stl, USD) has its triangles, materials and its extent in metres.
-    A store of maps (.zarr) has those of `store_facts`: frames, rate, unit, whether variance is there.
+    The places "brightest" and "lone" of a map have a "direction" besides, None where the map has no directions: azimuth
+    and elevation, degrees to the right of −Z and up from level, and the name of the mapping. It is marked as assumed
+    where only the shape says that the map is equirectangular (lat-long). A mesh (.glb, .gltf, .obj, .ply, .stl, USD)
+    has its triangles, materials and its extent in metres. A store of maps (.zarr) has its frames, rate and unit, and
+    whether variance is there.
     Raises UnreadableFile.
     """
     if is_map_store(path):

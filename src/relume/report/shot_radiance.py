@@ -35,8 +35,8 @@ class ShotRadiance:
     names : "plate", "ball 1", … of the brackets; a plate that is a radiance map is none
     brackets : merged, in that order
     cameras : what is known of each camera, by its name
-    residuals : for each bracket, by the names of its photographs: the stops by which the light that a photograph shows
-        departs from the mean of the others, the median over places that both show well; None where there are too few
+    residuals : for each bracket, by the names of its photographs: by how many stops the light that one shows departs
+        from the mean of the others. It is the median over places that both show well; None where there are too few
     doubts : what the user should know, what matters most first
     """
 

@@ -95,7 +95,7 @@ class VirtualCamera:
         picture : what will be developed
         field_of_view : horizontal, radians, below π
         luminance_scale : cd/m² per unit of a relative map. Where a step asks for cd/m² and none is given, such a map is
-            taken to have the log mean SUPPOSED_LUMINANCE, with a warning
+            taken to have the log mean 100 cd/m², as of a lit room, with a warning
         depth : (H, W) metres along the viewing axis, for blur by depth; None where unknown
         motion : (H, W, 2) pixels right and down while the shutter is open, for blur by motion; None where unknown
         seed : of grain and all else that is drawn at random
@@ -175,7 +175,7 @@ class VirtualCamera:
             map does not change from frame to frame. Every frame has its own grain
         frames_per_second : of the sequence, so that the adaptation knows how much time goes by
         settling : seconds after which the adaptation has gone 63 % of its way to a new light. 0.4 is slower than the
-            cones (0.08 s, `ferwerda.INTO_LIGHT`), so that flashing lamps do not pump the picture, and fast enough to
+            cones (0.08 s), so that flashing lamps do not pump the picture, and fast enough to
             follow a camera that goes through a door; 0 adapts to each frame alone
         A black frame keeps the adaptation of the frames before it. Raises ValueError for a rate that is not above 0, a
         negative settling or too few views, and as `tone_map`.

@@ -65,9 +65,9 @@ def find_brackets(folders: Iterable[str | os.PathLike[str]], out: str | os.PathL
     folders : of photographs, or of folders of them
     out : folder for the maps
 
-    A photograph that cannot be read spoils the bracket in whose run of names it lies, or a whole folder where it
-    lies in none: a bracket is never merged without one of its photographs. Beside camera raws encoded photographs are
-    left out, with a warning. Raises NotABracket for a folder without photographs.
+    A photograph that cannot be read spoils the bracket in whose run of names it lies; where it lies in none, the whole
+    folder. A bracket is never merged without one of its photographs. Beside camera raws encoded photographs are left
+    out, with a warning. Raises NotABracket for a folder without photographs.
     """
     out = Path(out)
     groups: list[tuple[Path, ...]] = []

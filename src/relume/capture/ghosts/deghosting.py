@@ -69,8 +69,8 @@ def deghost(bracket: Bracket, response: Response, *, method: Consistency = Consi
     method : how far two frames may differ and still show the same
 
     Moving regions come from the reference, the frame with the fewest holes there: squares that it clips and no agreeing
-    frame measures. A region of which another frame shows clearly more comes from that one, and what is white in all of
-    them and nearly as bright, but not white, in a frame of another moment from that frame. Every pixel keeps a frame.
+    frame measures. A region of which another frame shows clearly more comes from that one. What is white in all of them
+    comes from a frame of another moment that shows it nearly as bright, but not white. Every pixel keeps a frame.
     Raises NotABracket where the response is of another depth.
     """
     from relume.capture.ghosts.kernel import disagreement, square_bounds

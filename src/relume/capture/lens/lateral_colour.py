@@ -92,11 +92,11 @@ def recover_lateral_colour(picture: RadianceMap) -> LateralColour:
 
     picture : a radiance map with many edges in it
 
-    In squares of 16 pixels red, on a scale that is even below the median and logarithmic above, is taken for a factor
-    times green and a constant, and what is left for a shift along
-    the radius: two numbers for the whole picture, by weighted least squares, with outliers counted less (Huber 1964).
-    Coloured edges that lie all round the middle alike would be taken for it. Raises ValueError for a picture without
-    enough edges, or one whose channels differ by more than lenses do.
+    In squares of 16 pixels red is taken for a factor times green and a constant, on a scale that is even below the
+    median and logarithmic above. What is left is a shift along the radius: two numbers for the whole picture, by
+    weighted least squares, with outliers counted less (Huber 1964). Coloured edges that lie all round the middle alike
+    would be taken for it. Raises ValueError for a picture without enough edges, or one whose channels differ by more
+    than lenses do.
     """
     light = picture.radiance.astype(np.float64)
     usable = np.all(light > DARKEST * float(light.max(initial=0)), axis=-1)

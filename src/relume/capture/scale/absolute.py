@@ -135,8 +135,8 @@ def scale_from_spot(
     picture : a radiance map in relative units
     x, y : column and row of the pixel in the middle of the spot, from 0 at the top left
     reading : cd/m²
-    radius : pixels of the disc whose mean is compared; `spot_radius` gives a 1° field's where the focal length is
-        known; a few pixels average noise and keep within what a person would point at
+    radius : pixels of the disc whose mean is compared; a few average noise and keep within what a person would point
+        at. A spot meter sees 1°: half of that is 0.0087 times the focal length in pixels
     deviation : relative, of the meter
 
     Unevenness within the disc counts as uncertainty: spot and disc never coincide.

@@ -164,7 +164,7 @@ class SpotReading:
 
     x, y : pixel in the middle of the spot
     luminance : cd/m²
-    radius : pixels; a 1° field's unless given, or `SPOT_RADIUS` where the focal length is unknown
+    radius : pixels; unless given that of a 1° field, or 4 where the focal length is unknown
     """
 
     x: int

@@ -40,7 +40,7 @@ def move_lights(
 
     light : the map whose lights are wanted
     before : of the map before, which says how many there are; None for the first map
-    count, start : of the first map, as `moving_constellation` has them
+    count, start : of the first map: how many lights, and the regions that k-means begins with
     """
     if before is None:
         before = constellation(light, count, KMeans(500, start, SETTLED))

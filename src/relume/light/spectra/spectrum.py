@@ -71,7 +71,7 @@ def rgb_matching() -> np.ndarray:
 
 @lru_cache
 def illuminant(name: str) -> Spectrum:
-    """A standard illuminant of the CIE: A (a filament), E (even), and those of `ILLUMINANT_NAMES`.
+    """A standard illuminant of the CIE: A (a filament), E (even), D50, D65, F2, F11 and others.
 
     name : like "D65"
     Raises ValueError that lists them for any other.

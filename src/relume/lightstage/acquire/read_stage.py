@@ -31,8 +31,8 @@ def read_stage(path: str | os.PathLike[str], camera: str | None = None, *, kept:
     path : a folder with a `stage.json` or a single `.lp`, such a file itself, or a store that was imported, which may
         be named by an fsspec URL
     camera : whose pictures, where the stage file names several; the first that it lists unless given
-    kept : bytes of decoded pictures held in memory, so that blocks of rows need not read all files anew; 0 where each
-        light is asked for once
+    kept : bytes of decoded pictures held in memory, so that blocks of rows need not read all files anew; 0 suits a
+        field whose lights are asked for once
     Raises InvalidStage where there is neither, where pictures are missing, and for a camera that the stage does not
     have; UnreadableFile. Warns of pictures that no light names, and of a stage file's `target`, on which only an import
     measures the lights.

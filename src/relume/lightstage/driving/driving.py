@@ -35,7 +35,7 @@ class LampPrimaries:
 
     names : of the primaries, unique, like ("red", "green", "blue", "white")
     irradiance : (P, 3) float64, linear RGB that a primary of intensity 1 gives a surface at the subject that faces the
-        lamp, in the unit of the map that will be shown times sr; a primary outside Rec. 709 has negative numbers
+        lamp. Its unit is that of the map that will be shown, times sr; a primary outside Rec. 709 has negative numbers
     maximum : the highest intensity; infinite where none is known
     """
 
@@ -131,9 +131,9 @@ def drive(
 ) -> Drive:
     """The intensities under which a subject looks most as under an environment map, by bounded least squares.
 
-    The sum over the subject of (seen under the lamps − seen under the map)² is least, plus `closeness` times how far
-    each lamp is from what its cell of the map holds, as a share of that: of all settings that look alike, which on a
-    matte subject there are many, the one nearest to the map. Convex, so there is one answer.
+    Two terms together are least: the sum over the subject of (seen under the lamps − seen under the map)², and
+    `closeness` times how far each lamp is from what its cell of the map holds, as a share of that. On a matte subject
+    many settings look alike; of these it is the one nearest to the map. Convex, so there is one answer.
 
     lights : the stage's lamps
     light : the map that they shall light like

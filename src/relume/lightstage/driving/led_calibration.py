@@ -66,8 +66,8 @@ class LampCalibration:
     primaries : as `drive` takes them
     mixing : (P, 3) float64, intensities = wanted irradiance @ mixing.T, the least that make it; of three primaries the
         only ones. Below 0 where no mix of light makes the colour; `LampPrimaries.nearest` then is the nearest
-    condition : of the primaries' colours, each of length 1: by how much an error of the wish grows in the lamps; 1
-        where each LED is one channel's alone, infinite where the camera sees fewer than three colours
+    condition : of the primaries' colours, each of length 1: by how much an error of the wanted colour grows in the
+        lamps. 1 where each LED is one channel's alone, infinite where the camera sees fewer than three colours
     crosstalk : (P,) the share of each primary that is not in its strongest channel
     twins : the two primaries that are most alike, and the angle between their colours, radians; None of a single one
     """

@@ -82,9 +82,10 @@ def environment_matte(patterns: Patterns) -> EnvironmentMatte:
 
     patterns : pictures of the subject before stripes, black and white, as `read_patterns` gives them
 
-    The brightness of the backdrop's white, 1 in every backdrop it is composited over, is what the camera sees of it
-    straight through, a quadratic over the picture, so that a screen or lens darker at its edges does no harm. Where
-    nothing is seen straight through it is the brightest percent of pixels, with a warning, and coverage is 1.
+    The brightness of the backdrop's white is what the camera sees of it straight through, a quadratic over the picture,
+    so that a screen or lens darker at its edges does no harm. It is the 1 of every backdrop that the subject is
+    composited over. Where nothing is seen straight through it is the brightest percent of pixels, with a warning, and
+    coverage is 1.
 
     Raises ValueError for patterns out of order. Source: Zongker et al. 1999; Debevec et al. 2000, appendix.
     """

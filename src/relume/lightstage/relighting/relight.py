@@ -76,8 +76,8 @@ def relight(
 
     Without a mesh the picture is the sum of the stage's pictures, each times what its light has to give (Debevec et
     al. 2000, eq. 4), interpolated smoothly between the lights. Where these are few, or on one side alone, a Lambertian
-    fit of each pixel stands for what no light shows (`diffuse_fit`). With a mesh direct light is fitted to each pixel,
-    so that shadows and highlights stand where the light is. The variance is that of the plain sum.
+    fit of each pixel stands for what no light shows. With a mesh direct light is fitted to each pixel, so that shadows
+    and highlights stand where the light is. The variance is that of the plain sum.
 
     stage : a reflectance field, or where one lies, as `read_stage` takes it
     light : an environment map, or all that shines on the subject

@@ -31,7 +31,7 @@ def write_picture(path: str | os.PathLike[str], picture: RadianceMap, stops: flo
 
     path : .exr, .hdr, .png or .jpg
     picture : the radiance map
-    stops : by which developed pictures are brighter than `film_for` makes them
+    stops : by which developed pictures are brighter than they would be, with all but the brightest pixels below white
     Raises OutputNotWritten.
     """
     if Path(path).suffix.lower() in (".exr", ".hdr"):

@@ -99,7 +99,7 @@ def write_surface(
     maps : as `measure_surface` found them
     meshes : of the subject, metres, in the stage's frame
     camera : that the maps were taken with; needed with meshes
-    Returns the files. Raises ValueError as `write_material`, OutputNotWritten.
+    Returns the files. Raises ValueError where no mesh has anything of the maps, OutputNotWritten.
     """
     place = Path(folder)
     if meshes and camera is None:

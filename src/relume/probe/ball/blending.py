@@ -50,8 +50,8 @@ class Probe:
     gains : how many times as bright as the first each view was
     unseen_solid_angle : steradians that no view saw, so that they were filled in
     mirrored_at : (h, 2·h, 3) float32, a coarse lat-long map of where on the ball each direction was mirrored, in radii
-        from its centre, the mean of the views as they were blended: the light of a direction d was seen along
-        d − nearness · mirrored_at, from there. None for a map that no ball shows
+        from its centre; the mean of the views as they were blended. The light of a direction d was seen from there,
+        along d − nearness · mirrored_at. None for a map that no ball shows
     shares : (N, h, 2·h) float32, of each view the share that it has in a direction's light, as coarsely; they add up to
         1, and to 0 where no view saw. None for a map that no ball shows
     """

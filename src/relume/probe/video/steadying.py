@@ -25,7 +25,7 @@ class Steadying:
     before, after : frames that count beside each, the farther the less. After it none count in a live picture: the
         filter's latency is `after` frames. One each unless given, which halves noise and waits for one frame
     A pixel of a neighbour counts by 1/(1 + d⁴), d its difference in units of three deviations of its noise and 1 % of
-    its radiance (a bilateral filter over time): what moved by as much as a pixel is another light and is left out.
+    its radiance (a bilateral filter over time). What moved by as much as a pixel is another light and is left out.
     """
 
     before: int = 1

@@ -77,14 +77,14 @@ def insert(
     force : for programs that own their process: ends it at once, with `os._exit`, where native code keeps Python from
         doing so. Called in a thread of its own, 4 s after a first Ctrl-C, with the signal's number and what to say
     preview : a quick look instead: over a small copy of the plate with few rays, written to preview.exr and .png. What
-        it finds in the photographs is kept for the job itself, and a second look takes a few seconds; it writes a rough
-        picture first, and then says so as the step "first picture"
+        it finds in the photographs is kept for the job itself. A second look takes a few seconds. A rough picture comes
+        first, and the step "first picture" says when
     cluster : workers that trace the passes, as `run_tasks` takes them, or the parts of a large plate; all else is done
         here. All see `out` by the same path. The bits are those of one process; None renders here
     about : the place, shares of the picture's width and height, whose surroundings previews show first; the step
         "around the pointer" says when. The result is the same
 
-    `report.write_report` makes a page of the result. Raises RelumeError; nothing is written to `out` but kept stages
+    `write_report` makes a page of the result. Raises RelumeError; nothing is written to `out` but kept stages
     and previews before everything is computed.
     """
     out = Path(out)

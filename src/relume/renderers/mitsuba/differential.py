@@ -63,8 +63,9 @@ class Differential(PathTracing):
     variant : Mitsuba's variant; chosen for this machine unless given. A scalar one renders two pictures with the same
         random numbers and subtracts them
     threads : all cores unless given; the pixels do not depend on it
-    quick : for a picture that is looked at while it changes: all samples in one pass where memory allows, for to start
-        a pass of few takes longer than to trace it, and few of depth, normals and albedo. The variance is then unknown
+    quick : for a picture that is looked at while it changes. All samples go in one pass where memory allows, for to
+        start a pass of few takes longer than to trace it; depth, normals and albedo get few. The variance is then
+        unknown
     """
 
     quick: bool = False

@@ -49,7 +49,7 @@ LOOK_UPS = 8
 class Prefiltered(Renderer):
     """Reflection maps: a few look-ups a pixel, however much the surroundings hold.
 
-    filter : how pixels read the maps (`prefiltered.filters`); pre-integrated sums keep small lights whole
+    filter : how pixels read the maps; pre-integrated sums unless given, which keep small lights whole
     background : show the light behind the objects, as the other renderers do; False leaves all black but the objects,
         for matting over a plate
     threads : all cores unless given; the pixels do not depend on it

@@ -49,7 +49,7 @@ class InterpolatedLight:
 
     light : lat-long map, as a probe at `position` would have it; over the distant scene it lights all other places too
     position : metres, world
-    lamps : those that hang before the walls, which the map shows as well; `free_lamp` takes them out again
+    lamps : those that hang before the walls, which the map shows as well
     lamps_seen : (lamps,) the share of each that the map shows, 0 to 1: the rest hides behind parts of the distant scene
     variance : of the light's radiance, from the probes' own; None unless each has one. Without the lamps' light
     shares : (probes,) of the light that each gave
@@ -77,8 +77,8 @@ def interpolate_probes(
     probes : two or more, in one unit and one world
     at : metres, world; the middle of the probes unless given. For a scene at infinity, where the objects stand
     distant : the shape of the place. Each point of it takes its radiance from the maps that show it, each looked up
-        from its own position, by how finely it shows the point (cos θ / distance²) and how near its view is to that
-        from `at`. At infinity the maps are mixed by 1 / distance² from `at`, and near light has no parallax
+        from its own position. A map counts by how finely it shows the point (cos θ / distance²) and how near its view
+        is to that from `at`. At infinity the maps are mixed by 1 / distance² from `at`, and near light has no parallax
 
     Lamps that hang before the walls are found where two maps show them, and put where they are. Raises ValueError for
     no probes, maps of different units, two at one place, places outside of the distant scene, and an open mesh.

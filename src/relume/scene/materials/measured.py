@@ -29,8 +29,8 @@ _HEADER = 12
 class MeasuredBRDF:
     """An isotropic surface as it was measured: f in 1/sr by half and difference angle.
 
-    values : (H, D, P, 3) float32, 0 or more, linear Rec. 709. Entry i of H is the middle of √(2θh/π) from i/H to
-        (i + 1)/H, so that the entries are densest at the highlight; of D and P of θd from 0 to π/2 and φd from 0 to π
+    values : (H, D, P, 3) float32, 0 or more, linear Rec. 709. Entry i of H is the middle of √(2θh/π) from i/H to (i +
+        1)/H, so that the entries are densest at the highlight. D goes over θd from 0 to π/2, P over φd from 0 to π
     name : for messages
     """
 

@@ -17,9 +17,10 @@ def files_beside_mesh(path: str | Path) -> tuple[str, ...]:
 
     path : of the mesh, the .mtl or the layer
 
-    Of a glTF its buffers and pictures, of an OBJ its .mtl, of a .mtl the picture of its base colour, which is what is
-    read of it, of a USD file its layers and pictures, in which <UDIM> stands for a number. A .usdz holds all it needs,
-    as do PLY and STL. Raises UnreadableFile where the file is missing or damaged, or OpenUSD is not installed.
+    Of a glTF these are its buffers and pictures; of an OBJ its .mtl; of a .mtl the picture of its base colour, which is
+    all that is read of it; of a USD file its layers and pictures, in which <UDIM> stands for a number. A .usdz holds
+    all it needs, as do PLY and STL. Raises UnreadableFile where the file is missing or damaged, or OpenUSD is not
+    installed.
     """
     path, kind = Path(path), Path(path).suffix.lower()
     if not path.is_file():

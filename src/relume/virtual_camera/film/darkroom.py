@@ -27,8 +27,8 @@ class Darkroom:
 
     negative : the film
     paper : what it is printed on; None to look at the film itself, as one does with a slide. Its clear part is white
-    exposure : shutter and f-number of the camera, for pictures whose cd/m² are known; None to expose by a light meter,
-        which makes the log mean of the picture what the film's speed says a meter's reading gets
+    exposure : shutter and f-number of the camera, for pictures whose cd/m² are known. None exposes by a light meter:
+        the log mean of the picture gets the exposure that the film's speed gives a meter's reading
     stops : longer than that; "varying only the negative exposure time" (Cachelin)
     print_stops : longer exposure of the paper than that which prints the meter's grey as 0.18: darker
     frame : µm, longer side of the picture on the film; decides how large grain and halation show

@@ -88,7 +88,7 @@ class Defocus(Relative):
     blades : of the iris; a round opening if not given
 
     Every pixel is spread over its own disc, within a sixteenth of a pixel of its radius, and all discs are added front
-    to back, so that nothing sharp is smeared over what is behind it, while what is blurred before it covers it softly.
+    to back. So nothing sharp is smeared over what is behind it, while what is blurred before it covers it softly.
     Behind near things the background goes on as beside them: a picture does not show what they hide. A plane at one
     depth keeps its light, lamps and all; near an edge some is covered and some uncovered, as by a lens, so the sum may
     change. At the border the picture goes on as its mirror image, so no dark frame appears.

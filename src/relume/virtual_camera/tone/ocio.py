@@ -43,8 +43,8 @@ _BAND = 64
 class Ocio(Relative):
     """A view of an OpenColorIO configuration; needs the extra `ocio`.
 
-    config : its file, or the name of a built-in one as "ocio://cg-config-v2.2.0_aces-v1.3_ocio-v2.4" (ACES 1.3); None
-        for what the environment variable OCIO names, as in every program that uses it, else for `ocio://default`
+    config : its file, or the name of a built-in one as "ocio://cg-config-v2.2.0_aces-v1.3_ocio-v2.4" (ACES 1.3). None
+        takes what the environment variable OCIO names, as every program does that uses it, else `ocio://default`
     display, view : None for the configuration's default ones
     looks : applied to the scene before the view, in order
     grey : luminance, in the picture's unit, that the view is given as middle grey, 0.18; None for the picture's log

@@ -37,12 +37,13 @@ class HomographyPath(Relative):
 
     Between key times a pixel goes straight and evenly. Along its path the bilinear interpolation of radiance is summed
     in steps of about half a pixel or less. Radiance stays the same along a ray, so its mean over time is what the
-    sensor gathers: even light stays even, and what is kept of a source is the sum of radiance × solid angle, not that
-    of pixel values, where homographies change the size of things: to 1e-4 for lights of a few pixels. A single point on
-    a line that a turn leaves in place may differ by its change of scale there, for so bilinear weights do. Pixels are
+    sensor gathers: even light stays even. Where homographies change the size of things, what is kept of a source is the
+    sum of radiance × solid angle, not that of pixel values: to 1e-4 for lights of a few pixels. A single point on a
+    line that a turn leaves in place may differ by its change of scale there, for so bilinear weights do. Pixels are
     averaged over the time for which the picture shows what they saw (`coverage`); those that never saw it are black.
-    Raises ValueError for matrices of another shape, not finite or singular, and for times that do not rise from
-    −½ to ½; when applied, for a path on which a corner of the picture is not before the camera at a key time.
+    Raises ValueError for matrices of another shape, not finite or singular, and for times that do not rise from −½ to
+    ½. When applied, raises ValueError for a path on which a corner of the picture is not before the camera at a key
+    time.
     """
 
     matrices: np.ndarray
@@ -101,8 +102,8 @@ class TurningCamera(Relative):
 
     The picture given shows the middle of the exposure. Every pixel follows the arc that the view's focal length gives,
     about the picture's middle, to 0.02 pixels or better; for what is kept see HomographyPath, of which this is one.
-    Raises ValueError for an angle that is not finite, and for a turn of more than half a circle; when applied, for one
-    that takes a corner of the picture behind the camera, with the largest that does not.
+    Raises ValueError for an angle that is not finite, and for a turn of more than half a circle. When applied, raises
+    ValueError for a turn that takes a corner of the picture behind the camera, and names the largest that does not.
     """
 
     yaw: float
