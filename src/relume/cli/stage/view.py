@@ -21,7 +21,9 @@ def view(
     *,
     mesh: Annotated[
         Path | None,
-        Parameter(help="A mesh of the subject in the stage's frame, metres: .glb, .obj, .ply; the stage's own."),
+        Parameter(
+            help="A mesh of the subject in the stage's frame, metres: .glb, .obj, .ply; the stage's own unless given."
+        ),
     ] = None,
     out: Annotated[
         Path, Parameter(alias="-o", help="The picture: .exr (with alpha and what no camera saw), .hdr, .png or .jpg.")
@@ -40,7 +42,9 @@ def view(
     ] = None,
     camera: Annotated[
         list[str] | None,
-        Parameter(negative="", help="A camera of the stage whose pictures are used; again for each; the first."),
+        Parameter(
+            negative="", help="A camera of the stage whose pictures are used, again for each; the first unless given."
+        ),
     ] = None,
     measured: Annotated[
         bool,

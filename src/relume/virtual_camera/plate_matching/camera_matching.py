@@ -77,8 +77,8 @@ def match_camera(
     picture : what is to be developed, rendered without a lens of its own; its unit says whether exposures hold for it,
         and it is metered where none do
     profile : the camera's profile, or its response alone; None for sRGB, with a line in the facts
-    clean : (H, W, 3) the plate's values without noise, not rounded, from which its grain is measured; from
-        denoising unless given
+    clean : (H, W, 3) the plate's values without noise, not rounded, from which its grain is measured; unless
+        given its own flat patches are looked at
 
     The plate's EXIF exposure counts where picture and camera are on one scale. A picture in cd/m² needs a camera with
     f-number and ISO, or a measured scale. A relative picture needs a response, on whose scale merging puts radiance.
