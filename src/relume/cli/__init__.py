@@ -12,8 +12,8 @@ COMMANDS = {
     "merge": "Merge differently exposed photographs into one radiance map.",
     "probe": "Turn photographs of a mirrored ball into an environment map.",
     "panorama": "Stitch perspective photographs into an environment map.",
-    "convert": "Convert pictures between formats, and environment maps between mappings; turn them, lay them out "
-    "for a program.",
+    "convert": "Convert pictures between formats, environment maps between mappings; turn maps, lay them out for "
+    "programs.",
     "model": "Model a place from edges marked in photographs: cameras and blocks, found together.",
     "edit": "Edit radiance maps in linear light, or through any painting program.",
     "sky": "Make the light of a clear day: sky and sun by place, date and hour, in cd/m².",

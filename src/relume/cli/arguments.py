@@ -108,10 +108,7 @@ class MapsOptions:
     ] = None
     interpolation: Annotated[
         Literal["linear", "none"] | None,
-        Parameter(
-            help="Of a folder of maps: linear mixes the radiance of two neighbours, none keeps each map "
-            "until the next; linear unless given."
-        ),
+        Parameter(help="Of a folder of maps: linear between two, or none, each until the next; linear unless given."),
     ] = None
 
     def sequence(self, folder: Path, mapping: rl.mappings.Mapping | None = None, *, clamp: bool = False):

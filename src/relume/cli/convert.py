@@ -49,8 +49,7 @@ class FormatOptions:
     """What the name of the output does not say."""
 
     half: Annotated[
-        bool,
-        Parameter(group=FORMAT, negative="", help="Store 16 bits a value in an .exr; 32 where 16 would lose too much."),
+        bool, Parameter(group=FORMAT, negative="", help="16 bits a value in an .exr; 32 where 16 lose too much.")
     ] = False
     float_: Annotated[
         bool,

@@ -64,10 +64,9 @@ def panorama(
     orientations: Annotated[
         Path | None,
         Parameter(
-            help="A table, .csv, in degrees, with the columns name, yaw (to the right), pitch (up), roll "
-            "(clockwise) and, where it is known, field. Views that it does not name are matched. Where the "
-            "two groups share nothing, as under a clear sky, yaw counts from the first view that is matched, "
-            "and pitch from the horizon found."
+            help="A table, .csv, in degrees: columns name, yaw (right), pitch (up), roll (clockwise) and, where it is "
+            "known, field. Views that it does not name are matched. Where the two groups share nothing, as under a "
+            "clear sky, yaw counts from the first matched view, and pitch from the horizon that is found."
         ),
     ] = None,
     match: Annotated[

@@ -184,12 +184,12 @@ def render(
         RENDERERS | None,
         Parameter(
             converter=_renderer,
-            help="mitsuba: light transport by path tracing. prefiltered: prefiltered environment maps (reflection "
-            "maps), without noise and without shadows. whitted: shadows, mirrors and glass by recursive ray "
-            "tracing (Whitted 1980). For teaching: radiosity and irradiance-cache render diffuse surfaces, "
-            "photon-map these with mirrors, glass and fog. Unless given, what the scene file and the options "
-            "need: whitted for a [whitted] table, its materials and ambient light; prefiltered for mirror, "
-            "glossy, retroreflector and glass; else mitsuba.",
+            help="mitsuba: path tracing. prefiltered: prefiltered environment maps (reflection maps), without "
+            "noise and without shadows. whitted: shadows, mirrors and glass by recursive ray tracing (Whitted "
+            "1980). For teaching: radiosity and irradiance-cache for diffuse surfaces, photon-map for these "
+            "with mirrors, glass and fog. Unless given, what the scene file and the options need: whitted for "
+            "a [whitted] table, its materials and ambient light; prefiltered for mirror, glossy, "
+            "retroreflector and glass; else mitsuba.",
         ),
     ] = None,
     light: Annotated[
