@@ -12,9 +12,10 @@ INDENTED = re.compile(r"(?m)(?<=\n\n)(?: {4}.*\n|\n)+")
 COMMENT = re.compile(r"<!--.*?-->", re.S)
 COLONS = re.compile(r"(?ms)^ *(:{3,})\{.*?^ *\1 *$")
 NAME = "§"
-"""What stands for a piece of code in a line."""
+"""What stands for a piece of code, or a formula, in a line."""
 CODE = re.compile(r"`[^`]*`")
-FORMULA = re.compile(r"\$\$.*?\$\$|\$[^$\n]+\$", re.S)
+DISPLAYED = re.compile(r"\$\$.*?\$\$", re.S)
+FORMULA = re.compile(r"\$[^$\n]+\$")
 IMAGE = re.compile(r"!\[[^\]]*\]\([^)]*\)")
 LINK = re.compile(r"\[([^\]]*)\]\([^)]*\)")
 ROLE = re.compile(r"\{[\w:-]+\}")
@@ -27,7 +28,7 @@ VOWELS = re.compile(r"[aeiouyà-öø-ÿ]+")
 SILENT = re.compile(
     r"(?<=[^aeiouy])e$|(?<=[^aeiouytd])ed$|(?<=[^aeiouysxzcg])(?<![cs]h)es$|(?<=[^aeiouy])e(?=ly$|ment|ful|less|where)"
 )
-SPOKEN = re.compile(r"[^aeiouyl]le[sd]?$|[^aeiouy]sms?$|tres?$|rythm|rithm")
+SPOKEN = re.compile(r"[^aeiouyl]le[sd]?$|[^aeiouy]sms?$|tres?$|rithm")
 APART = re.compile(
     r"(?<![cstg])i[ao](?!u)|tio$|i(?:um|us|er$|ent|est$|ence)|[^q]ua[lt]|u[aeio]n[ct]|uous|[^aeiou]eo(?!p)|crea[^s]|linea|area"
     r"|real?i|[a-z][aeo]y[aeiou]|[aeio]ing$"
@@ -37,8 +38,8 @@ APART = re.compile(
 def grade(page: str) -> float:
     """The Flesch-Kincaid grade of a page: the years at school that a native reader needs.
 
-    It is 0.39 words per sentence + 11.8 syllables per word − 15.59 (Kincaid et al. 1975). A piece of code in a line
-    makes its sentence one word longer, without syllables of its own; numbers count as none.
+    It is 0.39 words per sentence + 11.8 syllables per word − 15.59 (Kincaid et al. 1975). A piece of code, or a
+    formula, in a line makes its sentence one word longer, without syllables of its own; numbers count as none.
 
     page : the page's text, in Markdown
     """
@@ -73,7 +74,7 @@ def _split(paragraph: str) -> Iterator[str]:
 def paragraphs(page: str) -> Iterator[str]:
     """The paragraphs and items of a page: no blocks of code, tables, headings, formulas or addresses of links."""
     text = COLONS.sub("\n", COMMENT.sub("", FENCE.sub("\n\n", INDENTED.sub("\n", page))))
-    text = CODE.sub(NAME, LINK.sub(r"\1", ROLE.sub("", IMAGE.sub("", FORMULA.sub("", text)))))
+    text = CODE.sub(NAME, LINK.sub(r"\1", ROLE.sub("", IMAGE.sub("", FORMULA.sub(NAME, DISPLAYED.sub("", text))))))
     lines: list[str] = []
     for line in [*text.splitlines(), ""]:
         item = ITEM.match(line)
