@@ -48,7 +48,7 @@ class LightSequence:
     """Environment maps one after the other.
 
     paths : files, in order; the first is at 0 s
-    rate : maps a second
+    rate : maps a second; 24 as of a cinema film
     interpolation : "linear" in radiance between two maps, or "none", the earlier map until the next
     mapping : where the files do not store it
     clamp : set negative pixels to 0, with a warning

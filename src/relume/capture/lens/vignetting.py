@@ -114,7 +114,7 @@ def recover_vignetting(
         one side), which is taken out. Several with different slopes, the camera turned between them, also show
         where the falloff is centred; one alone can hardly
     f_number : kept with the result
-    terms : coefficients of r², r⁴, …
+    terms : coefficients of r², r⁴, …; 3 as lens profiles have, since more would follow the wall's own unevenness
 
     Blocks' medians are fitted in ln radiance; blocks with marks are found by a robust loss and do not count.
     Raises NotABracket for pictures of different sizes, mostly clipped, or of no even surface; warns where they are

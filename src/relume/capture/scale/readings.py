@@ -72,7 +72,7 @@ def scale_from_luminaire(
     region : (H, W) bool, the luminaire's pixels
     radiance : its luminance, cd/m², for one factor in all channels; or linear Rec. 709 (r, g, b) in cd/m², for a factor
         a channel, which balances the colours as well (§2.6)
-    deviation : relative, of the luminaire
+    deviation : relative, of the luminaire; 0.02 as of a calibrated one
     """
     known = _colour("radiance", (radiance,) * 3 if np.isscalar(radiance) else radiance)
     patch = measured_patch(picture, region)

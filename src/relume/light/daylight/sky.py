@@ -163,7 +163,7 @@ def sky(
 
     description : where the sun stands, how hazy the air is, what the ground reflects
     mapping : lat-long unless given
-    size : rows
+    size : rows; 512 make pixels of 0.35°, finer than the sun's disc
     dome : whether sky and ground are in it
     sun : whether the sun's disc is in it; the ground is lit by it either way. Both maps apart add up to the whole: the
         disc's light goes to the pixels that show it, all of it, however coarse they are

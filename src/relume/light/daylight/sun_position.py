@@ -53,7 +53,8 @@ def sun_position(
 
     latitude, longitude : degrees, as maps write them, north and east positive
     time : with its offset from UTC, years 1900 to 2100
-    pressure, temperature : of the air, hPa and °C, for refraction; no pressure, no refraction
+    pressure, temperature : of the air, hPa and °C, for refraction; sea level's on a cool day unless given. No pressure,
+        no refraction
 
     Raises ValueError for a place or a time that is none, and for a time without an offset.
     """

@@ -27,7 +27,7 @@ def reflect_each(
 
     lights : environment maps one after the other
     out : the folder, made where it is missing
-    rate : pictures a second, from the first map to the last
+    rate : pictures a second, from the first map to the last; 24 as of a cinema film
     wanted : as `write_reflection_maps`
     dry_run : check names and maps, and write nothing
     cluster : None makes them in this process; else as `run_tasks` takes it

@@ -50,7 +50,7 @@ class ClippedPixels:
 class SunDisc:
     """In a round disc in the middle of the clipped pixels, for a sun whose surroundings clipped with it.
 
-    diameter : radians, the sun's; never finer than one pixel
+    diameter : radians; 0.53°, the sun's, unless given, and never finer than one pixel
     """
 
     diameter: float = SUN_DIAMETER

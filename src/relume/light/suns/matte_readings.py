@@ -96,8 +96,8 @@ def measure_grey_ball(
 
     picture : exposed like the map whose sun is to be recovered
     albedo : of the ball, 0 to 1, one number or linear Rec. 709 (r, g, b)
-    camera : (3,), metres from the ball's centre
-    radius : of the ball, metres
+    camera : (3,), metres from the ball's centre; a metre before it unless given
+    radius : of the ball, metres; 0.05 unless given
     circle : the ball's rim, column, row and radius in pixels; found in the picture unless given
     name : of the picture, for messages
     Raises BallNotFound.

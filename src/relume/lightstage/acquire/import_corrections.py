@@ -44,7 +44,7 @@ class Corrections:
     mask : white where samples are invalid: one picture, whose pixels stay black, or a folder with one a light, whose
         samples are filled from neighbouring lights
     flare : samples where a light shines into the lens, and its flare, are invalid
-    lamp_diameter : apparent diameter of the lamps, radians, for `flare`
+    lamp_diameter : apparent diameter of the lamps, radians, for `flare`; 2° unless given
     bars : the shadow of the stage's own bar is invalid
     noise : of the pictures; estimated from them unless given
     estimate_noise : else, where `noise` is not given, the noise stays unknown

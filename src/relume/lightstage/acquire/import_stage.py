@@ -57,7 +57,7 @@ class ImportSettings:
     encoding : of photographs: srgb, linear or a response file; as stage.json says, else srgb
     corrections : of the pictures; its `target` is that of stage.json unless given
     dtype : how values are kept; "8bit" with a scale for each picture
-    memory : bytes for pictures
+    memory : bytes for pictures; 2 GiB unless given
 
     Raises ValueError for what cannot go together.
     """

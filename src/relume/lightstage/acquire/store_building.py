@@ -74,7 +74,7 @@ def build_store(
     dtype : float16 unless given. It keeps every value to 1 in 2000, down to 4·10⁻⁹ (2⁻²⁸) of the largest of its own
         picture, and smaller ones to 2·10⁻¹² (2⁻³⁹) of that. float32 keeps all. uint8 holds 255 steps up to the largest
         value of each light's picture, which is fit for what came from 8 bits
-    max_memory : bytes for the pictures of a group and their chunks
+    max_memory : bytes for the pictures of a group and their chunks; 1 GiB unless given
     progress : called with the part that is done
     made_from : what the values depend on beside lights, camera and noise: options, the pictures' sizes and times. A
         store that was cut short is gone on with only where it is the same

@@ -61,7 +61,8 @@ def layered_reflection(
     layers : from the surface down; the last is infinite
     incidence, viewing : radians from the normal, signed, in one plane
     photons : for each angle of incidence
-    ior : index of refraction of the layers to the air's; what the interface itself reflects is not part of it
+    ior : index of refraction of the layers to the air's, 1.4 as of skin; what the interface itself reflects is not part
+        of it
     seed : of the photons' ways
     The same seed gives the same numbers. Raises ValueError for no layer, unless the last is infinite, and where layers
     differ in their number of wavelengths.

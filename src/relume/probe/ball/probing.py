@@ -39,7 +39,7 @@ off: of a real ball 40 pixels wide, of which 38 % was seen."""
 class ProbeSettings:
     """How views of a ball become an environment map.
 
-    size : rows of the map
+    size : rows of the map; 512 is what a ball 600 pixels wide resolves
     radius : of the ball in metres, where the EXIF has no focal length
     distance : metres from the cameras to the ball's centre, instead of the length of their places
     reflectance : of the ball

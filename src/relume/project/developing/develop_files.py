@@ -56,7 +56,7 @@ class DevelopSettings:
     match : a photograph whose camera it shall be: exposure, vignetting, sharpness, grain
     options : how files are read
     repair : replace NaN and infinite radiance by the pixels around it, with a warning
-    frames_per_second, settling : of sequences; see `VirtualCamera.tone_map_frames`
+    frames_per_second, settling : of sequences, with the defaults of `VirtualCamera.tone_map_frames`
     """
 
     preset: CameraPreset = field(default_factory=CameraPreset)

@@ -32,8 +32,9 @@ RING, DOT = 0.06, 0.12
 class IrradianceCache(Renderer):
     """An irradiance cache, for scenes of diffuse surfaces (Ward, Rubinstein & Clear 1988).
 
-    error : a, which decides how far a record may be used: up to a times the harmonic mean of the distances that it sees
-    rays : from each record; noise falls with their root
+    error : a, which decides how far a record may be used: up to a times the harmonic mean of the distances that it
+        sees. Smaller is finer and slower
+    rays : from each record; their noise falls with the root of their number
     nearest, farthest : shares of the scene's longest side between which that mean is kept
     bounces : reflections by surfaces on the way from direct light to what is seen; 0 shows direct light alone
     shadow_rays : from each sample of a pixel to lamps, and as many to the map

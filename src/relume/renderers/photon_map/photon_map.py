@@ -48,7 +48,7 @@ class PhotonMap(Renderer):
     """Photon mapping (Jensen 1996), for teaching and comparison: even surfaces, smooth mirrors and glass, fog.
 
     photons : sent in each pass for the global map; where glass or mirrors are, as many at them for the caustic map
-    neighbours : photons in the disc of a density estimate
+    neighbours : photons in the disc of a density estimate; fewer are noisier, more blur
     gather : rays of final gathering from each point in each pass; 0 shows the global map itself
     shadows : shadow rays to each lamp with a size, from each point in each pass
     passes : each sends photons anew, and one ray a pixel

@@ -112,7 +112,8 @@ def bake(
     photographs : of radiance in one unit
     texel : metres; as fine as the photographs show a quarter of the surface, unless given
     largest : texels along a side of a texture; a finer one gets coarser. 2048² are 50 MB of float32 colour
-    views : photographs that a texel is blended of at most
+    views : photographs that a texel is blended of at most; 3, as triangles of views are blended (Debevec, Yu &
+        Borshukov 1998)
 
     Holes are filled from the nearest known texels of the same mesh, by inverse squared distance (Shepard 1968).
     Raises ValueError for no meshes, no photographs, units that differ, photographs that show none of the meshes, and a

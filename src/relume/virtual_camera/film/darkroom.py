@@ -31,7 +31,8 @@ class Darkroom:
         the log mean of the picture gets the exposure that the film's speed gives a meter's reading
     stops : longer than that; "varying only the negative exposure time" (Cachelin)
     print_stops : longer exposure of the paper than that which prints the meter's grey as 0.18: darker
-    frame : µm, longer side of the picture on the film; decides how large grain and halation show
+    frame : µm, longer side of the picture on the film; decides how large grain and halation show. That of 35 mm film,
+        36 mm, unless given
 
     Its `Adaptation` is the ln of the log mean luminance, cd/m² or relative; empty with an exposure of its own.
     Raises ValueError for an exposure without f-number, or with another ISO number than the film's.
