@@ -58,7 +58,7 @@ def check_shot(shot: Shot, *, progress: Callable[[str, float], None] = lambda st
     Of a shot with a sequence all frames are checked to have their plates, cameras and maps of light. The first is
     looked at, and the estimate is of all, as if each were the first.
     shot : as `read_shot` or `Shot.new` made it
-    progress : called with the name of each step and the share of it that is done
+    progress : called with the name of each step and the share of it that is done, 0 to 1
     Raises RelumeError for what `insert` would refuse of it.
     """
     found: list[Doubt] = []

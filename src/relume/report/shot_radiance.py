@@ -51,7 +51,7 @@ def merge_shot(shot: Shot, *, progress: Callable[[str, float], None] = lambda st
     """Merge every bracket of a shot: the radiance that `insert` goes on with, before it is denoised.
 
     shot : as `read_shot` or `Shot.new` made it
-    progress : called with the name of each step and the share of it that is done
+    progress : called with the name of each step and the share of it that is done, 0 to 1
     Raises UnreadableFile, NotABracket, InvalidShot, also where the shot has finished maps alone.
     """
     with GatheredDoubts() as gathered:

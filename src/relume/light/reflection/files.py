@@ -117,7 +117,7 @@ def write_reflection_maps(
     light : in any mapping
     folder : exists
     wanted : the paper's two tables unless given; nine spherical harmonics always go to harmonics.json
-    progress : called with a stage and the share of it that is done
+    progress : called with the name of each step and the share of it that is done, 0 to 1
     """
     folder = Path(folder)
     wanted = wanted or ReflectionFiles()

@@ -75,7 +75,7 @@ def build_store(
         picture, and smaller ones to 2·10⁻¹² (2⁻³⁹) of that. float32 keeps all. uint8 holds 255 steps up to the largest
         value of each light's picture, which is fit for what came from 8 bits
     max_memory : bytes for the pictures of a group and their chunks; 1 GiB unless given
-    progress : called with the part that is done
+    progress : called with the share of the work that is done, 0 to 1
     made_from : what the values depend on beside lights, camera and noise: options, the pictures' sizes and times. A
         store that was cut short is gone on with only where it is the same
     mesh : of the subject, whose absolute path is kept

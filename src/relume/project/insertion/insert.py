@@ -70,7 +70,7 @@ def insert(
         interrupted render is resumed
     renderer : Differential with the shot's settings unless given; of another renderer two pictures are subtracted
     threads : to render with; all cores unless given. The pixels do not depend on it
-    progress : called with the name of each step and the share of it that is done
+    progress : called with the name of each step and the share of it that is done, 0 to 1
     others : folders of stages of other shots, which serve where they were made from the same
     motion : what moves while the shutter is open; None for a still
     restart : discard the saved state of an interrupted render

@@ -77,9 +77,9 @@ def render_scene(
     restart : discard the saved state of an interrupted render, which is else resumed (mitsuba)
     preview : show what there is of the picture under way as .preview.png beside it, or in the folder, while it is made
     force : as in `insert`: how a first Ctrl-C is answered in time, for programs that own their process
-    Raises ValueError for settings that do not go together, UnsupportedScene, OutputNotWritten; Interrupted, which
-    leaves the state of a render to a later run; Incomplete for frames that failed on a cluster, while the others were
-    written.
+    Raises ValueError for settings that do not go together, UnsupportedScene, OutputNotWritten. Raises Interrupted,
+    which leaves the state of a render to a later run, and Incomplete for frames that failed on a cluster while the
+    others were written.
     """
     out = Path(out)
     # Refuse what cannot be before any work.

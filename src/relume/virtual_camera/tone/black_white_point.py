@@ -25,10 +25,11 @@ class BlackWhitePoint(Relative):
     white : the lowest level that will be white. Raised, it "brings detail out of the bright areas at the expense of
         the darker"
 
-    Pixel values are (L / white)^g, g = ln 255 / ln(255 white / black), a channel each. With 1 and 1 radiance becomes
-    pixel value as it is: that filter knew no sRGB, and its base image is darker than a plain exposure. The text gives
-    the ends and likens what lies between to gamma; the power is the curve that does both and leaves the base image
-    alone. Values stay finite: beyond 1e12 times white they are held. Raises ValueError unless 0 < black / 255 < white.
+    Source: Cachelin's filter HDRExpose, in the SIGGRAPH 2001 course. Pixel values are (L / white)^g, g = ln 255 /
+    ln(255 white / black), a channel each. With 1 and 1 radiance becomes pixel value as it is: that filter knew no sRGB,
+    and its base image is darker than a plain exposure. The text gives the ends and likens what lies between to gamma;
+    the power is the curve that does both and leaves the base image alone. Values stay finite: beyond 1e12 times white
+    they are held. Raises ValueError unless 0 < black / 255 < white.
     """
 
     black: float = 1.0

@@ -117,9 +117,9 @@ class CameraExposure(LinearExposure, Absolute):
     """Exposed by shutter, aperture and ISO, as a camera whose ISO number keeps what ISO 12232 promises.
 
     exposure : with f-number and ISO
-    saturating : whether the number is a saturation-based speed, so that `saturation_luminance` becomes 1, half a stop
-        darker. Else it is a standard output sensitivity, by which 10 / S lx·s make 118 of 255, as cameras' own pictures
-        and relume's absolute scale have it (`rl.capture.scale_from_exposure`)
+    saturating : whether the number is a saturation-based speed, so that the luminance which saturates becomes 1, half a
+        stop darker. Else it is a standard output sensitivity, by which 10 / S lx·s make 118 of 255, as cameras' own
+        pictures and relume's absolute scale have it (`rl.capture.scale_from_exposure`)
 
     For pictures in cd/m², or with `View.luminance_scale`. Raises ValueError for an exposure without f-number or ISO.
     """
