@@ -4,7 +4,7 @@ A probe's map says from where light comes to one place. Over a model of the plac
 place of the walls shines, and so what any other place gets. Several maps say that of the same walls, each best of what
 it was near to: they are joined on the walls, and looked at from one place again. What is not on the walls, though the
 model has it there, is best in the map that saw it from where it is wanted: the nearest view counts most, as in
-view-dependent texture mapping (Debevec, Taylor & Malik 1996, §5).
+view-dependent texture mapping (Debevec, Taylor & Malik 1996).
 """
 
 from __future__ import annotations
