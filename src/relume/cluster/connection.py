@@ -41,7 +41,7 @@ class Cluster:
 
     @property
     def address(self) -> str:
-        """The scheduler's."""
+        """The address of the scheduler."""
         scheduler: Any = self.client.scheduler
         return str(scheduler.address) if scheduler is not None else "?"
 

@@ -134,7 +134,7 @@ class Photograph:
 
     @property
     def size(self) -> tuple[int, int]:
-        """(width, height) in pixels."""
+        """The (width, height) in pixels."""
         return self.pixels.shape[1], self.pixels.shape[0]
 
     @property

@@ -38,7 +38,7 @@ class Response:
 
     @property
     def deviation(self) -> np.ndarray:
-        """(3, levels) standard deviation of every pixel value, in pixel values."""
+        """The standard deviation (3, levels) of every pixel value, in pixel values."""
         noise = self.noise if self.noise.ndim == 2 else self.noise[:, None]
         return np.broadcast_to(noise, self.log_exposure.shape)
 

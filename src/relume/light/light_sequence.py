@@ -183,7 +183,10 @@ class LightSequence:
         return _map_in_file(path, _stamp(path), self.mapping, self.clamp)
 
     def checked(self) -> LightSequence:
-        """The same, after every map was read; raises UnreadableFile for one that cannot be, or is not as the first."""
+        """The same sequence, after every map was read.
+
+        Raises UnreadableFile for a map that cannot be read, or is not as the first.
+        """
         stamps = tuple(_stamp(path) for path in self.paths)
         kinds = [
             _kind_in_file(path, stamp, self.mapping, self.clamp) for path, stamp in zip(self.paths, stamps, strict=True)

@@ -112,7 +112,7 @@ class ParabolicMirror:
 
 @dataclass(frozen=True, eq=False)
 class RoundView:
-    """One round picture.
+    """One round picture, of a fisheye or of a mirror.
 
     picture : the radiance map
     lens : which lens or mirror drew it

@@ -42,7 +42,7 @@ SIDE = 1000
 
 @dataclass(frozen=True, eq=False)
 class ShotCheck:
-    """What was found.
+    """What `check_shot` found in a shot.
 
     facts : by their names, for a person or a machine
     doubts : what the user should know, what matters most first

@@ -134,7 +134,7 @@ class RectangleLight:
 
     @property
     def frame(self) -> np.ndarray:
-        """(3, 3) unit columns: along the width, along the height, and the direction that it faces."""
+        """The unit columns (3, 3): along the width, along the height, and the direction that it faces."""
         ahead = np.asarray(self.towards, np.float64) / np.linalg.norm(self.towards)
         up = np.asarray(self.up, np.float64) / np.linalg.norm(self.up)
         across = np.cross(up, ahead)

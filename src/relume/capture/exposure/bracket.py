@@ -66,7 +66,7 @@ class Bracket:
 
     @property
     def focal_length(self) -> float | None:
-        """Of the lens, in pixels; None where the photographs hold none."""
+        """The focal length of the lens, in pixels; None where the photographs hold none."""
         return next((p.focal_length for p in self.photographs if p.focal_length is not None), None)
 
     @property

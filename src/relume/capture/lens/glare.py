@@ -61,11 +61,11 @@ class Glare:
 
     @property
     def share(self) -> float:
-        """Of a point's light that does not reach its place."""
+        """The share of a point's light that does not reach its place."""
         return self.veil + self.halo
 
     def scaled(self, share: float, deviation: float = 0.0) -> Glare:
-        """The same shape with another share in all.
+        """The same shape of glare with another share in all.
 
         share : of the light that is scattered, in all
         deviation : relative standard deviation of that share

@@ -31,7 +31,7 @@ class MitsunagaNayar:
             raise ValueError(f"degree is {self.degree}; expected 1 to 10, or None to choose one")
 
     def curve(self, observed: Sequence[Observations], levels: int) -> tuple[np.ndarray, np.ndarray]:
-        """g (levels,), rising, 0 at the middle value; its standard error is not known: NaN (levels,).
+        """The curve g (levels,), rising, 0 at the middle value; its standard error is not known: NaN (levels,).
 
         observed : the places that were seen at several exposures, a bracket each, of one channel
         levels : how many pixel values there are, 256 or 65536
@@ -98,7 +98,7 @@ class Robertson:
     settled: float = 1e-5
 
     def curve(self, observed: Sequence[Observations], levels: int) -> tuple[np.ndarray, np.ndarray]:
-        """g (levels,), rising, 0 at the middle value; its standard error is not known: NaN (levels,).
+        """The curve g (levels,), rising, 0 at the middle value; its standard error is not known: NaN (levels,).
 
         observed : the places that were seen at several exposures, a bracket each, of one channel
         levels : how many pixel values there are, 256 or 65536

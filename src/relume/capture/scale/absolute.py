@@ -104,7 +104,7 @@ def scale_from_exposure(
 
 
 def scale_from_saturation(saturation: float, exposures: Exposure | Sequence[Exposure]) -> Scale:
-    """The same for linear raw photographs by the saturation-based speed (ISO 12232): 78/S lx·s saturate.
+    """The scale of linear raw photographs from the saturation-based speed (ISO 12232): 78/S lx·s saturate.
 
     saturation : relative radiance × `Exposure.factor` at which the raw values saturate
     exposures : what the photographs were set to

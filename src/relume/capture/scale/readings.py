@@ -142,13 +142,13 @@ class Rectangle:
             )
 
     def mask(self, picture: RadianceMap) -> np.ndarray:
-        """(H, W) bool; raises ValueError where the rectangle reaches out of the picture."""
+        """The pixels of a picture that are in the rectangle, (H, W) bool; raises ValueError where it reaches out."""
         return rectangle(picture.size, self.left, self.top, self.width, self.height)
 
 
 @dataclass(frozen=True)
 class ExposureScale:
-    """cd/m² from shutter, aperture and ISO (ISO 12232); good to a third of a stop."""
+    """A scale to cd/m² from shutter, aperture and ISO (ISO 12232); good to a third of a stop."""
 
     name: ClassVar[str] = "absolute"
 
@@ -160,7 +160,7 @@ class ExposureScale:
 
 @dataclass(frozen=True)
 class SpotReading:
-    """A spot meter's reading.
+    """A spot meter's reading of one place of a picture.
 
     x, y : pixel in the middle of the spot
     luminance : cd/m²

@@ -84,16 +84,16 @@ class Sky:
 
     @property
     def sun_direction(self) -> np.ndarray:
-        """(3,) towards the sun's middle, in the world's frame."""
+        """The direction (3,) towards the sun's middle, in the world's frame."""
         return self.sun.direction(self.heading)
 
     @property
     def sun_radius(self) -> float:
-        """Of the sun's disc, radians."""
+        """The angular radius of the sun's disc, radians."""
         return SUN_DIAMETER / 2 / self.sun.distance
 
     def radiance(self, directions: np.ndarray) -> np.ndarray:
-        """cd/m² (…, 3) from unit directions (…, 3): the sky without the sun's disc, and the ground under it."""
+        """The radiance (…, 3), cd/m², from unit directions (…, 3): sky without the sun's disc, and the ground."""
         up = directions[..., 1]
         ground = np.asarray(self.ground) / np.pi * (self.sky_illuminance + self.sun_illuminance)
         chord = np.linalg.norm(directions - self.sun_direction, axis=-1)
@@ -108,7 +108,7 @@ class Sky:
 
     @property
     def sun_illuminance(self) -> np.ndarray:
-        """(3,) lux by channel on level ground, of the sun's disc alone."""
+        """The illuminance (3,) of the sun's disc alone on level ground, lux by channel."""
         directions, flux = self.disc
         return directions[:, 1] @ flux
 

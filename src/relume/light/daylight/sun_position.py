@@ -41,7 +41,7 @@ class SunPosition:
             raise ValueError(f"azimuth {self.azimuth:g}, distance {self.distance:g}; expected radians, and about 1 au")
 
     def direction(self, heading: float = 0.0) -> np.ndarray:
-        """(3,) towards the sun; `heading` is the compass direction, radians from north over east, that −Z looks in."""
+        """The direction (3,) towards the sun; `heading` is where −Z looks, radians from north over east."""
         level, round_about = np.cos(self.elevation), self.azimuth - heading
         return np.array([level * np.sin(round_about), np.sin(self.elevation), -level * np.cos(round_about)])
 

@@ -34,7 +34,7 @@ class Edit(Protocol):
 
     @property
     def name(self) -> str:
-        """What messages call it."""
+        """The name by which messages call the edit."""
         ...
 
     def __call__(self, picture: RadianceMap) -> RadianceMap:

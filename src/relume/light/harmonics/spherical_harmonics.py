@@ -66,7 +66,7 @@ class SphericalHarmonics:
 
     @property
     def degree(self) -> int:
-        """L, the highest degree."""
+        """The highest degree, L."""
         return round(len(self.coefficients) ** 0.5) - 1
 
     def evaluate(self, directions: np.ndarray) -> np.ndarray:

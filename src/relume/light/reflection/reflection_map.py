@@ -55,7 +55,7 @@ class ReflectionMap:
 
     @property
     def table(self) -> np.ndarray:
-        """(rows, 2·rows, 3) float32."""
+        """The table's values, (rows, 2·rows, 3) float32."""
         return self.light.radiance
 
     def lookup(self, directions: np.ndarray) -> np.ndarray:

@@ -34,7 +34,7 @@ class DriveSequence:
 
     @property
     def intensities(self) -> np.ndarray:
-        """(T, N, P) float64 of frames, lights and primaries."""
+        """The intensities (T, N, P) float64 of frames, lights and primaries."""
         return np.stack([frame.intensities for frame in self.frames])
 
     @property

@@ -214,7 +214,7 @@ def patches_from_photographs(
 def camera_to_rec709(
     sensitivities: Sequence[Spectrum], reflectances: Sequence[Spectrum], light: Spectrum | None = None
 ) -> np.ndarray:
-    """(3, 3) from a camera's own colours to linear Rec. 709, by least squares over surfaces under a light.
+    """The matrix (3, 3) from a camera's own colours to linear Rec. 709, by least squares over surfaces under a light.
 
     sensitivities : of the camera's red, green and blue
     reflectances : of the surfaces, three at least

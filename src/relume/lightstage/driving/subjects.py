@@ -38,7 +38,7 @@ class SurfaceSubject:
 
     @property
     def rows(self) -> int:
-        """Of the lat-long table of what is seen: three to the lobe's width, from 16 to 64."""
+        """The rows of the lat-long table of what is seen: three to the lobe's width, from 16 to 64."""
         return int(np.clip(np.ceil(3 * np.pi / self.lobe.width), 16, 64))
 
     @property
@@ -82,12 +82,12 @@ class MeasuredSubject:
 
     @property
     def weights(self) -> np.ndarray:
-        """(M,): every pixel that counts weighs the same; they sum to 1."""
+        """The weights (M,) of the things seen: every pixel that counts weighs the same, and they sum to 1."""
         count = self._values.shape[0]
         return np.full(count, 1 / count)
 
     def lit_by(self, lights: StageLights) -> np.ndarray:
-        """(M, N, 3): a lamp lights the subject as its field's lights do, each by its share in the lamp's direction."""
+        """What is seen under each lamp, (M, N, 3): that of the field's lights, by their shares in the lamp's direction."""
         shares = self.by.weights(self.field.lights, lights.directions)
         return np.moveaxis(np.tensordot(self._values, shares, (1, 1)), 1, 2)
 

@@ -65,7 +65,7 @@ class ProjectorPatterns:
 
     @property
     def names(self) -> tuple[str, ...]:
-        """Of the pictures, in the order in which they are shown."""
+        """The names of the pictures, in the order in which they are shown."""
         coded = [f"gray_{axis}{level}" for axis in "xy" for level in range(self.levels(axis))]
         shifted = [f"phase_{axis}{step}" for axis in "xy" for step in range(self.steps)]
         return ("white", "black", *coded, *shifted)

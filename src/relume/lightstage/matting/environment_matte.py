@@ -69,7 +69,7 @@ class EnvironmentMatte:
 
     @property
     def shape(self) -> tuple[int, int]:
-        """Rows and columns."""
+        """The rows and columns of the matte."""
         return self.coverage.shape[0], self.coverage.shape[1]
 
 

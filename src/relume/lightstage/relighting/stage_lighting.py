@@ -57,11 +57,11 @@ class StageLighting:
 
     @property
     def unit(self) -> str:
-        """Of the radiance that the light gives."""
+        """The unit of the radiance that the light gives."""
         return self.maps[0].unit if self.maps else "relative"
 
     def rotated(self, rotation: np.ndarray) -> StageLighting:
-        """The same with maps and light sets turned further by `rotation` (3, 3), active; lamps stay."""
+        """The same lighting with maps and light sets turned further by `rotation` (3, 3), active; lamps stay."""
         return replace(self, rotation=rotation if self.rotation is None else rotation @ self.rotation)
 
     def turntable(self, frames: int) -> tuple[StageLighting, ...]:

@@ -209,7 +209,7 @@ class Shot(Table):
         return shot.model_copy(update={"folder": file.parent})
 
     def surfaces(self) -> list[LocalTable]:
-        """[[local]]; unless given one plane at 0, endless, or about the ball where the camera is found from it.
+        """The tables [[local]]; unless given one endless plane at 0, or one about the ball where it gives the camera.
 
         Of such a place nothing is measured: the plane ends where a table may, lest walls count as the table.
         """

@@ -49,18 +49,18 @@ class BakedMesh:
 
     @property
     def radiance(self) -> np.ndarray:
-        """(H, W, 3) float32, in the photographs' unit."""
+        """The radiance (H, W, 3) float32 of the texels, in the photographs' unit."""
         assert isinstance(self.mesh.material, Material)
         return np.asarray(self.mesh.material.emission)
 
     def shining(self, radiance: np.ndarray) -> BakedMesh:
-        """The same with another radiance (H, W, 3)."""
+        """The same mesh with another `radiance` (H, W, 3)."""
         material = replace(self.mesh.material, emission=np.ascontiguousarray(radiance, np.float32))
         return replace(self, mesh=replace(self.mesh, material=material))
 
     @property
     def normals(self) -> np.ndarray:
-        """(M, 3) float64 unit normals of its triangles, to the side that they shine to."""
+        """The unit normals (M, 3) float64 of its triangles, to the side that they shine to."""
         return face_normals(self.mesh)[0]
 
     @property

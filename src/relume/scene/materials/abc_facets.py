@@ -48,7 +48,7 @@ class ABCFacets:
             raise ValueError(f"ior of material {self.name!r} is {self.ior}; expected 1 or more")
 
     def evaluate(self, one: np.ndarray, other: np.ndarray) -> np.ndarray:
-        """f (…, 3) in 1/sr for light from one direction to the other; 0 below the surface.
+        """The BRDF f (…, 3) in 1/sr for light from one direction to the other; 0 below the surface.
 
         one, other : (…, 3) unit, in the surface's frame, whose z is its normal
         """

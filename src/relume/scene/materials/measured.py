@@ -50,7 +50,7 @@ class MeasuredBRDF:
             )
 
     def evaluate(self, one: np.ndarray, other: np.ndarray) -> np.ndarray:
-        """f (…, 3) in 1/sr for light from one direction to the other; 0 below the surface; between entries linear.
+        """The BRDF f (…, 3) in 1/sr for light from one direction to the other: linear between entries, 0 below.
 
         one, other : (…, 3) unit, in the surface's frame, whose z is its normal
         """

@@ -117,7 +117,7 @@ class Darkroom:
         return out
 
     def exposed(self, view: View, adaptation: Adaptation) -> float:
-        """lx·s on the film per unit of radiance: H = q L t / N² (ISO 12232), or what the meter says.
+        """The exposure of the film, lx·s per unit of radiance: H = q L t / N² (ISO 12232), or what the meter says.
 
         view : of the picture, by `VirtualCamera.view`
         adaptation : by `adapt`

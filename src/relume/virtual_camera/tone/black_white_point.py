@@ -43,7 +43,7 @@ class BlackWhitePoint(Relative):
 
     @property
     def power(self) -> float:
-        """g, 1 for the base image and less for a wider range."""
+        """The exponent g, 1 for the base image and less for a wider range."""
         return float(np.log(255) / np.log(255 * self.white / self.black))
 
     def adapt(self, radiance: np.ndarray, view: View) -> Adaptation:

@@ -67,7 +67,7 @@ class Ocio(Relative):
             raise ValueError(f'looks is "{self.looks}"; expected a tuple of names, as ("{self.looks}",)')
 
     def adapt(self, radiance: np.ndarray, view: View) -> Adaptation:
-        """values (1,): the natural logarithm of what is shown as middle grey, in the picture's unit.
+        """The natural logarithm of what is shown as middle grey, in the picture's unit, as values (1,).
 
         radiance, view : (H, W, 3) float32 in the picture's unit, and the picture's view (`VirtualCamera.view`)
         """

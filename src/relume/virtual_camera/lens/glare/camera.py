@@ -24,7 +24,7 @@ LEVELS, ANGLES = 128, 8192
 
 @dataclass(frozen=True)
 class CameraGlare(Relative):
-    """Glare of a camera.
+    """The glare of a camera: the star of its iris, and what lens and body scatter.
 
     blades : of the iris; six, as most lenses for 35 mm film have, unless given
     f_number : its f-number; stars grow with it

@@ -90,7 +90,7 @@ ANGLES = 4096
 
 @dataclass(frozen=True)
 class EyeGlare:
-    """What an eye scatters.
+    """The glare of an eye: what it scatters (Spencer, Shirley, Zimmerman & Greenberg 1995).
 
     adaptation : cd/m² that the eye is used to; None for what it settled on over a sequence, or the picture's log mean,
         to 1 %
@@ -130,7 +130,7 @@ class EyeGlare:
         return spread_out(radiance, spread, mirrored=self.mirrored)
 
     def shares(self, adaptation: float) -> np.ndarray:
-        """(4,) of the light in f₀…f₃ at an adaptation in cd/m², interpolated in its logarithm."""
+        """The shares (4,) of the light in f₀…f₃ at an adaptation in cd/m², interpolated in its logarithm."""
         rows = np.array([SCOTOPIC, MESOPIC, PHOTOPIC])
         shares = np.array([np.interp(np.log(adaptation), np.log(ADAPTATIONS), column) for column in rows.T])
         pupil = self.pupil or pupil_diameter(adaptation)

@@ -54,7 +54,7 @@ class Pattanaik(Absolute):
             raise ValueError(f"screen_adaptation is {adapted}; expected a positive luminance in cd/m², or None")
 
     def adapt(self, radiance: np.ndarray, view: View) -> Adaptation:
-        """values (0,): every part of the model is adapted to its own surroundings in the picture, none to all of it.
+        """Values (0,): every part of the model is adapted to its own surroundings in the picture, none to all of it.
 
         radiance, view : (H, W, 3) float32 in the picture's unit, and the picture's view (`VirtualCamera.view`)
         """
