@@ -87,7 +87,7 @@ class MeasuredSubject:
         return np.full(count, 1 / count)
 
     def lit_by(self, lights: StageLights) -> np.ndarray:
-        """What is seen under each lamp, (M, N, 3): that of the field's lights, by their shares in the lamp's direction."""
+        """What is seen under each of `lights`, (M, N, 3): that of the field's own lights, by their shares there."""
         shares = self.by.weights(self.field.lights, lights.directions)
         return np.moveaxis(np.tensordot(self._values, shares, (1, 1)), 1, 2)
 
