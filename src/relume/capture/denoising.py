@@ -23,6 +23,8 @@ OPPONENT = np.array([[1, 1, 1], [1, 0, -1], [1, -2, 1]]) / np.sqrt([[3], [2], [6
 def denoise(picture: RadianceMap) -> RadianceMap:
     """The same radiance map with less noise; what no photograph measured stays as it is.
 
+    picture : a radiance map with its variance
+
     The variance plane is kept: it is a bound now. Raises ValueError for a map without one.
     """
     if picture.variance is None:

@@ -81,6 +81,7 @@ class LensGeometry(Relative):
     def apply(self, radiance: np.ndarray, view: View) -> np.ndarray:
         """Radiance (H, W, 3) float32 as the lens draws it.
 
+        radiance, view : (H, W, 3) float32 in the picture's unit, and the picture's view (`VirtualCamera.view`)
         Raises ValueError where the lens's model folds over within the picture.
         """
         out = self._resampled(radiance, view, undo=False)
@@ -92,7 +93,10 @@ class LensGeometry(Relative):
         return out
 
     def undo(self, radiance: np.ndarray, view: View) -> np.ndarray:
-        """Radiance (H, W, 3) float32 as a pinhole draws it; NaN in the colours that the photograph does not show."""
+        """Radiance (H, W, 3) float32 as a pinhole draws it; NaN in the colours that the photograph does not show.
+
+        radiance, view : (H, W, 3) float32 in the picture's unit, and the picture's view (`VirtualCamera.view`)
+        """
         return self._resampled(radiance, view, undo=True)
 
     def _resampled(self, radiance: np.ndarray, view: View, *, undo: bool) -> np.ndarray:

@@ -33,11 +33,17 @@ class MotionVectors(Relative):
     shutter: Shutter = field(default_factory=Shutter)
 
     def apply(self, radiance: np.ndarray, view: View) -> np.ndarray:
-        """Radiance (H, W, 3) float32 that the sensor gathers."""
+        """Radiance (H, W, 3) float32 that the sensor gathers.
+
+        radiance, view : (H, W, 3) float32 in the picture's unit, and the picture's view (`VirtualCamera.view`)
+        """
         return _carried(self.shutter, radiance, view)[0]
 
     def coverage(self, shape: tuple[int, int], view: View) -> np.ndarray:
-        """The share (H, W) float32 of a pixel's light that a picture of that shape shows, without guesses."""
+        """The share (H, W) float32 of a pixel's light that a picture of that shape shows, without guesses.
+
+        view : the picture's view (`VirtualCamera.view`)
+        """
         return _carried(self.shutter, np.zeros((*shape, 3), np.float32), view)[1]
 
 

@@ -47,7 +47,7 @@ def write_display(
         ICC profile; .avif for `PQ` and `HLG`; .jpg for `HdrGainMap`
     values : (H, W, 3) float32, linear Rec. 709, 1 = white; in PQ, HLG and gain maps what is above 1 stays brighter
     gain : what values are multiplied by first; of radiance it is an exposure
-    through : what makes display values of `values` before that, as of `encoded_and_clipped`
+    through : makes display values of `values` before that; nothing is done unless given
     returns : the share of pixels that the file cannot hold as they are, for the caller to report
     Raises ValueError for NaN, another suffix or shape, and where the part that writes AVIF is missing;
     OutputNotWritten.
