@@ -9,6 +9,9 @@ from types import ModuleType
 import numpy as np
 import pytest
 
+import relume as rl
+from relume.sphere.mappings.mapping import pixel_directions
+
 FOLDER = Path(__file__).parents[1] / "examples" / "gallery"
 
 
@@ -55,3 +58,29 @@ def test_the_sun_is_yellow_in_photo_ycc_for_each_byte_ends_at_a_bound_of_its_own
     larson = script("larson_out_of_gamut")
     sun = larson.photo_ycc(np.array([[[9000.0, 8280.0, 7200.0]]]))[0, 0]
     np.testing.assert_allclose(sun, [5.521, 1.528, 0.0004], atol=1e-3)
+
+
+def test_a_sky_of_clouds_gives_level_ground_seven_ninths_of_an_even_one():
+    light = script("debevec_1998_figures").overcast(256)
+    up = pixel_directions(light.mapping, 256)[..., 1]
+    weights = light.mapping.solid_angles(256) * np.maximum(up, 0)
+    assert (light.radiance[..., 0] * weights).sum() == pytest.approx(7 / 9 * np.pi, rel=1e-3)
+    assert light.radiance[0, 0].tolist() == pytest.approx([1.0] * 3, abs=1e-3)
+
+
+def test_where_the_probe_was_the_model_of_the_room_is_the_map():
+    rng = np.random.default_rng(3)
+    light = rl.EnvironmentMap(rng.random((32, 64, 3), dtype=np.float32))
+    scene = rl.Scene(light, distant=rl.scene.Box((-2.5, -0.75, -2.0), (2.5, 1.95, 2.0)), probe=(0.0, 0.05, 0.0))
+    camera = rl.Camera.looking_at(
+        np.array([0.0, 0.05, 0.0]), np.array([1.0, 0.3, 0.4]), width=24, height=16, focal_length=15.0
+    )
+    found = script("debevec_1998_figures").room_of_the_map(scene, camera)
+    np.testing.assert_allclose(found, light.lookup(camera.rays()), atol=1e-5)
+    # Seen from elsewhere, a place of the table has what the probe saw in its direction.
+    above = rl.Camera.looking_at(
+        np.array([0.3, 1.0, 0.2]), np.array([0.3, 0.0, 0.1999]), width=3, height=3, focal_length=300.0
+    )
+    place = script("debevec_1998_figures").room_of_the_map(scene, above)[1, 1]
+    way = np.array([0.3, -0.05, 0.2]) / np.linalg.norm([0.3, -0.05, 0.2])
+    np.testing.assert_allclose(place, light.lookup(way), atol=0.02)
