@@ -25,9 +25,9 @@ def put_in_place(source: str | os.PathLike[str], target: str | os.PathLike[str])
     patiently(lambda: os.replace(source, target))
 
 
-def remove(path: Path) -> None:
+def remove(path: str | os.PathLike[str]) -> None:
     """Remove a file if it is there, as patiently; raises OSError."""
-    patiently(lambda: path.unlink(missing_ok=True))
+    patiently(lambda: Path(path).unlink(missing_ok=True))
 
 
 def patiently(act: Callable[[], T]) -> T:
