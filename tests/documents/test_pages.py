@@ -157,6 +157,13 @@ def test_the_links_of_a_page_lead_somewhere(page: Path) -> None:
     assert broken_links(page, page.read_text(encoding="utf-8")) == []
 
 
+@pytest.mark.parametrize("page", LINKING, ids=lambda page: page.stem)
+def test_no_line_of_a_page_is_left_out_by_the_site(page: Path) -> None:
+    # A line that begins with % is a comment there, as where "5 %" was broken in two.
+    text = FENCE.sub("", page.read_text(encoding="utf-8"))
+    assert re.findall(r"(?m)^[ ]{0,3}%.*$", text) == []
+
+
 def test_a_broken_link_is_found() -> None:
     readme = ROOT / "README.md"
     text = "[a](nowhere.md) [b](docs/start.md#no-such-heading) [c](#in-python) [d](https://a.b) `[e](code.md)`"
