@@ -28,8 +28,8 @@ FILES = {
     "shot": ("The keys of a shot file", "`relume insert`, `rl.read_shot`", "[The shot file](../shot-file.md)"),
     "scene": ("The keys of a scene file", "`relume render`", "[The scene file](../scene-file.md)"),
     "film": ("The keys of a film file", "`relume film`", "[Films](../scene-file.md#films)"),
-    "place": ("The keys of a place file", "`relume model`", "[The place itself](../../how-to/light.md)"),
-    "stage": ("The keys of a stage file", "`relume stage`", "[Light stages](../../how-to/light-stage.md)"),
+    "place": ("The keys of a place file", "`relume model`", "[The place itself](../../how-to/light/model.md)"),
+    "stage": ("The keys of a stage file", "`relume stage`", "[Light stages](../../how-to/light-stage/README.md)"),
 }
 """By a file's kind: the page's title, what reads it, and the page that explains it."""
 

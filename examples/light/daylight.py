@@ -1,4 +1,4 @@
-"""The pictures of skies and joined maps in docs/how-to/light.md.
+"""The pictures of skies and joined maps in docs/how-to/light/sky.md.
 
 python examples/light/daylight.py docs/images
 """

@@ -1,4 +1,4 @@
-"""The pictures of docs/how-to/light.md, from the mirrored ball of the room.
+"""The pictures of docs/how-to/light, from the mirrored ball of the room.
 
 python examples/light/figures.py docs/images
 """

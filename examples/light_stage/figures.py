@@ -1,4 +1,4 @@
-"""The pictures of docs/how-to/light-stage.md, from a virtual stage with its truth beside it, and the room's own light.
+"""The pictures of docs/how-to/light-stage, from a virtual stage with its truth beside it, and the room's own light.
 
 python examples/light_stage/figures.py STAGE docs/images        STAGE: the folder of the head's stage.json
 """

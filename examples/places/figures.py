@@ -1,4 +1,4 @@
-"""A place in photographs and marks, a picture of docs/how-to/light.md: `python examples/places/figures.py [FOLDER]`.
+"""A place in photographs and marks, for docs/how-to/light/model.md: `python examples/places/figures.py [FOLDER]`.
 
 A chapel of known sizes is rendered from five places, two minutes in all. Of every edge that a photograph shows, two
 points are marked half a pixel off, which chapel.toml then holds; `rl.model_place` finds sizes and cameras again.

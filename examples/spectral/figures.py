@@ -1,4 +1,4 @@
-"""The picture of docs/how-to/light.md on spectra: `python examples/spectral/figures.py OUT/`."""
+"""The picture of docs/how-to/light/wavelength.md: `python examples/spectral/figures.py OUT/`."""
 
 from __future__ import annotations
 

@@ -316,7 +316,7 @@ def per_cent(effect: float) -> str:
 
 
 def ranked(doubts: Iterable[Doubt]) -> tuple[Doubt, ...]:
-    """Each doubt once, those of the greatest effect first; of two with one line the greater effect stays."""
+    """Each of `doubts` once, those of the greatest effect first; of two with one line the greater effect stays."""
     best: dict[str, Doubt] = {}
     for doubt in doubts:
         before = best.get(doubt.line)

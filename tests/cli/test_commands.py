@@ -149,4 +149,4 @@ def test_a_pipe_of_few_letters_gets_escapes_and_no_fault(letters: str) -> None:
         [sys.executable, "-c", program], capture_output=True, env={**os.environ, "PYTHONIOENCODING": letters}
     )
     assert (made.returncode, made.stderr) == (0, b"")
-    assert rb"\u2212" in made.stdout and b"Convert files between formats" in made.stdout
+    assert rb"\u2212" in made.stdout and b"Convert pictures between formats" in made.stdout

@@ -31,7 +31,7 @@ from small_stages import LIGHTS, camera, write_stage
 
 pytest.importorskip("zarr", reason="stores need the extra lightstage")
 
-GUIDE = Path(__file__).parents[2] / "docs" / "how-to" / "light-stage.md"
+GUIDE = Path(__file__).parents[2] / "docs" / "how-to" / "light-stage" / "README.md"
 FAR = even_directions(24)[even_directions(24)[:, 2] > -0.4]
 CIRCLE = (60.0, 45.0, 32.0)
 FIELD_OF_VIEW = 40.0

@@ -36,7 +36,7 @@ def _made() -> Path:
     atexit.register(shutil.rmtree, made, ignore_errors=True)
     folder = Path(made)
     examples = folder / "examples"
-    for each in ("cornell_box", "whitted"):
+    for each in ("cornell_box", "spectral", "whitted"):
         shutil.copytree(ROOT / "examples" / each, examples / each)
         for path in (examples / each).glob("*.toml"):
             path.write_text(small_scene(path.read_text(encoding="utf-8")), encoding="utf-8")
@@ -196,6 +196,8 @@ FOLDERS: dict[str, tuple[str, ...]] = {
     "frames": ("frame_1.exr", "frame_2.exr"),
 }
 """Folders that pages name, and what lies in them; photographs are those of the example's plate."""
+STAGES = ("head", "head/", "stage/", "black/", "white/")
+"""Folders of light stages, as pages name them."""
 OUTPUTS = ("-o", "--out", "--report", "--picture", "--sheet", "--residual", "--export", "--slice")
 
 SQUARE = {"angular", "fisheye", "ball"}
@@ -214,8 +216,8 @@ def folders_and_files(words: list[str], folder: Path) -> list[str]:
             (folder / word).parent.mkdir(parents=True, exist_ok=True)
             given.append(word)
             continue
-        if word.strip("/") == "head" and not (folder / "head").exists():
-            write_stage(folder / "head")
+        if word in STAGES and not (folder / word).exists():
+            write_stage(folder / word)
         for name in FOLDERS.get(word.strip("/"), ()):
             (folder / word).mkdir(exist_ok=True)
             if name.endswith(".jpg"):

@@ -8,12 +8,14 @@ import re
 import warnings
 from collections.abc import Iterator
 from dataclasses import is_dataclass
+from enum import Enum
 from importlib import import_module
 from pathlib import Path
 from types import ModuleType
 from typing import Any
 
 import pytest
+from pydantic import BaseModel
 
 import relume as rl
 import relume.cluster
@@ -63,6 +65,48 @@ def first_sentence_is_whole(words: str) -> bool:
 def test_every_docstring_opens_with_a_sentence() -> None:
     cut = [name for name, value in public() if not first_sentence_is_whole(inspect.getdoc(value) or "")]
     assert cut == []
+
+
+def unsaid(name: str, value: Any) -> list[str]:
+    """The parameters of a public name, and of its methods, that no docstring speaks of.
+
+    A method may name the one whose words hold for it too, as `Renderer.render`. What a file's table holds is on the
+    pages of keys, which have a test of their own; errors are caught, and enumerations and protocols are not called.
+    """
+    if inspect.isclass(value) and issubclass(value, BaseModel | BaseException):
+        return []
+    called = not inspect.isclass(value) or not (issubclass(value, Enum) or getattr(value, "_is_protocol", False))
+    calls = {name: value} if called else {}
+    for part in vars(value) if inspect.isclass(value) else ():
+        inner = getattr(member := inspect.getattr_static(value, part), "__func__", member)
+        if not part.startswith("_") and inspect.isfunction(inner):
+            calls[f"{name}.{part}"] = inner
+    return [
+        f"{call}: {parameter}"
+        for call, made in calls.items()
+        for parameter in inspect.signature(made).parameters
+        if parameter != "self" and parameter != "cls" and not re.search(rf"\b{parameter}\b", words_for(made))
+    ]
+
+
+def words_for(value: Any) -> str:
+    """A docstring, with that of the method that it names."""
+    words = inspect.getdoc(value) or ""
+    parent = re.search(r"`Renderer\.(render|change)`", words)
+    return words + (inspect.getdoc(getattr(rl.Renderer, parent[1])) or "" if parent else "")
+
+
+def test_every_parameter_is_spoken_of() -> None:
+    assert sorted({each for name, value in public() for each in unsaid(name, value)}) == []
+
+
+def test_a_parameter_without_words_is_found() -> None:
+    def spin(picture: object, angle: float) -> None:
+        """Turn a picture by an angle."""
+
+    assert unsaid("spin", spin) == []
+    spin.__doc__ = "Turn a picture."
+    assert unsaid("spin", spin) == ["spin: angle"]
 
 
 def test_a_name_without_words_is_found() -> None:

@@ -32,7 +32,7 @@ NOT_RUN = {
 
 SMALLER = {1024: 32, 1536: 48}
 """Sizes on the pages, and what is taken in their place."""
-CALIBRATED = {"docs/how-to/light.md"}
+CALIBRATED = {"docs/how-to/light/sky.md"}
 """Pages whose light is in cd/m², like the sky that they join with it."""
 
 
@@ -118,11 +118,11 @@ def test_every_reason_not_to_run_stands_for_its_blocks_alone() -> None:
         "rl.show(": ["view.md"],
         "PhotonMap(photons=50_000": ["natural-light/photon-map.md"],
         "Radiosity().prepared": ["natural-light/radiosity.md"],
-        "BallCircle(1510, 980, 64)": ["light-stage.md", "python.md"],
+        "BallCircle(1510, 980, 64)": ["light-stage/README.md", "python.md"],
         "camera_from_grid(": ["python.md"],
         "rl.capture.example_room()": ["README.md"],
         "ray_tree(prepared, scene.camera, (330.5": ["whitted.md"],
-        "patches_from_photographs(": ["light-stage.md"],
+        "patches_from_photographs(": ["light-stage/drive.md"],
     }  # fmt: skip
     assert without_proof(NOT_RUN.values()) == []
     assert sum(reason_not_to_run(block) is None for block in BLOCKS) > len(BLOCKS) / 2

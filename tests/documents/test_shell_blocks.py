@@ -39,6 +39,7 @@ NOT_RUN = {
     r"cat\.zarr": "what an import has stored; tests/cli/test_stage_import.py",
     "stage view head/ --position": "the mesh of a scan; tests/lightstage/novel_view",
     "stage scan": "photographs under patterns; tests/lightstage/geometry/test_scan.py",
+    "stage reflectometry": "photographs of a patch; tests/lightstage/reflectometry",
     "stage matte": "photographs under stripes; tests/lightstage/matting",
     "stage perform": "a film under strobes; tests/lightstage/strobes",
     r"(?<!film\.toml )--cluster": "starts workers; tests/cluster",

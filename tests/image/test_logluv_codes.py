@@ -8,9 +8,9 @@ from scipy.spatial import ConvexHull
 
 import naive_logluv
 from naive_logluv import luminance_codes
+from relume.image.bands import in_threads
 from relume.image.files.logluv import codes as logluv_codes
 from relume.image.files.logluv import kernels
-from relume.image.kernel import in_threads
 from relume.image.primaries import REC709
 
 NO_LINES = (np.empty(0), np.empty(0, np.int64), np.empty(0, np.int64))

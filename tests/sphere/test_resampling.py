@@ -7,8 +7,8 @@ import pytest
 
 import relume.sphere.resampling.resampling as engine
 from lights import WHOLE, lone
+from relume.image.bands import in_threads
 from relume.image.files import read_radiance
-from relume.image.kernel import in_threads
 from relume.image.radiance import OUTSIDE, SATURATED
 from relume.sphere.directions import normalised, rotation_about
 from relume.sphere.environment_files import as_environment

@@ -11,7 +11,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from relume.image.bands import in_bands
+from relume.image.bands import in_bands, in_threads
 from relume.image.radiance import RadianceMap
 
 SQUARE = 512
@@ -23,12 +23,13 @@ OPPONENT = np.array([[1, 1, 1], [1, 0, -1], [1, -2, 1]]) / np.sqrt([[3], [2], [6
 def denoise(picture: RadianceMap) -> RadianceMap:
     """The same radiance map with less noise; what no photograph measured stays as it is.
 
+    picture : a radiance map with its variance
+
     The variance plane is kept: it is a bound now. Raises ValueError for a map without one.
     """
     if picture.variance is None:
         raise ValueError("the radiance map has no variance plane, so its noise is not known; merge a bracket")
     from relume.capture.denoising_kernel import BLOCK
-    from relume.image.kernel import in_threads
 
     radiance, variance = picture.radiance, picture.variance
     height, width = radiance.shape[:2]

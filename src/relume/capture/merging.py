@@ -9,6 +9,7 @@ import numpy as np
 
 from relume.capture.exposure.bracket import Bracket
 from relume.errors import NotABracket
+from relume.image.bands import in_threads
 from relume.image.radiance import BLACK, OUTSIDE, SATURATED, RadianceMap
 from relume.image.response import Response
 
@@ -63,7 +64,7 @@ class Hat:
         return False
 
     def table(self, response: Response) -> np.ndarray:
-        """Weights (3, levels)."""
+        """Weights (3, levels) for the pixel values of a camera of that `response`."""
         return np.tile(hat(response.levels), (3, 1))
 
 
@@ -77,8 +78,8 @@ class InverseVariance:
     fade : the values over which the weight then rises, so that nothing jumps where a photograph begins to count
     predicted : weigh a value near white as the value that the shorter exposures predict, and one that is dark in the
         longest exposure as the others and the pixels beside predict it. A weight that a noisy value gives to itself
-        favours half of the noise: in saturated patches JPEG leaves 240 where 255 was, which would be believed, and in
-        the dark only what noise has brightened would count
+        favours half of the noise. In saturated patches JPEG leaves 240 where 255 was, which would be believed; in the
+        dark only what noise has brightened would count
     """
 
     guard: float = 6.0
@@ -86,7 +87,7 @@ class InverseVariance:
     predicted: bool = True
 
     def table(self, response: Response) -> np.ndarray:
-        """Weights (3, levels)."""
+        """Weights (3, levels) for the pixel values of a camera of that `response`."""
         deviation = log_deviation(response)
         if response.levels == 256:
             counted = np.clip((hat(256) - self.guard) / self.fade, 0.0, 1.0)
@@ -103,22 +104,22 @@ def merge(
     weighting: Weighting = InverseVariance(),
     believed: np.ndarray | None = None,
 ) -> RadianceMap:
-    """Average all photographs into relative radiance by eq. 6: a weighted mean of ln E over the photographs.
+    """Average all photographs into relative radiance: a weighted mean of ln E over them (Debevec & Malik 1997, eq. 6).
 
     bracket : photographs of one view in register, of two exposures at least
     response : of the camera, of the photographs' depth
     weighting : w of eq. 6; the least noisy weights unless given, `Hat()` for the paper's own (eq. 4)
-    believed : (H, W, 3) where the shortest photograph is below white, whatever its value (`below_white`)
+    believed : (H, W, 3) bool, where the shortest photograph is known to be below white, whatever its value; nowhere
+        unless given
 
-    The variance plane carries the response's noise through the average. A channel that no photograph measured
-    keeps its bound (what its own value shows in the shortest exposure that shows it white, less two deviations of its
-    noise, else in the longest, where it is black, and as much more), has infinite variance, and marks its pixel in the
-    `clipped` mask; nothing is invented there.
-    A pixel outside every photograph has radiance 0, infinite variance and its own mark.
+    The variance plane carries the response's noise through the average. A channel that no photograph measured keeps a
+    bound, has infinite variance, and marks its pixel in the `clipped` mask; nothing is invented there. The bound of
+    white is what its value shows in the shortest exposure, less two deviations of its noise; that of black what it
+    shows in the longest, and as much more. A pixel outside every photograph has radiance 0, infinite variance and its
+    own mark.
     Raises NotABracket when hardly any pixel is measured.
     """
     from relume.capture.merge_kernel import BESIDE, finish, merge_stretch
-    from relume.image.kernel import in_threads
 
     width, height = bracket.photographs[0].size
     frames = [p.pixels.reshape(-1, 3) for p in bracket.photographs]

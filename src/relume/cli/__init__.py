@@ -8,11 +8,12 @@ import sys
 from collections.abc import Sequence
 
 COMMANDS = {
-    "info": "What a picture or light file holds, or what this machine renders with.",
+    "info": "Print what a picture, a map or a mesh holds, or what this machine renders with.",
     "merge": "Merge differently exposed photographs into one radiance map.",
     "probe": "Turn photographs of a mirrored ball into an environment map.",
     "panorama": "Stitch perspective photographs into an environment map.",
-    "convert": "Convert files between formats, and light between mappings; turn it, lay it out for another program.",
+    "convert": "Convert pictures between formats, environment maps between mappings; turn maps, lay them out for "
+    "programs.",
     "model": "Model a place from edges marked in photographs: cameras and blocks, found together.",
     "edit": "Edit radiance maps in linear light, or through any painting program.",
     "sky": "Make the light of a clear day: sky and sun by place, date and hour, in cd/m².",

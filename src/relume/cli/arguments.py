@@ -102,13 +102,13 @@ class MapsOptions:
     rate: Annotated[
         float | None,
         Parameter(
-            help="Of a folder of maps: so many a second, under pictures that are 24 a second; a picture for each map "
+            help="Of a folder of maps: maps a second, under pictures that are 24 a second; a picture for each map "
             "unless given."
         ),
     ] = None
     interpolation: Annotated[
         Literal["linear", "none"] | None,
-        Parameter(help="Of a folder of maps: linear in radiance between two, or none, each until the next; linear."),
+        Parameter(help="Of a folder of maps: linear between two, or none, each until the next; linear unless given."),
     ] = None
 
     def sequence(self, folder: Path, mapping: rl.mappings.Mapping | None = None, *, clamp: bool = False):
@@ -131,9 +131,9 @@ ClusterWord = Annotated[
     str | None,
     Parameter(
         name="--cluster",
-        help="Do it by Dask's workers: local for one a core, local:4 for so many, the address of a scheduler like "
-        "tcp://HOST:8786, the path of its scheduler.json, or env for DASK_SCHEDULER_ADDRESS. What is written is the "
-        "same to the bit.",
+        help="Do it by Dask's workers: local for one a core, local:4 for four, the address of a scheduler like "
+        "tcp://HOST:8786, the path of its scheduler.json, or env for DASK_SCHEDULER_ADDRESS. What is written "
+        "is the same to the bit.",
     ),
 ]
 MapFile = Annotated[Path, Parameter(name="MAP", help="The environment map, .exr, .hdr or another format.")]

@@ -49,7 +49,7 @@ class FormatOptions:
     """What the name of the output does not say."""
 
     half: Annotated[
-        bool, Parameter(group=FORMAT, negative="", help="16 bits a value in an .exr; float where halves would not do.")
+        bool, Parameter(group=FORMAT, negative="", help="16 bits a value in an .exr; 32 where 16 lose too much.")
     ] = False
     float_: Annotated[
         bool,
@@ -57,7 +57,7 @@ class FormatOptions:
             name="--float",
             group=FORMAT,
             negative="",
-            help="32 bits a value, which is what is written unless asked otherwise.",
+            help="Store 32 bits a value, as is done unless another format is asked for.",
         ),
     ] = False
     as_: Annotated[
@@ -202,8 +202,8 @@ def convert(
         Parameter(
             name="IN",
             negative="",
-            help="A picture in any format; a light map; six cube faces, +X −X +Y −Y +Z −Z as OpenGL has them; or, "
-            "with --gamma, a painting.",
+            help="A picture in any format; an environment map; six cube faces, +X −X +Y −Y +Z −Z as OpenGL has "
+            "them; or, with --gamma, a painting.",
         ),
     ] = None,
     /,

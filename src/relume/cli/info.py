@@ -299,7 +299,7 @@ def _shortened(text: str, whole: bool) -> str:
 def info(
     paths: Annotated[
         list[Path] | None,
-        Parameter(help="Pictures, radiance maps, light maps, camera raws, cubes, meshes.", negative=""),
+        Parameter(help="Pictures, radiance maps, environment maps, camera raws, cubes, meshes.", negative=""),
     ] = None,
     /,
     *,
@@ -307,10 +307,10 @@ def info(
         bool, Parameter(negative="", help="Show what this machine renders with, and what is missing.")
     ] = False,
     draw: Annotated[
-        Path | None, Parameter(help="Draw a light map at three exposures with its axes, as this .png.")
+        Path | None, Parameter(help="Draw an environment map at three exposures with its axes, as this .png.")
     ] = None,
     from_: Annotated[
-        str | None, Parameter(name="--from", help="Mapping of the map to draw, where the file does not remember it.")
+        str | None, Parameter(name="--from", help="Mapping of the map to draw, where the file does not store it.")
     ] = None,
     brackets: Annotated[
         bool, Parameter(negative="", help="Say which exposures cover the place that a photograph shows.")

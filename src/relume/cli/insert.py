@@ -114,8 +114,8 @@ class FarmOptions:
         bool,
         Parameter(
             negative="",
-            help="Measure light, camera and reflectance and keep them in the folder, and render nothing: commands with "
-            "--frames, started afterwards at the same time, do none of it again.",
+            help="Measure light, camera and reflectance, keep them in the folder, and render nothing. Commands "
+            "with --frames that start afterwards, many at once, do none of it again.",
         ),
     ] = False
     assemble: Annotated[
@@ -210,8 +210,8 @@ def insert(
         bool,
         Parameter(
             negative="",
-            help="A quick look: preview.png over a small copy of the plate with few rays. The first takes what finding "
-            "the light takes, which the job itself then has; the next a few seconds.",
+            help="A quick look with few rays over a small copy of the plate: preview.png. The first takes as long "
+            "as finding the light, which the job itself then need not do; the next takes a few seconds.",
         ),
     ] = False,
     threads: Threads = None,

@@ -55,13 +55,13 @@ class Lens:
     glare: Annotated[
         tuple[int, int, int, int] | None,
         numbers(
-            BOX, like="40,60,8,8", group=LENS, help="A black place of the picture: the veil of glare it shows goes."
+            BOX, like="40,60,8,8", group=LENS, help="A black place of the picture: its veil of glare is taken out."
         ),
     ] = None
     glare_lamp: Annotated[
         tuple[int, int, int, int] | None,
         numbers(
-            BOX, like="300,200,6,6", group=LENS, help="A small lamp in --glare-map: its veil and halo of glare go."
+            BOX, like="300,200,6,6", group=LENS, help="A small lamp in --glare-map: its veil and halo are taken out."
         ),
     ] = None
     glare_map: Annotated[
@@ -79,8 +79,8 @@ class Lens:
         tuple[float, float, float, float] | str | None,
         numbers(
             "RED_A,RED_B,BLUE_A,BLUE_B", like="auto or 0.0004,-0.0002,-0.0003,0.0001", group=LENS, words=("auto",),
-            help="Bring red and blue onto green: lateral colour found in the edges (auto), or how much larger than "
-            "green each is drawn, a + b ρ² of the radius, ρ in half diagonals; below 0 is smaller.",
+            help="Bring red and blue onto green: auto finds lateral colour in the edges; numbers say how much larger "
+            "than green each is drawn, a + b ρ² of the radius, ρ in half diagonals, below 0 smaller.",
         ),
     ] = None  # fmt: skip
     white: Annotated[

@@ -64,9 +64,9 @@ def panorama(
     orientations: Annotated[
         Path | None,
         Parameter(
-            help="A table .csv with the columns name, yaw (to the right), pitch (up), roll (clockwise) and, where it "
-            "is known, field, in degrees; views it does not name are matched. Where the two have nothing in common, as "
-            "with a clear sky, yaw counts from the first view that is matched, and pitch from the horizon found."
+            help="A table, .csv, in degrees: columns name, yaw (right), pitch (up), roll (clockwise) and, where it is "
+            "known, field. Views that it does not name are matched. Where the two groups share nothing, as under a "
+            "clear sky, yaw counts from the first matched view, and pitch from the horizon that is found."
         ),
     ] = None,
     match: Annotated[
@@ -88,8 +88,8 @@ def panorama(
     balance: Annotated[
         bool | None,
         Parameter(
-            help="Balance exposure and vignetting where views overlap, exposure where they only touch. Not done unless "
-            "asked for with views in cd/m², whose scale was measured, and with crops of one map, which share one."
+            help="Balance exposure and vignetting where views overlap, exposure alone where they only touch. Views "
+            "in cd/m² and crops of one map are not balanced unless asked for: their scale is known."
         ),
     ] = None,
     colours: Annotated[

@@ -39,9 +39,9 @@ EachPlace = Annotated[
     bool,
     Parameter(
         negative="",
-        help="Make a map of every place, a folder inside the folder that is given, to -o FOLDER/place.exr; one where "
-        "no ball is found is named, the others are written, and what is there is kept. Give the folder above the "
-        "places: of PLACES/* the folders of views inside would count as places.",
+        help="Make a map of every place to -o FOLDER/place.exr. A place is a folder inside the folder that is "
+        "given. Give the folder above the places: of PLACES/* the folders of views would count as places. A "
+        "place without a ball is named, the others are written, and what is there is kept.",
     ),
 ]
 
@@ -74,8 +74,8 @@ class ViewOptions:
         numbers(
             "DEGREES,…",
             like="0,90,180",
-            help="Degrees by which the camera was carried round the ball for each view, counter-clockwise from above, "
-            "like 0,90,180; folders and --view are registered without unless given.",
+            help="Degrees by which the camera was carried round the ball for each view, counter-clockwise from "
+            "above, like 0,90,180. Unless given, folders and --view are registered by what they show.",
         ),
     ] = None
 
@@ -125,8 +125,8 @@ class BallOptions:
             "X,Y,RADIUS",
             like="726,487,283, three points X,Y,X,Y,X,Y or auto",
             words=("auto",),
-            help="The ball's rim in pixels, once for each view: X,Y,RADIUS, or three points or more as X,Y,X,Y,X,Y; "
-            'followed where it is seen near there, else taken as it is; "auto" to have it found.',
+            help="The ball's rim in pixels, once for each view: X,Y,RADIUS; three points or more as X,Y,X,Y,X,Y; "
+            'or "auto" to have it found. It is followed where it is seen near there, else taken as it is.',
         ),
     ] = None
     pick_exactly: Annotated[

@@ -42,6 +42,8 @@ class Claimed(Exception):
 def held(folder: str | os.PathLike[str]) -> Iterator[Path]:
     """Hold a folder, made where it is missing, for the block; the file that says so is what the block is given.
 
+    folder : the one that this run alone may write to
+
     Where another run holds it, OutputNotWritten says which. What a process of this machine left behind as it died is
     taken over. Not so on Windows, nor what one of another machine left: nobody here can know whether that process is
     gone, so the folder stays held, and the message says what to delete.

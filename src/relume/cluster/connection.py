@@ -41,7 +41,7 @@ class Cluster:
 
     @property
     def address(self) -> str:
-        """The scheduler's."""
+        """The address of the scheduler."""
         scheduler: Any = self.client.scheduler
         return str(scheduler.address) if scheduler is not None else "?"
 
@@ -54,6 +54,7 @@ def connect(
 
     cluster : "local" for a worker a core of this machine, "local:N" for N; the address of a scheduler; the path of the
         file that a scheduler wrote; "env" for the address in DASK_SCHEDULER_ADDRESS or Dask's configuration; a Client
+    progress : called after every task with (done, failed, to go, seconds left or None)
     Raises ClusterUnusable where nobody answers within ten seconds, or the workers run another relume or Python.
     """
     if isinstance(cluster, Cluster):

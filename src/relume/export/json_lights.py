@@ -47,7 +47,11 @@ def text(file: LampFile) -> str:
 
 
 def read_lights(path: str | Path) -> Constellation:
-    """The parallel lights of such a text; raises UnreadableFile, also for lights that have a place."""
+    """The parallel lights in a JSON file that `write_lights` wrote.
+
+    path : the file, .json
+    Raises UnreadableFile for any other file, and for lights that have a place.
+    """
     try:
         document = json.loads(Path(path).read_text("utf-8"))
     except OSError as error:

@@ -66,7 +66,7 @@ def export_shot(shot: PreparedShot, folder: str | os.PathLike[str], program: Pro
 
     shot : from `prepare_shot`
     folder : made where it is missing (its parent is not); in one that exists, files of the same names are replaced
-    program : that is to open it
+    program : that is to open it: "blender", "usd" or "mitsuba"
 
     Every line of what the files do not hold is also a warning and stands in the folder's README.txt. Raises
     UnsupportedScene for what no other program has, ValueError for another program and for walls that the probe is not

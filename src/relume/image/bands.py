@@ -3,6 +3,7 @@ picture, and on a few things side by side."""
 
 from __future__ import annotations
 
+import os
 from collections.abc import Callable, Sequence
 from contextvars import copy_context
 from typing import TypeVar
@@ -18,10 +19,25 @@ SMALL = 2**21
 memory holds what one of them takes in between."""
 
 
+def in_threads(
+    work: Callable[[int, int], Result], count: int, threads: int | None = None, *, chunk: int = 65536
+) -> list[Result]:
+    """Call `work(begin, end)` for chunks of 0…count on every core; the results, in the chunks' order.
+
+    The chunks do not depend on the number of threads, so neither do sums over their results.
+    """
+    begins = range(0, count, chunk)
+    workers = min(threads or os.cpu_count() or 1, len(begins))
+    if workers <= 1:
+        return [work(begin, min(begin + chunk, count)) for begin in begins]
+    from concurrent.futures import ThreadPoolExecutor
+
+    with ThreadPoolExecutor(workers) as pool:
+        return list(pool.map(lambda begin: work(begin, min(begin + chunk, count)), begins))
+
+
 def in_bands(height: int, width: int, work: Callable[[slice], Result]) -> list[Result]:
     """Call `work(rows)` for the bands of a picture on every core; the results, from the top band down."""
-    from relume.image.kernel import in_threads
-
     # The threads take NumPy's error state along.
     context = copy_context()
     return in_threads(
@@ -35,8 +51,6 @@ def side_by_side(works: Sequence[Callable[[], Result]], pixels: int = 0) -> list
     pixels : of the largest picture that any works on; above SMALL they are done one after another
     Of works that fail the first one's error is raised. None may gather doubts by `GatheredDoubts`.
     """
-    from relume.image.kernel import in_threads
-
     context = copy_context()
     kept: list[list[Doubt]] = [[] for _ in works]
 

@@ -13,6 +13,7 @@ from functools import lru_cache
 
 import numpy as np
 
+from relume.image.bands import in_threads
 from relume.image.colour import decode_srgb
 from relume.image.files.metadata import icc_profile
 from relume.image.files.metadata.icc_profile import Profile
@@ -91,8 +92,6 @@ def in_rec709(picture: RadianceMap, photograph: Photograph) -> RadianceMap:
     result = converted(replace(picture, variance=None), matrix, space.primaries)
     if picture.variance is None:
         return result
-    from relume.image.kernel import in_threads
-
     radiance, given = picture.radiance, picture.variance
     variance = np.empty_like(given)
 

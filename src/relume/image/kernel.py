@@ -1,4 +1,4 @@
-"""How every Numba kernel here is compiled, and how kernels share the cores.
+"""How every Numba kernel here is compiled.
 
 A kernel is a private loop beside the friendly function that validates and allocates. Each module of kernels has a
 proof: a test that reaches it and holds it against a slow twin, a closed form or an identity, as the table in
@@ -17,7 +17,6 @@ import re
 import shutil
 import tempfile
 from collections.abc import Callable, Iterator, Mapping
-from concurrent.futures import ThreadPoolExecutor
 from functools import lru_cache
 from pathlib import Path
 from threading import Lock
@@ -173,16 +172,3 @@ exact_inlined = numba.njit(nogil=True, fastmath=False, error_model="numpy", inli
 
 # Where no array is passed, LLVM does as well with a call, and types are inferred once instead of at every place.
 exact_small = numba.njit(nogil=True, fastmath=False, error_model="numpy")
-
-
-def in_threads(work: Callable[[int, int], Any], count: int, threads: int | None = None, *, chunk: int = 65536) -> list:
-    """Call `work(begin, end)` for chunks of 0…count on every core; the results, in the chunks' order.
-
-    The chunks do not depend on the number of threads, so neither do sums over their results.
-    """
-    begins = range(0, count, chunk)
-    workers = min(threads or os.cpu_count() or 1, len(begins))
-    if workers <= 1:
-        return [work(begin, min(begin + chunk, count)) for begin in begins]
-    with ThreadPoolExecutor(workers) as pool:
-        return list(pool.map(lambda begin: work(begin, min(begin + chunk, count)), begins))

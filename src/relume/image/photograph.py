@@ -103,8 +103,8 @@ class Photograph:
     outside : (H, W) bool, True where a pixel is not part of the picture (a border left by registration, alpha 0, a
         thing that moved through this frame alone); such pixels count nowhere. None where all are part
     settings : what else the file stores
-    profile : the ICC profile that its values are of, as embedded, or as its EXIF names one; `image.colour_space` heeds
-        it. None where there is none: sRGB
+    profile : the ICC profile that its values are of, as embedded, or as its EXIF names one. None where there is none:
+        sRGB
     uncropped : (width, height) that it had before it was cropped; None where it was not, or nothing says so
     gain_map : whether its file has a gain map for HDR screens besides, of which these pixels show nothing
     jpeg : how the JPEG was coded that the pixels were read from; None for other files
@@ -134,7 +134,7 @@ class Photograph:
 
     @property
     def size(self) -> tuple[int, int]:
-        """(width, height) in pixels."""
+        """The (width, height) in pixels."""
         return self.pixels.shape[1], self.pixels.shape[0]
 
     @property

@@ -44,7 +44,7 @@ class RadianceMap:
 
     @property
     def size(self) -> tuple[int, int]:
-        """(width, height) in pixels."""
+        """The (width, height) in pixels."""
         return self.radiance.shape[1], self.radiance.shape[0]
 
     def _repr_html_(self) -> str:

@@ -38,12 +38,12 @@ class Response:
 
     @property
     def deviation(self) -> np.ndarray:
-        """(3, levels) standard deviation of every pixel value, in pixel values."""
+        """The standard deviation (3, levels) of every pixel value, in pixel values."""
         noise = self.noise if self.noise.ndim == 2 else self.noise[:, None]
         return np.broadcast_to(noise, self.log_exposure.shape)
 
     def pixel_values(self, exposure: np.ndarray) -> np.ndarray:
-        """Pixel values (H, W, 3), not rounded, of sensor exposures (H, W, 3): a virtual photograph (§2.7)."""
+        """Pixel values (H, W, 3), not rounded, of a sensor `exposure` (H, W, 3): a virtual photograph (§2.7)."""
         with np.errstate(divide="ignore"):
             logarithm = np.log(np.maximum(exposure, 0.0))
         values = np.arange(self.levels, dtype=np.float64)

@@ -48,7 +48,7 @@ class LightSequence:
     """Environment maps one after the other.
 
     paths : files, in order; the first is at 0 s
-    rate : maps a second
+    rate : maps a second; 24 as of a cinema film
     interpolation : "linear" in radiance between two maps, or "none", the earlier map until the next
     mapping : where the files do not store it
     clamp : set negative pixels to 0, with a warning
@@ -83,6 +83,8 @@ class LightSequence:
     ) -> LightSequence:
         """The maps of patterns, names, folders and stores, by the last number in each name; where none has one by name.
 
+        patterns : like "maps/*.exr", names of files, folders, or a store
+        rate, interpolation, mapping, clamp : as of the sequence itself
         folder : from which they start
         Raises UnreadableFile for what is not there, for a number that is missing or there twice, and for a name
         without a number among others.
@@ -97,13 +99,16 @@ class LightSequence:
         return (len(self.paths) - 1) / self.rate
 
     def times(self, rate: float = 24.0) -> tuple[float, ...]:
-        """Seconds of the pictures of a film, so many a second, from the first map to the last."""
+        """Seconds of the pictures of a film, `rate` in each second, from the first map to the last."""
         if not 0 < rate < np.inf:
             raise ValueError(f"the rate is {rate:g} pictures a second; it must be above 0")
         return tuple(number / rate for number in range(int(self.seconds * rate + 1e-6) + 1))
 
     def moment(self, seconds: float) -> Moment:
-        """The maps round a time and where it lies between them; raises ValueError for a time that is none."""
+        """The maps round a time in `seconds` and where it lies between them.
+
+        Raises ValueError for a time that is none.
+        """
         if not np.isfinite(seconds):
             raise ValueError(f"the time is {seconds}; expected seconds")
         # A frame's time is a sum of fractions: what is on a map but for rounding is on it.
@@ -114,7 +119,10 @@ class LightSequence:
         return Moment(self.paths[first], self.paths[first + (share > 0)], share)
 
     def at(self, seconds: float) -> EnvironmentMap:
-        """The light at a time; raises UnreadableFile where the two maps round it differ in mapping, size or unit."""
+        """The light at a time in `seconds`.
+
+        Raises UnreadableFile where the two maps round it differ in mapping, size or unit.
+        """
         moment = self.moment(seconds)
         first = self._read(moment.before)
         if not moment.share:
@@ -128,6 +136,7 @@ class LightSequence:
     def weights(self, begin: float, end: float) -> dict[Path, float]:
         """The share of each map in the mean light from one second to another, exactly; together 1.
 
+        begin, end : seconds
         Raises ValueError for times that are none, or that fall.
         """
         if not (np.isfinite(begin) and np.isfinite(end) and begin <= end):
@@ -155,6 +164,7 @@ class LightSequence:
     def mean(self, begin: float, end: float) -> EnvironmentMap:
         """The mean light from one second to another, as a shutter sees it that is open so long; of one time that light.
 
+        begin, end : seconds
         Raises as `at` and `weights`.
         """
         parts = list(self.weights(begin, end).items())
@@ -173,7 +183,10 @@ class LightSequence:
         return _map_in_file(path, _stamp(path), self.mapping, self.clamp)
 
     def checked(self) -> LightSequence:
-        """The same, after every map was read; raises UnreadableFile for one that cannot be, or is not as the first."""
+        """The same sequence, after every map was read.
+
+        Raises UnreadableFile for a map that cannot be read, or is not as the first.
+        """
         stamps = tuple(_stamp(path) for path in self.paths)
         kinds = [
             _kind_in_file(path, stamp, self.mapping, self.clamp) for path, stamp in zip(self.paths, stamps, strict=True)

@@ -12,8 +12,9 @@ from functools import cached_property
 
 import numpy as np
 
+from relume.image.bands import in_threads
 from relume.image.colour import luminance
-from relume.image.kernel import exact_kernel, exact_small, in_threads
+from relume.image.kernel import exact_kernel, exact_small
 from relume.sphere.environment_map import EnvironmentMap
 from relume.sphere.mappings.mapping import LatLong, Mapping
 

@@ -68,9 +68,10 @@ def recolour_clothing(black: RadianceMap, white: RadianceMap, tint: ArrayLike) -
     """The picture in another cloth: black + tint · (white − black).
 
     black, white : of one camera, under one light
-    tint : (3,), of `ClothAlbedos.tint`
+    tint : (3,), as `ClothAlbedos.tint` makes it
     Variance is carried where both takes have it; a pixel that is saturated in either is so in the result.
-    Raises ValueError for takes of two sizes or units. Warns where the subject moved between them.
+    Source: Debevec et al. 2000, §3.4 and Fig. 7. Raises ValueError for takes of two sizes or units. Warns where the
+    subject moved between them.
     """
     if black.radiance.shape != white.radiance.shape or black.unit != white.unit:
         raise ValueError(
@@ -135,7 +136,8 @@ class RecolouredField(Derived):
 def recolour_field(black: ReflectanceField, white: ReflectanceField, tint: ArrayLike) -> RecolouredField:
     """The field in another cloth: black + tint · (white − black), light by light, when it is asked for.
 
-    tint : (3,), of `ClothAlbedos.tint`
+    black, white : the takes, of one camera and one stage
+    tint : (3,), as `ClothAlbedos.tint` makes it
     Raises ValueError for fields of two sizes or of other lights. Warns where the subject moved between the takes, as
     seen in the sum of their pictures.
     """

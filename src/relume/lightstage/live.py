@@ -61,11 +61,15 @@ class LiveField:
         return None if self.compressed is None else self.compressed.error
 
     def compress(self, progress: Progress | None = None) -> LiveField:
-        """The same, many times as quick; ValueError as of `compress_cosine`."""
+        """The same field, many times as quick to relight.
+
+        progress : called with the share of the work that is done, 0 to 1
+        Raises ValueError as `compress_cosine`.
+        """
         return replace(self, compressed=compress_cosine(self.field, memory=BAND_BYTES, progress=progress))
 
     def relight(self, irradiances: np.ndarray) -> RadianceMap:
-        """The subject under light of irradiances (N, 3)."""
+        """The subject under light of `irradiances` (N, 3), one a light of the field."""
         if self.compressed is not None:
             return self.compressed.relight(irradiances)
         return weighted_sum(replace(self.field, noise=None), irradiances)
@@ -81,7 +85,7 @@ class TurningMap:
     spectrum: np.ndarray
 
     def irradiances(self, angle: float) -> np.ndarray:
-        """(N, 3) float64, with the map turned by so many radians, right-handed."""
+        """What each light gives, (N, 3) float64, with the map turned by `angle`, radians, right-handed."""
         count = self.spectrum.shape[1]
         turned = np.exp(1j * angle * np.arange(count))
         turned[1:] *= 2  # negative frequencies are the conjugates of the positive ones
@@ -89,7 +93,11 @@ class TurningMap:
 
 
 def live_field(stage: ReflectanceField, *, progress: Progress | None = None) -> LiveField:
-    """The field in memory, or, where few lights leave much open, the pictures under a grid of lights instead of it."""
+    """The field in memory, or, where few lights leave much open, the pictures under a grid of lights instead of it.
+
+    stage : its reflectance field
+    progress : called with the share of the work that is done, 0 to 1
+    """
     if not needs_fit(stage.lights):
         values = stage if isinstance(stage, Pictures) else Pictures(whole(stage), stage.lights, stage.camera)
         return LiveField(values)

@@ -59,6 +59,8 @@ class HotSpot:
     ) -> HotSpot:
         """The spot that a picture's white marks; its grey values are shares of the way, as they are encoded.
 
+        picture : as large as the painting
+        factor, radiance : as of the spot itself
         stops : 2^stops is the factor
         """
         if stops is not None:

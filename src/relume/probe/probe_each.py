@@ -71,10 +71,13 @@ def probe_each(
     """Unwrap the ball of every place into a map of its own, `out`/place with `ending`; those that are there are kept.
 
     folders : see `find_places`; photographs in a place's folder are one view, folders inside it a view each
+    out : the folder, made where it is missing
     ending : .exr or .hdr
-    camera : where the camera of the first view stood, metres from the ball's centre, Y up
+    camera : where the camera of the first view stood, metres from the ball's centre, Y up; a metre before it unless
+        given
     turns : radians by which the camera was carried round the ball for each view; registered with unless given
     profile : of the camera, for all
+    times_from_names : read exposure times from the files' names, as `read_bracket` does
     settings : of every probe
     dry_run : find the places, and unwrap nothing
     cluster : None does it in this process; else as `run_tasks` takes it

@@ -47,7 +47,7 @@ class RoundPanorama:
     notes: tuple[str, ...] = ()
 
     def facts(self, *, listed: bool = True) -> dict[str, object]:
-        """What was found, degrees; the views as one list for machines, or by name, for lines."""
+        """What was found, degrees; the views as one list (`listed`) for machines, or by name, for lines."""
         views: list[dict[str, object]] = []
         for index, (view, gain) in enumerate(zip(self.views, self.gains, strict=True)):
             angles = (round(math.degrees(angle), 2) + 0.0 for angle in angles_of(view.rotation))

@@ -93,12 +93,13 @@ def orient_round_views(
     method : as of a panorama; `width` is that of the stereographic picture, and `distortion` finds the field of the
         lens, where all views have the same and it has one: within some per cent of what is given
     known : (N,) whose rotations are known; the first's alone unless given. What known views share is no part of the fit
-    Features by Lowe 2004, the turn that most matches agree with by random pairs of them (Fischler & Bolles 1981; Kabsch
-    1976), all turns together by robust least squares. Neighbours need an overlap of some 15°: two fisheyes of 195° back
-    to back have it. Raises NotAPanorama for a lone view, and by name for those that have too little in common with the
-    others, and where the field that is found differs by more than 15 % from the one given; warns of more than 5 %,
-    where matches differ by more than 0.3°, as where the lens or its rim is another than was given, and of a known
-    rotation that matches contradict by more than three of their deviations, 0.3° at least.
+    Features are Lowe's (2004). Random pairs of matches give the turn that most of them agree with (Fischler & Bolles
+    1981; Kabsch 1976); robust least squares then finds all turns together. Neighbours need an overlap of some 15°: two
+    fisheyes of 195° back to back have it. Raises NotAPanorama for a lone view, by name for views that have too little
+    in common with the others, and where the field that is found differs by more than 15 % from the one given. Warns
+    where it differs by more than 5 %, and where matches differ by more than 0.3°: then the lens or its rim is another
+    than was given. Warns of a known rotation that matches contradict by more than three of their deviations, 0.3° at
+    least.
     Raises ValueError where `known` is not said of each view, or is true of all or of none.
     """
     if len(views) < 2:

@@ -47,8 +47,10 @@ class RoundLens(Protocol):
 
 @dataclass(frozen=True)
 class FisheyeLens:
-    """A fisheye: r ∝ θ, or r ∝ sin(θ/2) where `equisolid`; `field` is the angle across, radians, up to 2π.
+    """A fisheye: r ∝ θ, or r ∝ sin(θ/2) where it is equisolid.
 
+    field : the angle across, radians, up to 2π
+    equisolid : equal areas are equal solid angles; most real fisheyes come near that
     ahead : whether the middle shows what the camera looks at, as lenses do; mirrors show the camera there
     """
 
@@ -60,7 +62,7 @@ class FisheyeLens:
         _require_field(self.field)
 
     def radius(self, angle: np.ndarray) -> np.ndarray:
-        """The radius, 1 at the rim."""
+        """The radius, 1 at the rim, at which an `angle` from the axis is seen, radians."""
         return np.sin(angle / 2) / np.sin(self.field / 4) if self.equisolid else 2 * angle / self.field
 
     def angle(self, radius: np.ndarray) -> np.ndarray:
@@ -80,7 +82,7 @@ class TelecentricBall:
     ahead: bool = False
 
     def radius(self, angle: np.ndarray) -> np.ndarray:
-        """The radius, 1 at the rim."""
+        """The radius, 1 at the rim, at which an `angle` from the axis is seen, radians."""
         return np.sin(angle / 2)
 
 
@@ -100,7 +102,7 @@ class ParabolicMirror:
         _require_field(self.field)
 
     def radius(self, angle: np.ndarray) -> np.ndarray:
-        """The radius, 1 at the rim."""
+        """The radius, 1 at the rim, at which an `angle` from the axis is seen, radians."""
         return np.tan(np.minimum(angle, 3.1) / 2) / np.tan(min(self.field, 6.2) / 4)
 
     def angle(self, radius: np.ndarray) -> np.ndarray:
@@ -110,7 +112,7 @@ class ParabolicMirror:
 
 @dataclass(frozen=True, eq=False)
 class RoundView:
-    """One round picture.
+    """One round picture, of a fisheye or of a mirror.
 
     picture : the radiance map
     lens : which lens or mirror drew it
@@ -178,6 +180,7 @@ class RoundProbe:
 def join_round_views(views: Sequence[RoundView], size: int = 512, *, balance: bool = True) -> RoundProbe:
     """Join round pictures from one place into a map, soft over a tenth of their radius.
 
+    views : from one place, turned as `orient_round_views` found
     size : rows of the map
     balance : whether views are brought to the brightness of the first by what they both show
     What is clipped in one view comes from the others; what is clipped in all that show it is kept as it is, marked in

@@ -26,7 +26,12 @@ class Renderer(Protocol):
     """
 
     def render(self, scene: Scene, camera: Camera, *, seed: int = 0, progress: Progress | None = None) -> Render:
-        """Render `scene` seen by `camera`; raises UnsupportedScene naming what it cannot shade."""
+        """Render `scene` seen by `camera`.
+
+        seed : of what is random
+        progress : called with the share of the work that is done, 0 to 1
+        Raises UnsupportedScene naming what it cannot shade.
+        """
         ...
 
     def change(
@@ -43,6 +48,8 @@ class Renderer(Protocol):
     ) -> Change:
         """What the scene's objects change of what the camera sees: this default subtracts two renders.
 
+        seed : of what is random
+        progress : called with the share of the work that is done, 0 to 1
         watch : what goes on around a long render: a state kept on disk, previews. The default keeps and shows nothing
         plate : (H, W, 3) what is seen without the objects, for a renderer that stops at a share of noise
         moments : the scene and the camera at each moment of the exposure, where something moves; `scene` and `camera`
@@ -68,7 +75,7 @@ def render(
     camera : whose picture it is
     renderer : how, with its quality: `Mitsuba`, `Prefiltered`, `Whitted` or one of `rl.renderers`
     seed : of what is random
-    progress : called while it works
+    progress : called with the share of the work that is done, 0 to 1
     Raises UnsupportedScene for what the renderer does not know.
     """
     return renderer.render(scene, camera, seed=seed, progress=progress)
@@ -111,7 +118,7 @@ class ConstantRenderer(Renderer):
     radiance: tuple[float, float, float] = (1.0, 1.0, 1.0)
 
     def render(self, scene: Scene, camera: Camera, *, seed: int = 0, progress: Progress | None = None) -> Render:
-        """A flat picture of the camera's size."""
+        """A flat picture of the camera's size, by `Renderer.render`."""
         shape = (camera.height, camera.width)
         matte = np.zeros(shape, np.float32)
         if scene.objects:

@@ -21,6 +21,9 @@ _RIM, _RIVAL = "#00e0ff", "#ffb000"
 def rim_plot(views: Sequence[BallView], names: Sequence[str]) -> bytes:
     """Each view's ball with its rim, and the curves that might be the rim instead, as bytes of PNG.
 
+    views : of the ball
+    names : of the views, as many
+
     The pictures are developed so that the median of the ball is middle grey.
     """
     from matplotlib.figure import Figure
@@ -39,6 +42,7 @@ def rim_plot(views: Sequence[BallView], names: Sequence[str]) -> bytes:
 def candidates_plot(refused: BallNotFound) -> bytes:
     """The picture in which no ball was found with the round things that it offers as picks, numbered, as bytes of PNG.
 
+    refused : the error that was raised
     Raises ValueError for a refusal that holds no picture.
     """
     from matplotlib.figure import Figure

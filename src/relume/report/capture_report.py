@@ -24,6 +24,8 @@ def write_capture_report(
 ) -> None:
     """Write one page: doubts, exposures, radiance, false colour, response, noise, alignment, ghosts, what was clipped.
 
+    result : of `merge_brackets`
+    path : the page, .html
     settings : what the result was made with; the page lists what was switched off and what of the lens was not undone
     profile : the name of the one that was given
     Raises OutputNotWritten.

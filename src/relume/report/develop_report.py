@@ -32,7 +32,10 @@ def write_develop_report(
 ) -> None:
     """Write one page that shows a developed picture beside the radiance it was made from.
 
+    path : the page, .html
+    made : what `develop_file` returned
     facts : for its table; those of `made` unless given
+    title : of the page
     Raises OutputNotWritten, and ValueError for a dry run.
     """
     path = Path(path)

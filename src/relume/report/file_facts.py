@@ -28,13 +28,16 @@ NO_EXTRAS = ("dev", "docs")
 
 
 def describe(path: str | os.PathLike[str], options: ReadOptions = ReadOptions()) -> dict[str, Any]:
-    """What a file holds, in plain values that JSON can hold: see `relume.image.files.description.describe`.
+    """What a file holds, in plain values that JSON can hold.
 
-    The places "brightest" and "lone" of a map have a "direction" besides, None where the map has no directions:
-    azimuth and elevation, degrees to the right of −Z and up from level; the name of the mapping; and whether it is
-    assumed, because only the shape says that the map is equirectangular (lat-long).
-    A mesh (.glb, .gltf, .obj, .ply, .stl, USD) has its triangles, materials and its extent in metres.
-    A store of maps (.zarr) has those of `store_facts`: frames, rate, unit, whether variance is there.
+    path : of a picture, a map, a mesh or a store
+    options : limits, and how what a file leaves open is understood
+
+    The places "brightest" and "lone" of a map have a "direction" besides, None where the map has no directions: azimuth
+    and elevation, degrees to the right of −Z and up from level, and the name of the mapping. It is marked as assumed
+    where only the shape says that the map is equirectangular (lat-long). A mesh (.glb, .gltf, .obj, .ply, .stl, USD)
+    has its triangles, materials and its extent in metres. A store of maps (.zarr) has its frames, rate and unit, and
+    whether variance is there.
     Raises UnreadableFile.
     """
     if is_map_store(path):
@@ -47,7 +50,10 @@ def describe(path: str | os.PathLike[str], options: ReadOptions = ReadOptions())
 
 
 def maps_summary(facts: MappingOf[str, Any]) -> dict[str, str]:
-    """The facts of a store of maps, as label → text."""
+    """The facts of a store of maps, as label → text.
+
+    facts : of a store, as `describe` gives them
+    """
     (width, height), rate = facts["size"], facts["rate"]
     seconds = "" if rate is None else f", {rate:.5g} a second"
     absolute = facts["unit"] == "cd/m²"
@@ -131,9 +137,12 @@ def _extras() -> list[str]:
 
 
 def draw_environment(light: EnvironmentMap, path: str | os.PathLike[str], *, title: str = "") -> None:
-    """Write a map at three exposures with its axes as a .png; raises OutputNotWritten.
+    """Write a map at three exposures with its axes as a .png.
 
+    light : the map
+    path : .png
     title : above the drawing; the name of the file unless given
+    Raises OutputNotWritten.
     """
     from relume.report.light_plot import light_plot
 

@@ -112,7 +112,13 @@ def _signed(stops: int) -> str:
 
 
 def draw_lights(path: str | os.PathLike[str], made: LightSet, title: str = "") -> None:
-    """Write a picture of a map with its regions and lights to a .png."""
+    """Write a picture of a map with its regions and lights to a .png.
+
+    path : .png
+    made : the map with its lights, as `make_lights` made them
+    title : above the drawing
+    Raises OutputNotWritten.
+    """
     path = Path(path)
     with files.replacing(path) as temporary:
         temporary.write_bytes(lights_plot(made.light, made.lights, title))

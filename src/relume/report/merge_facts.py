@@ -18,7 +18,10 @@ Block = tuple[str, dict[str, object]]
 
 
 def merge_facts(shoot: MergedShoot) -> dict[str, object]:
-    """Everything for a machine; what is not known is None."""
+    """Everything about merged brackets for a machine; what is not known is None.
+
+    shoot : as `merge_shoot` made it
+    """
     cameras = shoot.result.cameras.items()
     return {
         "brackets": [_bracket(*each) for each in zip(shoot.result.brackets, shoot.targets, strict=True)],
@@ -30,7 +33,10 @@ def merge_facts(shoot: MergedShoot) -> dict[str, object]:
 
 
 def advice_summary(advice: BracketAdvice) -> dict[str, object]:
-    """What `advise_brackets` says, as lines for a person."""
+    """What `advise_brackets` says, as lines for a person.
+
+    advice : of `advise_brackets`
+    """
     ends = {"lighter than 240 of 255": advice.white, "too dark": advice.dark}
     shown = [f"{100 * share:.2g} % {word}" for word, share in ends.items() if share > 0]
     more = " or more" if advice.open_above or advice.open_below else ""
@@ -54,7 +60,10 @@ def advice_summary(advice: BracketAdvice) -> dict[str, object]:
 
 
 def plan_facts(plan: MergePlan) -> dict[str, object]:
-    """The same of a plan: nothing is written, so "would_write" is the map."""
+    """Everything about a plan for a machine: nothing is written, so "would_write" is the map.
+
+    plan : as `plan_merge` made it
+    """
     brackets = []
     for planned in plan.brackets():
         factors = [e.factor for _, e in planned.frames if e]
@@ -68,7 +77,11 @@ def plan_facts(plan: MergePlan) -> dict[str, object]:
 
 
 def merge_summary(shoot: MergedShoot, *, report: Path | None = None) -> list[Block]:
-    """Everything for a person: a block a bracket, titled with its map where there are several."""
+    """Everything about merged brackets for a person: a block a bracket, titled with its map where there are several.
+
+    shoot : as `merge_shoot` made it
+    report : the page that was written beside, to be named
+    """
     found: list[Block] = []
     several = len(shoot.targets) > 1
     for bracket, target in zip(shoot.result.brackets, shoot.targets, strict=True):
@@ -91,7 +104,10 @@ def merge_summary(shoot: MergedShoot, *, report: Path | None = None) -> list[Blo
 
 
 def plan_summary(plan: MergePlan) -> list[Block]:
-    """The lines of a dry run."""
+    """The lines of a dry run, for a person.
+
+    plan : as `plan_merge` made it
+    """
     return [
         (
             f"would write {planned.target}",

@@ -50,7 +50,9 @@ def pixel_ray_tree(read: SceneFile, pixel: tuple[int, int], settings: RenderSett
     What its rays send adds up to the pixel's radiance where one ray was traced for it; an antialiased pixel is the mean
     of several trees.
 
+    read : the scene file, read
     pixel : x, y from the upper left corner
+    settings : of Whitted's renderer; the file's own unless given
     Raises ValueError for a pixel outside of the picture, or settings of another renderer than Whitted's.
     """
     _check_pixel(read, pixel, settings)
@@ -65,7 +67,10 @@ def draw_ray_tree(
 ) -> DrawnTree | None:  # fmt: skip
     """Draw the tree of rays behind a pixel of a scene file's picture (.png or .svg); None on a dry run.
 
-    pixel : from the upper left corner
+    read : the scene file, read
+    out : .png or .svg
+    pixel : x, y from the upper left corner
+    settings : of Whitted's renderer; the file's own unless given
     dry_run : check everything and draw nothing
     Raises ValueError for a pixel outside of the picture, or settings of another renderer than Whitted's.
     """

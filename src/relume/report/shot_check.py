@@ -44,7 +44,7 @@ SIDE = 1000
 
 @dataclass(frozen=True, eq=False)
 class ShotCheck:
-    """What was found.
+    """What `check_shot` found in a shot.
 
     facts : by their names, for a person or a machine
     doubts : what the user should know, what matters most first
@@ -57,9 +57,10 @@ class ShotCheck:
 def check_shot(shot: Shot, *, progress: Callable[[str, float], None] = lambda step, share: None) -> ShotCheck:
     """Read all that a shot names and say what is in it: what `insert` would use.
 
-    Of a shot with a sequence all frames are checked to have their plates, cameras and maps of light, and the first is
-    looked at; the estimate is of all, as if each were the first.
-    progress : called with the name of each step and the share of it that is done
+    Of a shot with a sequence all frames are checked to have their plates, cameras and maps of light. The first is
+    looked at, and the estimate is of all, as if each were the first.
+    shot : as `read_shot` or `Shot.new` made it
+    progress : called with the name of each step and the share of it that is done, 0 to 1
     Raises RelumeError for what `insert` would refuse of it.
     """
     found: list[Doubt] = []

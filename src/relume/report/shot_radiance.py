@@ -35,8 +35,8 @@ class ShotRadiance:
     names : "plate", "ball 1", … of the brackets; a plate that is a radiance map is none
     brackets : merged, in that order
     cameras : what is known of each camera, by its name
-    residuals : for each bracket, by the names of its photographs: the stops by which the light that a photograph shows
-        departs from the mean of the others, the median over places that both show well; None where there are too few
+    residuals : for each bracket, by the names of its photographs: by how many stops the light that one shows departs
+        from the mean of the others. It is the median over places that both show well; None where there are too few
     doubts : what the user should know, what matters most first
     """
 
@@ -50,7 +50,8 @@ class ShotRadiance:
 def merge_shot(shot: Shot, *, progress: Callable[[str, float], None] = lambda step, share: None) -> ShotRadiance:
     """Merge every bracket of a shot: the radiance that `insert` goes on with, before it is denoised.
 
-    progress : called with the name of each step and the share of it that is done
+    shot : as `read_shot` or `Shot.new` made it
+    progress : called with the name of each step and the share of it that is done, 0 to 1
     Raises UnreadableFile, NotABracket, InvalidShot, also where the shot has finished maps alone.
     """
     with GatheredDoubts() as gathered:

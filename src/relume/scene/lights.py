@@ -134,7 +134,7 @@ class RectangleLight:
 
     @property
     def frame(self) -> np.ndarray:
-        """(3, 3) unit columns: along the width, along the height, and the direction that it faces."""
+        """The unit columns (3, 3): along the width, along the height, and the direction that it faces."""
         ahead = np.asarray(self.towards, np.float64) / np.linalg.norm(self.towards)
         up = np.asarray(self.up, np.float64) / np.linalg.norm(self.up)
         across = np.cross(up, ahead)
@@ -146,7 +146,7 @@ class RectangleLight:
 
 @dataclass(frozen=True)
 class AmbientLight:
-    """The same light from everywhere that nothing shadows: I_a of eq. 1 and 2.
+    """The same light from everywhere that nothing shadows: I_a of Whitted 1980, eq. 1 and 2.
 
     radiance : per channel; a diffuse surface of reflectance ρ adds ρ times this
     """

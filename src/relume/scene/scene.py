@@ -41,7 +41,10 @@ class Dome:
             raise ValueError(f"a dome of radius {self.radius} about {self.centre}; expected metres")
 
     def distances(self, origins: np.ndarray, directions: np.ndarray) -> np.ndarray:
-        """How far rays (…, 3) from inside go to it, metres."""
+        """How far rays from inside go to it, metres.
+
+        origins, directions : (…, 3) metres, and unit
+        """
         away = np.asarray(origins, np.float64) - np.array(self.centre)
         along = (away * directions).sum(-1)
         return -along + np.sqrt(np.maximum(along**2 - (away**2).sum(-1) + self.radius**2, 0))
@@ -63,7 +66,10 @@ class Box:
             raise ValueError(f"a box from {self.low} to {self.high}; expected each of low below that of high, metres")
 
     def distances(self, origins: np.ndarray, directions: np.ndarray) -> np.ndarray:
-        """How far rays (…, 3) from inside go to its walls, metres."""
+        """How far rays from inside go to its walls, metres.
+
+        origins, directions : (…, 3) metres, and unit
+        """
         origins, directions = np.asarray(origins, np.float64), np.asarray(directions, np.float64)
         wall = np.where(directions > 0, np.array(self.high), np.array(self.low))
         with np.errstate(divide="ignore", invalid="ignore"):
@@ -124,5 +130,5 @@ class Scene:
         return replace(self, objects=())
 
     def with_local(self, local: Iterable[Shape]) -> Scene:
-        """The same scene over other real surfaces."""
+        """The same scene over other real surfaces, `local`."""
         return replace(self, local=tuple(local))

@@ -116,7 +116,10 @@ def as_environment(picture: RadianceMap, mapping: Mapping | None = None) -> Envi
 
 
 def as_radiance_map(light: EnvironmentMap) -> RadianceMap:
-    """The environment map as a radiance map that stores its mapping, ready to be written to a file."""
+    """An environment map as a radiance map that stores its mapping, ready to be written to a file.
+
+    light : in any mapping
+    """
     attributes = {**light.attributes, "mapping": light.mapping.name}
     return RadianceMap(light.radiance.astype(np.float32), None, light.clipped, light.unit, attributes)
 

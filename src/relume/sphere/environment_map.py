@@ -26,8 +26,8 @@ class EnvironmentMap:
     radiance : (rows, columns, 3) float32, in `unit`; directions point from the centre towards the light
     mapping : how directions are laid out, `LatLong()` unless said otherwise
     unit : "cd/m²" when calibrated, else "relative"
-    clipped : (rows, columns) uint8, what no photograph could measure, in the codes of `RadianceMap`: where it is
-        SATURATED radiance is a lower bound, where it is OUTSIDE no view saw and radiance is filled in; None where
+    clipped : (rows, columns) uint8, what no photograph could measure, in the codes of `RadianceMap`. Where it is 1,
+        saturated, radiance is a lower bound; where it is 3, outside, no view saw and radiance is filled in. None where
         nothing is known of that
     attributes : other text from the map's file, as where its sun was recovered from; conversions keep it
     """

@@ -97,7 +97,10 @@ def file_in_store(store: Path, number: int) -> Path:
 
 
 def number_in_store(path: str | os.PathLike[str]) -> int | None:
-    """Which map of a store a file stands for, counted from 0; None for a file of no store."""
+    """Which map of a store a file stands for, counted from 0; None for a file of no store.
+
+    path : as `LightSequence` names the maps of a store
+    """
     path = Path(path)
     found = _CHUNK.fullmatch(path.name)
     return int(found[1]) if found and path.parent.name == RADIANCE and is_map_store(path.parent.parent) else None

@@ -52,6 +52,7 @@ def show(
     The page needs nothing from any network and goes with the notebook; pictures larger than 1024 pixels are in it at a
     half, a quarter … of their size, and it says so.
 
+    picture : what is drawn; arrays count as relative radiance
     stops : exposure to begin with; the median is middle grey unless given
     height : of the frame, pixels of the screen
     Raises ValueError for anything else.

@@ -33,9 +33,9 @@ def view(
 ) -> None:
     """Show pictures in the browser, until interrupted: exposure, values with errors, regions, comparisons, maps.
 
-    files : of any kind that relume reads as pixels, or folders of them; or a light stage, lit by lamps that are
-        dragged and by the maps among the files; or a scene file beside the picture that Whitted's method rendered
-        from it, for the trees of rays behind its pixels
+    files : of any kind that relume reads as pixels, or folders of them. A light stage is lit by lamps that are dragged
+        and by the maps among the files. A scene file beside the picture that Whitted's method rendered from it shows
+        the trees of rays behind its pixels
     host : the address to listen at; this machine alone unless given, since whoever reaches the server reads the files
     port : 0 for a free one
     allow_remote : needed for a host that other machines reach

@@ -47,8 +47,11 @@ def develop_frames(
 ) -> Iterator[Photograph]:
     """Develop the frames of a sequence one after another; the adaptation to the light carries over between them.
 
+    pictures : the frames' radiance, in order; they may be made one by one
+    camera : as in `develop`
     views : of the frames; all have the first frame's unless given
-    frames_per_second, settling : how many seconds the adaptation takes to go 63 % of its way to a new light
+    frames_per_second : of the sequence, so that the adaptation knows how much time goes by
+    settling : how many seconds the adaptation takes to go 63 % of its way to a new light
     The arguments are those of `VirtualCamera.tone_map_frames`. Raises ValueError as it does, and as `develop`.
     """
     made = _camera(camera).tone_map_frames(pictures, views, frames_per_second=frames_per_second, settling=settling)

@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 
 from relume.errors import warn
+from relume.image.bands import in_threads
 from relume.image.radiance import RadianceMap
 
 _BAND = 2**18
@@ -46,8 +47,6 @@ def validate_radiance(
 
 
 def _of_bands(radiance: np.ndarray, work: Callable[[np.ndarray], Any]) -> list:
-    from relume.image.kernel import in_threads
-
     step = max(1, _BAND // (radiance.shape[1] * 3))
     return in_threads(lambda begin, end: work(radiance[begin:end]), len(radiance), chunk=step)
 

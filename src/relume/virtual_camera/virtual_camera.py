@@ -71,7 +71,11 @@ class VirtualCamera:
         return any(step.absolute for step in (*self.optics, self.tone))
 
     def image(self, radiance: np.ndarray, view: View) -> np.ndarray:
-        """Radiance (H, W, 3) as the lens draws it on the sensor, in its unit; the input itself without optics."""
+        """Radiance (H, W, 3) as the lens draws it on the sensor, in its unit; the input itself without optics.
+
+        radiance : (H, W, 3) float32 in front of the lens
+        view : of the picture, as `view` makes it
+        """
         for part in self.optics:
             radiance = part.apply(radiance, view)
         return radiance
@@ -88,9 +92,13 @@ class VirtualCamera:
     ) -> View:
         """The view of a picture for this camera, its planes checked.
 
+        picture : what will be developed
         field_of_view : horizontal, radians, below π
         luminance_scale : cd/m² per unit of a relative map. Where a step asks for cd/m² and none is given, such a map is
-            taken to have the log mean SUPPOSED_LUMINANCE, with a warning
+            taken to have the log mean 100 cd/m², as of a lit room, with a warning
+        depth : (H, W) metres along the viewing axis, for blur by depth; None where unknown
+        motion : (H, W, 2) pixels right and down while the shutter is open, for blur by motion; None where unknown
+        seed : of grain and all else that is drawn at random
 
         Raises ValueError for planes of another size than the picture, for depths that are not positive, and for a scale
         with a map that is in cd/m² already.
@@ -124,6 +132,7 @@ class VirtualCamera:
     ) -> ToneMapped:
         """Take a radiance map through the lens and the tone operator, up to where it is encoded for a display.
 
+        picture : radiance in front of the lens
         view : the picture's lens, depth, motion and seed; `self.view(picture)` unless given
         adaptation : what the operator has adapted to; unless given, it adapts to this picture
         Raises ValueError for radiance that is not finite or black everywhere.
@@ -134,7 +143,12 @@ class VirtualCamera:
         return self.tone_mapped(image, view, self.tone.adapt(image, view) if adaptation is None else adaptation)
 
     def tone_mapped(self, image: np.ndarray, view: View, adaptation: Adaptation) -> ToneMapped:
-        """What the tone operator makes of the radiance behind the lens, as `image` returns it."""
+        """What the tone operator makes of the radiance behind the lens, as `image` returns it.
+
+        image : (H, W, 3) radiance behind the lens
+        view : of the picture, as `view` makes it
+        adaptation : what the operator has adapted to
+        """
         tone, factor = self.tone, 2.0**self.stops
         if isinstance(tone, LinearExposure):
             return ToneMapped(image, tone.gain(adaptation, view) * factor, self.display, adaptation)
@@ -156,10 +170,12 @@ class VirtualCamera:
     ) -> Iterator[ToneMapped]:
         """Tone map the frames of a sequence. The adaptation follows the light slowly, as an eye's: nothing flickers.
 
+        pictures : the frames' radiance, in order; they may be made one by one
         views : of the frames; unless given, all have the first frame's, so that the luminance assumed for a relative
             map does not change from frame to frame. Every frame has its own grain
+        frames_per_second : of the sequence, so that the adaptation knows how much time goes by
         settling : seconds after which the adaptation has gone 63 % of its way to a new light. 0.4 is slower than the
-            cones (0.08 s, `ferwerda.INTO_LIGHT`), so that flashing lamps do not pump the picture, and fast enough to
+            cones (0.08 s), so that flashing lamps do not pump the picture, and fast enough to
             follow a camera that goes through a door; 0 adapts to each frame alone
         A black frame keeps the adaptation of the frames before it. Raises ValueError for a rate that is not above 0, a
         negative settling or too few views, and as `tone_map`.
@@ -183,7 +199,11 @@ class VirtualCamera:
             yield self.tone_mapped(image, now, settled.adaptation or own)
 
     def seen(self, picture: RadianceMap, view: View) -> float | None:
-        """The ln cd/m² that an eye before the lens would settle on; None where the picture is black."""
+        """The ln cd/m² that an eye before the lens would settle on; None where the picture is black.
+
+        picture : radiance in front of the lens
+        view : of the picture, as `view` makes it
+        """
         return float(np.log(seen_luminance(picture.radiance, view))) if picture.radiance.any() else None
 
 

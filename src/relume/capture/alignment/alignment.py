@@ -64,10 +64,10 @@ def align(bracket: Bracket, *, rotation: bool = True) -> Aligned:
     rotation : whether frames may be turned, by up to about 3°; False for a camera on a level rail
 
     Frames are compared with those nearest in exposure, whose motions are known, and with the reference, at edges that
-    are clipped in neither; values are matched by their ranks, since exposure keeps their order (Ward 2003 thresholds
-    at one rank). A frame that needs less than an eighth of a pixel, or less than twice its error, is left alone.
-    Where nothing can be estimated, in a frame nearly all black or of another scene, a frame keeps the motion of its
-    neighbour in exposure, in whole pixels, and a warning says so if any frame moved.
+    are clipped in neither. Values are matched by their ranks, since exposure keeps their order (Ward 2003 thresholds at
+    one rank). A frame that needs less than an eighth of a pixel, or less than twice its error, is left alone. Nothing
+    can be estimated in a frame nearly all black, or of another scene. It keeps the motion of its neighbour in exposure,
+    in whole pixels, and a warning says so if any frame moved.
     """
     photographs = bracket.photographs
     if len(photographs) == 1:

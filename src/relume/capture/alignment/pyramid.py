@@ -8,7 +8,7 @@ from functools import cached_property
 import numpy as np
 
 from relume.capture.alignment.kernel import _features, _reduce
-from relume.image.kernel import in_threads
+from relume.image.bands import in_threads
 from relume.image.photograph import Photograph
 
 LONGEST = 1400

@@ -6,6 +6,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from relume.image.bands import in_threads
 from relume.image.photograph import Photograph
 
 SATURATED_SHARE = 0.98
@@ -79,7 +80,6 @@ def _copied(photograph: Photograph, dx: int, dy: int) -> Photograph:
 def _interpolated(photograph: Photograph, motion: Motion, whole_beside_white: bool) -> Photograph:
     # Numba is imported only where a kernel is used.
     from relume.capture.alignment.warping_kernel import _lean_outside, _move
-    from relume.image.kernel import in_threads
 
     width, height = photograph.size
     cosine, sine = np.cos(motion.angle), np.sin(motion.angle)

@@ -62,9 +62,12 @@ class FoundBrackets:
 def find_brackets(folders: Iterable[str | os.PathLike[str]], out: str | os.PathLike[str]) -> FoundBrackets:
     """Every bracket in folders and those inside them, sorted as `group_files` does, and the map of each in `out`.
 
-    A photograph that cannot be read takes down the bracket in whose run of names it lies, or a whole folder where it
-    lies in none: a bracket is never merged without one of its photographs. Beside camera raws encoded photographs are
-    left out, with a warning. Raises NotABracket for a folder without photographs.
+    folders : of photographs, or of folders of them
+    out : folder for the maps
+
+    A photograph that cannot be read spoils the bracket in whose run of names it lies; where it lies in none, the whole
+    folder. A bracket is never merged without one of its photographs. Beside camera raws encoded photographs are left
+    out, with a warning. Raises NotABracket for a folder without photographs.
     """
     out = Path(out)
     groups: list[tuple[Path, ...]] = []
@@ -96,8 +99,8 @@ def merge_each(
     settings : of every merge
     cluster : None merges in this process; else as `run_tasks` takes it
     progress : called with "brackets" and the share of them that is merged
-    The other arguments are those of `plan_merge`. Warns of the doubts of each bracket, with its name. Raises
-    Incomplete, with the others written, where brackets could not be merged; OutputNotWritten, NotABracket.
+    times_from_names, ignore and true_shutter are those of `plan_merge`. Warns of the doubts of each bracket, with its
+    name. Raises Incomplete, with the others written, where brackets could not be merged; OutputNotWritten, NotABracket.
     """
     profile = None if profile is None else Path(profile)
     # Workers begin elsewhere than here.

@@ -47,6 +47,7 @@ def merge_brackets(
         map, as a spot meter's reading, is read in the first bracket
     profile : of the camera, or its response alone; recovered from the brackets unless given
     times : exposure times in seconds of all paths, bracket after bracket; they replace the whole EXIF exposure
+    settings : of every merge: alignment, ghosts, lens, scale
     progress : called with the name of each step as it begins
 
     A photograph alone needs a profile. Warnings of the steps are kept in the result and not given out.

@@ -48,7 +48,7 @@ class ClippingReport:
     moved: Mapping[str, int] = field(default_factory=dict)
 
     def scaled(self, factor: tuple[float, float, float]) -> ClippingReport:
-        """The same of a map that was multiplied; luminances by the factor's own."""
+        """The same report of a map that was multiplied by a factor a channel; luminances by the factor's own."""
         red, green, blue = factor
         irradiance = self.irradiance and tuple(f * e for f, e in zip((red, green, blue), self.irradiance, strict=True))
         return replace(self, brightest=float(luminance(np.array(factor))) * self.brightest, irradiance=irradiance)
@@ -67,6 +67,7 @@ def solid_angles(width: int, height: int, focal_length: float) -> np.ndarray:
 def clipping_report(picture: RadianceMap, *, focal_length: float | None = None) -> ClippingReport:
     """Count what `picture` does not hold.
 
+    picture : a radiance map with its clipped mask
     focal_length : pixels; without it solid angles are not known and pixels count alike
     Raises ValueError for a map without a clipped mask.
     """

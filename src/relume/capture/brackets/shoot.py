@@ -115,8 +115,11 @@ def plan_merge(
     times : seconds of each photograph in the order given, a folder's by name; or a file that lists them. The
         photographs are then one bracket
     times_from_names : read the seconds from the names, as `read_bracket` does; every folder is sorted by itself
+    ignore : red, green and blue of pixels that are not part of the picture, as `read_bracket` has it
+    true_shutter : take marked shutter speeds for the powers of two that they stand for: 1/60 s as 1/64
     profile : the camera's profile, or a curve of pfstools or hdrgen
     save_profile : .json, for what is measured of the camera; of a second camera NAME_1.json, and so on
+    settings : how each bracket is merged
 
     Raises UnreadableFile, NotABracket, OutputNotWritten, ValueError.
     """
@@ -184,6 +187,7 @@ def plan_merge(
 def merge_shoot(plan: MergePlan, *, progress: Callable[[str], None] = lambda step: None) -> MergedShoot:
     """Merge all brackets of the plan and write their maps, and the cameras' profiles where the plan asks for them.
 
+    plan : as `plan_merge` made it
     progress : called with the name of each step as it begins
     Raises UnreadableFile, NotABracket, OutputNotWritten.
     """

@@ -39,7 +39,7 @@ class BracketAdvice:
         no dial has, to where a dial's thirds are
     exposures : the same as exposures, with its f-number and ISO, and the times that cameras mark: 1/50 s, not 1/47.6;
         none where its exposure is unknown
-    scene : stops from the darkest to the brightest that is to be measured, R of the paper
+    scene : stops from the darkest to the brightest that is to be measured, R of Debevec & Malik 1997, §2.3
     working : stops that one photograph measures, F
     fewest : ⌈R / F⌉, with nothing in common between neighbours
     white, dark : shares of the picture above and below the working range
@@ -68,6 +68,7 @@ def advise_brackets(
 ) -> BracketAdvice:  # fmt: skip
     """Which exposures put every part of a photographed place into the working range of the camera.
 
+    photograph : of the place, with its exposure
     response : of the camera, as a bracket of it or its profile gives; that of the photograph's colour space unless
         given. Where it knows the camera's noise, values whose exposure is known to 10 % are the working range; else
         those from 20 to 240 of 255, the middle of the curve

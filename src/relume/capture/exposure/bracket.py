@@ -66,7 +66,7 @@ class Bracket:
 
     @property
     def focal_length(self) -> float | None:
-        """Of the lens, in pixels; None where the photographs hold none."""
+        """The focal length of the lens, in pixels; None where the photographs hold none."""
         return next((p.focal_length for p in self.photographs if p.focal_length is not None), None)
 
     @property
@@ -105,8 +105,7 @@ def read_bracket(
 ) -> Bracket:
     """Read photographs into a bracket, each with the exposure of the strongest source that has it.
 
-    The order of sources is fixed: `times` or the names, a list beside the photographs, EXIF, the pixels
-    (`exposures.exposed`).
+    The order of the sources is fixed: `times` or the names, a list beside the photographs, EXIF, the pixels.
 
     paths : image files; their order does not matter but for `times` in seconds
     times : exposure time of each path in seconds, or the path of a file that lists them; replaces the whole EXIF

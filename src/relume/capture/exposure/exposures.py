@@ -236,7 +236,7 @@ def marked_shutter(seconds: float) -> float:
 
 
 def seconds_in_words(seconds: float) -> str:
-    """1/60 s, 0.4 s, 15 s: a time as photographers say it.
+    """1/60 s, 0.4 s, 15 s: a time of so many `seconds` as photographers say it.
 
     Shutters are marked 1/4 and faster as fractions of whole numbers; 0.3 s and longer as they are.
     """

@@ -43,6 +43,7 @@ T = TypeVar("T", bound=Photographed)
 def group_files(paths: Iterable[str | os.PathLike[str]], *, sidecars: bool = True) -> tuple[tuple[Path, ...], ...]:
     """The brackets among photographs and folders of them, read from headers alone; folders are never mixed.
 
+    paths : of photographs, and folders of them
     sidecars : let lists beside the photographs give the exposures, as `read_bracket` does
     Raises UnreadableFile, NotABracket.
     """

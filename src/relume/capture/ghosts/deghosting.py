@@ -30,9 +30,9 @@ class Consistency:
 
     deviations : of noise that each frame may be off; 3 each let hardly one square in 10⁵ pass two frames by chance
     shift : pixels of misregistration; alignment leaves a quarter, lens distortion and sharpening as much again
-    slack : misfit of the response, ln exposure
+    slack : misfit of the response, ln exposure; 0.05 is 5 %
     crosstalk : share of a pixel's brightest channel that a camera's colour matrix may mix into the others
-    contrast : beyond all that, ln radiance, that something must differ by somewhere to have moved
+    contrast : beyond all that, ln radiance, that something must differ by somewhere to have moved; 0.2 is 20 %
     """
 
     deviations: float = 3.0
@@ -66,10 +66,11 @@ def deghost(bracket: Bracket, response: Response, *, method: Consistency = Consi
 
     bracket : aligned photographs; what is outside in one of them already stays outside and says nothing here
     response : with the noise of its pixel values
+    method : how far two frames may differ and still show the same
 
     Moving regions come from the reference, the frame with the fewest holes there: squares that it clips and no agreeing
-    frame measures. A region of which another frame shows clearly more comes from that one, and what is white in all of
-    them and nearly as bright, but not white, in a frame of another moment from that frame. Every pixel keeps a frame.
+    frame measures. A region of which another frame shows clearly more comes from that one. What is white in all of them
+    comes from a frame of another moment that shows it nearly as bright, but not white. Every pixel keeps a frame.
     Raises NotABracket where the response is of another depth.
     """
     from relume.capture.ghosts.kernel import disagreement, square_bounds

@@ -11,7 +11,8 @@ from functools import partial
 
 import numpy as np
 
-from relume.image.kernel import in_threads, kernel
+from relume.image.bands import in_threads
+from relume.image.kernel import kernel
 from relume.image.photograph import Photograph
 
 _ROWS = 16

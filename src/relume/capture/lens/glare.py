@@ -61,11 +61,15 @@ class Glare:
 
     @property
     def share(self) -> float:
-        """Of a point's light that does not reach its place."""
+        """The share of a point's light that does not reach its place."""
         return self.veil + self.halo
 
     def scaled(self, share: float, deviation: float = 0.0) -> Glare:
-        """The same shape with another share in all."""
+        """The same shape of glare with another share in all.
+
+        share : of the light that is scattered, in all
+        deviation : relative standard deviation of that share
+        """
         part = share / self.share
         return replace(self, veil=self.veil * part, halo=self.halo * part, deviation=deviation)
 
@@ -122,6 +126,9 @@ def _solved(observed: np.ndarray, spread: _Spread, glare: Glare, outside: np.nda
 
 def diminish_glare(picture: RadianceMap, glare: Glare) -> Diminished:
     """Put the scattered light back where it came from.
+
+    picture : a radiance map
+    glare : of its lens, at its aperture
 
     The variance grows by (1 − share)⁻² and by what is not known of the shares, so dark places near bright ones become
     relatively noisy: they were. No pixel falls below 0; where one would by more than its noise, it is marked.

@@ -29,8 +29,8 @@ def recover_glare_from_dark(
 
     picture : of any scene with something bright and a light trap, or a black card, in it
     region : (H, W) bool, the black place's pixels
-    black : the luminance it truly has, in the map's unit: 0 for a light trap (a hole in a box lined with velvet); for a
-        card, its reflectance over a white card's times the white card's radiance
+    black : the luminance it truly has, in the map's unit. 0 for a light trap, a hole in a box lined with velvet; for a
+        black card, the white card's radiance times the ratio of their reflectances
     shape : of the glare, whose share in all is sought; an even veil unless given, since one place shows no shape
     Raises ValueError for a region that is clipped, NotABracket when it is too bright to be black.
     """

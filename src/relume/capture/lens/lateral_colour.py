@@ -50,7 +50,7 @@ class LateralColour:
                 )
 
     def at_corner(self, size: tuple[int, int]) -> tuple[float, float]:
-        """Pixels by which red and blue lie outside of green in the corners of a picture (width, height)."""
+        """Pixels by which red and blue lie outside of green in the corners of a picture of `size` (width, height)."""
         half = float(np.hypot(*size)) / 2
         return half * sum(self.red), half * sum(self.blue)
 
@@ -60,6 +60,9 @@ class LateralColour:
 
 def without_lateral_colour(picture: RadianceMap, lateral: LateralColour) -> RadianceMap:
     """The map with red and blue moved onto green, which stays as it is; the attribute `lateral_colour` says by what.
+
+    picture : a radiance map
+    lateral : of its lens, as `recover_lateral_colour` finds it
 
     Cubic between pixels, and nowhere beyond the nine pixels about a place, so that lamps get no dark rings. What
     red or blue brings from a clipped place is marked as that is; what comes from beyond the picture is its edge.
@@ -87,11 +90,13 @@ def without_lateral_colour(picture: RadianceMap, lateral: LateralColour) -> Radi
 def recover_lateral_colour(picture: RadianceMap) -> LateralColour:
     """The lateral colour that a picture's own edges show: to 0.15 pixels in one of 240×160 with 150 discs, of 1.
 
-    In squares of 16 pixels red, on a scale that is even below the median and logarithmic above, is taken for a factor
-    times green and a constant, and what is left for a shift along
-    the radius: two numbers for the whole picture, by weighted least squares, with outliers counted less (Huber 1964).
-    Coloured edges that lie all round the middle alike would be taken for it. Raises ValueError for a picture without
-    enough edges, or one whose channels differ by more than lenses do.
+    picture : a radiance map with many edges in it
+
+    In squares of 16 pixels red is taken for a factor times green and a constant, on a scale that is even below the
+    median and logarithmic above. What is left is a shift along the radius: two numbers for the whole picture, by
+    weighted least squares, with outliers counted less (Huber 1964). Coloured edges that lie all round the middle alike
+    would be taken for it. Raises ValueError for a picture without enough edges, or one whose channels differ by more
+    than lenses do.
     """
     light = picture.radiance.astype(np.float64)
     usable = np.all(light > DARKEST * float(light.max(initial=0)), axis=-1)

@@ -63,7 +63,11 @@ class Vignetting:
 
     @staticmethod
     def from_dict(table: Mapping[str, object]) -> Vignetting:
-        """The vignetting that `to_dict` wrote; raises ValueError for anything else."""
+        """The vignetting that `to_dict` wrote.
+
+        table : what it returned, as read from a file
+        Raises ValueError for anything else.
+        """
         try:
             coefficients, centre, deviation = (
                 tuple(float(v) for v in table[key])  # type: ignore[union-attr]
@@ -110,7 +114,7 @@ def recover_vignetting(
         one side), which is taken out. Several with different slopes, the camera turned between them, also show
         where the falloff is centred; one alone can hardly
     f_number : kept with the result
-    terms : coefficients of r², r⁴, …
+    terms : coefficients of r², r⁴, …; 3 as lens profiles have, since more would follow the wall's own unevenness
 
     Blocks' medians are fitted in ln radiance; blocks with marks are found by a robust loss and do not count.
     Raises NotABracket for pictures of different sizes, mostly clipped, or of no even surface; warns where they are
@@ -158,7 +162,11 @@ def recover_vignetting(
 
 
 def read_flat_fields(paths: Sequence[str | Path]) -> tuple[Vignetting, ...]:
-    """The vignetting in radiance maps of an evenly lit wall by one lens; empty without any. Raises UnreadableFile."""
+    """The vignetting in radiance maps of an evenly lit wall by one lens; empty without any.
+
+    paths : of the maps, at one aperture
+    Raises UnreadableFile; NotABracket for maps of no even wall.
+    """
     if not paths:
         return ()
     walls = [files.read_radiance(path) for path in paths]

@@ -11,7 +11,8 @@ from __future__ import annotations
 import numpy as np
 
 from relume.capture.raw.kernel import mirrored
-from relume.image.kernel import in_threads, kernel
+from relume.image.bands import in_threads
+from relume.image.kernel import kernel
 from relume.image.radiance import SATURATED
 
 _ROWS = 32

@@ -6,7 +6,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from relume.image.kernel import in_threads, inlined, kernel
+from relume.image.bands import in_threads
+from relume.image.kernel import inlined, kernel
 from relume.image.radiance import BLACK, SATURATED
 
 _ROWS = 64

@@ -96,7 +96,7 @@ def merge_raw(
 
     Values below black stay negative, and so may the darkest radiance. The variance holds through interpolation and
     colour matrix. Where a nearest sample of a pixel is saturated in all photographs its variance is infinite and its
-    radiance, in camera colours, a lower bound (see `developed_mosaic`). Raises UnreadableFile, NotABracket.
+    radiance, in camera colours, a lower bound. Raises UnreadableFile, NotABracket.
     Raises ValueError for a calibration of other photographs, or multipliers that are not above 0.
     """
     # Numba is imported only where a kernel is used.

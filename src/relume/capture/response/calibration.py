@@ -57,11 +57,17 @@ class Calibration:
     pixels: np.ndarray = field(default_factory=lambda: np.zeros(3, int))
 
     def balanced_at(self, value: int) -> Calibration:
-        """The calibration with its curves and observations shifted alike, see `Response.balanced_at`."""
+        """The calibration with its curves and observations shifted alike, so that a pixel `value` is achromatic.
+
+        See `Response.balanced_at`.
+        """
         return self.balanced_where(self.response.log_exposure[:, value])
 
     def balanced_where(self, log_exposures: np.ndarray) -> Calibration:
-        """The calibration with its curves shifted so that these exposures, one a channel, are achromatic."""
+        """The calibration with its curves shifted so that these exposures, one a channel, are achromatic.
+
+        log_exposures : (3,) ln E Δt of red, green and blue
+        """
         shift = log_exposures - log_exposures.mean()
         balanced = replace(self.response, log_exposure=self.response.log_exposure - shift[:, None])
         red, green, blue = (np.column_stack([s[:, 0] - d, s[:, 1]]) for s, d in zip(self.samples, shift, strict=True))
@@ -81,7 +87,7 @@ def recover_response(
     refine : also correct the exposures that the photographs contradict, `Ratios()`; None takes them as stated. Not the
         default: it doubles the time, right times gain nothing, and light that changes between the photographs, fog
         and misalignment look like wrong times (three of five real brackets contradict too many of theirs to decide)
-    Raises NotABracket when the photographs say nothing of the curve.
+    Raises NotABracket when the photographs say nothing of the curve. Source: Debevec & Malik 1997, §2.1.
     """
     brackets = [brackets] if isinstance(brackets, Bracket) else list(brackets)
     depths = {levels_of(b) for b in brackets}

@@ -86,7 +86,12 @@ def profile_of(calibration: Calibration, camera: str, *, brackets: int = 1) -> C
 
 
 def write_profile(path: str | Path, profile: CameraProfile) -> None:
-    """Write the profile as JSON; raises OutputNotWritten."""
+    """Write a camera's profile as JSON, whole or not at all.
+
+    path : .json
+    profile : what `read_profile` will give back
+    Raises OutputNotWritten.
+    """
     table: dict[str, Any] = {"relume": KIND, "version": VERSION, "camera": profile.camera}
     if profile.response is not None:
         table |= json.loads(profile.response.to_json())
@@ -99,6 +104,7 @@ def write_profile(path: str | Path, profile: CameraProfile) -> None:
 def read_profile(path: str | Path) -> CameraProfile:
     """The profile in a file: relume's own, a response that relume wrote, or another program's curves.
 
+    path : a .json of relume, or the curves that pfstools or hdrgen wrote
     Raises ValueError, one line that names the file, for anything else.
     """
     path = Path(path)

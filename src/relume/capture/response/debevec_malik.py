@@ -26,16 +26,16 @@ LEAST_RISE = 1e-9
 
 @dataclass(frozen=True)
 class DebevecMalik:
-    """Minimises eq. 3 with the weights of eq. 4, each ln E replaced by its own best value.
+    """Minimises eq. 3 of Debevec & Malik 1997 with the weights of eq. 4, each ln E replaced by its own best value.
 
-    smoothness : λ of eq. 3, per observed pixel. None takes what `smoothness_for` says for the photographs' exposures
-    power_law : smooth the curve's departure from the power law that fits it best instead of the curve: encodings
-        are nearly power laws, whose own bend is no noise, and the little-seen ends then go on as they should. False
-        is the paper's own term
-    difference : which difference of g is kept small; 2 is the paper's g″. Curves bend slowly over their whole range,
-        while the ripple that exposures one step apart cannot see (g + p(g), p periodic with the step) bends within
-        the step: the third difference separates them better: of 201 curves the worst twentieth is 0.48 % off, not
-        0.57 %, though the median is 0.07 % for 0.06 %; two of five real brackets ripple half as much, one a little more
+    smoothness : λ of eq. 3, per observed pixel. None takes what suits the photographs' exposures
+    power_law : smooth the curve's departure from the power law that fits it best, and not the curve itself. Encodings
+        are nearly power laws, whose own bend is no noise; and the ends, which are little seen, then go on as they
+        should. False is the paper's own term
+    difference : which difference of g is kept small; 2 is the paper's g″. Curves bend slowly over their whole range.
+        Exposures one step apart cannot see a ripple of that step (g + p(g), p periodic), which bends within the step.
+        The third difference separates the two better: of 201 curves the worst twentieth is 0.48 % off, not 0.57 %, and
+        the median 0.07 %, not 0.06 %. Of five real brackets two ripple half as much, one a little more
     steepness : once the curve is known, weigh a value less where the curve is steeper than a power law. Film's base fog
         and a camera's toe give the same few values whatever the exposure, and eq. 4 knows of neither
     monotone : where the curve does not rise by itself, solve again for increments that are not negative, as §2.1
@@ -58,6 +58,7 @@ class DebevecMalik:
         """The curve g (levels,), rising, 0 at the middle value, and its standard error (levels,).
 
         observed : at least one bracket's, of one channel
+        levels : how many pixel values there are, 256 or 65536
         The error is what noise alone does to the curve: from the scatter of the pixels' own equations about the
         solution (White 1980), so that neither equal nor known noise is assumed; what smoothing takes is not in it.
         """

@@ -16,7 +16,7 @@ from relume.errors import NotABracket
 class MitsunagaNayar:
     """Fits f⁻¹(m) = Σ cₙ mⁿ, f⁻¹(1) = 1, to f⁻¹(m_q) = R f⁻¹(m_q+1) of neighbouring exposures.
 
-    degree : of the polynomial; None takes the one from 1 to 10 with the least misfit, as the authors do
+    degree : N of the polynomial; None takes the one from 1 to 10 with the least misfit, as the authors do
     rounds : how often the ratios R are estimated anew from the curve; 0, the default, takes the exposures as stated:
         curve and ratios share an exponent that the photographs cannot settle, and here the stated ones do
     trim : pixel values below the first or above the second, of 255, are left out: the method knows no weights
@@ -31,7 +31,11 @@ class MitsunagaNayar:
             raise ValueError(f"degree is {self.degree}; expected 1 to 10, or None to choose one")
 
     def curve(self, observed: Sequence[Observations], levels: int) -> tuple[np.ndarray, np.ndarray]:
-        """g (levels,), rising, 0 at the middle value; its standard error is not known: NaN (levels,)."""
+        """The curve g (levels,), rising, 0 at the middle value; its standard error is not known: NaN (levels,).
+
+        observed : the places that were seen at several exposures, a bracket each, of one channel
+        levels : how many pixel values there are, 256 or 65536
+        """
         pairs = self._pairs(observed, levels)
         if not pairs:
             raise NotABracket(
@@ -94,7 +98,10 @@ class Robertson:
     settled: float = 1e-5
 
     def curve(self, observed: Sequence[Observations], levels: int) -> tuple[np.ndarray, np.ndarray]:
-        """g (levels,), rising, 0 at the middle value; its standard error is not known: NaN (levels,).
+        """The curve g (levels,), rising, 0 at the middle value; its standard error is not known: NaN (levels,).
+
+        observed : the places that were seen at several exposures, a bracket each, of one channel
+        levels : how many pixel values there are, 256 or 65536
 
         16-bit values share the curve of 256 ranges. Values that never occur are interpolated in ln exposure.
         """

@@ -52,8 +52,8 @@ class Ratios:
     """Finds the photographs whose exposure is not what was stated, and by how much.
 
     The curve and a correction of every photograph are solved for together, in all channels. A curve bent by any
-    exponent fits exposures stretched by the same one, and each bracket's are free by a factor; both are settled by
-    the stated exposures, of which most must be right (least absolute deviations). What then stands out is corrected.
+    exponent fits exposures stretched by the same one, and each bracket's are free by a factor. The stated exposures
+    settle both: most of them must be right (least absolute deviations). What then stands out is corrected.
 
     significance : standard errors a correction must exceed
     least : least correction, ln of exposure; 1 % is what a good shutter repeats to
@@ -69,6 +69,7 @@ class Ratios:
 
         observed : for each channel the observations of every bracket
         names : a bracket each, the photographs' names
+        levels : how many pixel values there are, 256 or 65536
         A bracket of fewer than four telling exposures says nothing: with three, any one may be the wrong one. Where
         more than a third of the exposures stand out, which are right is not known: a warning, and none is corrected.
         """

@@ -41,7 +41,7 @@ SPOT_RADIUS = 4.0
 
 @dataclass(frozen=True)
 class ChannelGains:
-    """One gain a channel: the scaling factors that the three separately recovered curves leave open (§2.6).
+    """One gain a channel: the scaling factors that the three separate curves leave open (Debevec & Malik 1997, §2.6).
 
     gains : of red, green and blue; they keep the luminance of the luminaire they were measured at
     deviation : standard deviation of each ln gain
@@ -68,10 +68,11 @@ def scale_from_luminaire(
 ) -> Scale:
     """The scale that makes a luminaire as bright as it is known to be (Debevec & Malik 1997, §2.5).
 
+    picture : a radiance map in relative units
     region : (H, W) bool, the luminaire's pixels
     radiance : its luminance, cd/m², for one factor in all channels; or linear Rec. 709 (r, g, b) in cd/m², for a factor
         a channel, which balances the colours as well (§2.6)
-    deviation : relative, of the luminaire
+    deviation : relative, of the luminaire; 0.02 as of a calibrated one
     """
     known = _colour("radiance", (radiance,) * 3 if np.isscalar(radiance) else radiance)
     patch = measured_patch(picture, region)
@@ -85,6 +86,7 @@ def balance_from_luminaire(
 ) -> ChannelGains:
     """The gains that show a luminaire in its known colour and as bright as before (Debevec & Malik 1997, §2.6).
 
+    picture : a radiance map
     region : (H, W) bool, the luminaire's pixels, or those of a white card under it
     colour : its linear Rec. 709 colour up to a factor; white unless given
     """
@@ -140,13 +142,13 @@ class Rectangle:
             )
 
     def mask(self, picture: RadianceMap) -> np.ndarray:
-        """(H, W) bool; raises ValueError where the rectangle reaches out of the picture."""
+        """The pixels of a picture that are in the rectangle, (H, W) bool; raises ValueError where it reaches out."""
         return rectangle(picture.size, self.left, self.top, self.width, self.height)
 
 
 @dataclass(frozen=True)
 class ExposureScale:
-    """cd/m² from shutter, aperture and ISO (ISO 12232); good to a third of a stop."""
+    """A scale to cd/m² from shutter, aperture and ISO (ISO 12232); good to a third of a stop."""
 
     name: ClassVar[str] = "absolute"
 
@@ -158,11 +160,11 @@ class ExposureScale:
 
 @dataclass(frozen=True)
 class SpotReading:
-    """A spot meter's reading.
+    """A spot meter's reading of one place of a picture.
 
     x, y : pixel in the middle of the spot
     luminance : cd/m²
-    radius : pixels; a 1° field's unless given, or `SPOT_RADIUS` where the focal length is unknown
+    radius : pixels; unless given that of a 1° field, or 4 where the focal length is unknown
     """
 
     x: int
@@ -210,7 +212,11 @@ class LuxReading:
 
 @dataclass(frozen=True)
 class LuminaireReading:
-    """A lamp of known radiance, (r, g, b) in cd/m²; white has r = g = b. It sets the balance too (§2.6)."""
+    """A lamp of known radiance; white has r = g = b. It sets the balance too (Debevec & Malik 1997, §2.6).
+
+    lamp : its pixels
+    radiance : (r, g, b) in cd/m², linear Rec. 709
+    """
 
     lamp: Rectangle
     radiance: tuple[float, float, float]
@@ -227,7 +233,10 @@ class LuminaireReading:
 
 @dataclass(frozen=True)
 class WhiteCard:
-    """A white light or card that is to come out grey."""
+    """A white light or card that is to come out grey.
+
+    card : its pixels
+    """
 
     card: Rectangle
     name: ClassVar[str] = "white"
@@ -239,7 +248,10 @@ class WhiteCard:
 
 @dataclass(frozen=True)
 class DarkPlace:
-    """A place known to be black: the even veil of glare that it shows is taken out of the whole picture."""
+    """A place known to be black: the even veil of glare that it shows is taken out of the whole picture.
+
+    place : its pixels
+    """
 
     place: Rectangle
     name: ClassVar[str] = "glare"

@@ -17,7 +17,7 @@ from relume.cli.option_types import numbers
 ELSEWHERE = Group("Photogrammetry made elsewhere")
 ON_IT = Group("Its photographs on it")
 THERE = FileThere(exists=True, dir_okay=False)
-OF_PHOTOGRAPHS = "Radiance maps of its photographs to lay on it, or photographs with --profile; by their names."
+OF_PHOTOGRAPHS = "Radiance maps for the blocks, or photographs with --profile; named as the place's photographs."
 
 
 def model(
@@ -42,22 +42,22 @@ def model(
         Parameter(group=ON_IT, consume_multiple=True, negative=(), validator=THERE, help=OF_PHOTOGRAPHS),
     ] = (),
     profile: Annotated[
-        Path | None, Parameter(group=ON_IT, validator=THERE, help="The camera's, from `relume merge --save-profile`.")
+        Path | None, Parameter(group=ON_IT, validator=THERE, help="A camera profile, from merge --save-profile.")
     ] = None,
-    texel: Annotated[float | None, Parameter(group=ON_IT, help="Metres a texel; as fine as they show it.")] = None,
+    texel: Annotated[float | None, Parameter(group=ON_IT, help="Metres a texel; as fine as seen unless given.")] = None,
     scale: Annotated[float | None, Parameter(group=ELSEWHERE, help="Metres to a unit of its model.")] = None,
     between: Annotated[
         tuple[str, str] | None,
-        Parameter(group=ELSEWHERE, help="Two photographs or numbered points whose distance is known: --metres."),
+        Parameter(group=ELSEWHERE, help="Two photographs, or two numbered points, whose distance --metres gives."),
     ] = None,
-    metres: Annotated[float | None, Parameter(group=ELSEWHERE, help="Between those two.")] = None,
+    metres: Annotated[float | None, Parameter(group=ELSEWHERE, help="Their distance, metres.")] = None,
     up: Annotated[
         tuple[float, float, float] | None,
         numbers("X,Y,Z", like="0,-1,0"),
         Parameter(group=ELSEWHERE, help="What points up in its model's frame."),
     ] = None,
-    mesh: Annotated[Path | None, Parameter(group=ELSEWHERE, help="The mesh that was made, in the same frame.")] = None,
-    photographs: Annotated[Path | None, Parameter(group=ELSEWHERE, help="The folder of its photographs.")] = None,
+    mesh: Annotated[Path | None, Parameter(group=ELSEWHERE, help="The program's mesh, in its model's frame.")] = None,
+    photographs: Annotated[Path | None, Parameter(group=ELSEWHERE, help="The folder of the photographs.")] = None,
     dry_run: DryRun = False,
     output: OutputOptions = OutputOptions(),
 ) -> None:

@@ -17,7 +17,7 @@ Circle = tuple[float, float, float]
 
 
 def sun(
-    light_map: Annotated[Path, Parameter(name="MAP", help="The light map whose sun clipped, .exr or .hdr.")],
+    light_map: Annotated[Path, Parameter(name="MAP", help="The environment map whose sun clipped, .exr or .hdr.")],
     /,
     *,
     out: Annotated[Path, Parameter(alias="-o", help="The map to write, .exr or .hdr.")],
@@ -35,7 +35,7 @@ def sun(
         numbers("X,Y,RADIUS", like="320,240,100", help="The grey ball's rim in pixels; found unless given."),
     ] = None,
     chart: Annotated[
-        Path | None, Parameter(help="Radiance map that shows a chart instead, exposed like the light map.")
+        Path | None, Parameter(help="Radiance map that shows a chart instead, exposed like the map.")
     ] = None,
     patch: Annotated[
         list[tuple[Circle, tuple[float] | tuple[float, float, float], tuple[float, float, float]]] | None,

@@ -17,8 +17,8 @@ def view(
         list[Path],
         Parameter(
             name="FILES",
-            help="Pictures, radiance maps, light maps, or folders of them; a light stage, with maps to light it; a "
-            "picture by Whitted's method, with its scene file.",
+            help="Pictures, radiance maps, environment maps, or folders of them; a light stage, with maps to light "
+            "it; a picture by Whitted's method, with its scene file.",
             negative="",
         ),
     ],

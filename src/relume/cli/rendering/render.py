@@ -93,7 +93,7 @@ class MotionOptions:
         ),
     ] = None
     degrees: Annotated[
-        float | None, Parameter(help="With --frames: how far; 360 unless given.", allow_leading_hyphen=True)
+        float | None, Parameter(help="With --frames: how far, degrees; 360 unless given.", allow_leading_hyphen=True)
     ] = None
 
 
@@ -184,11 +184,12 @@ def render(
         RENDERERS | None,
         Parameter(
             converter=_renderer,
-            help="mitsuba: light transport; prefiltered: prefiltered environment maps (reflection maps), without noise "
-            "and without shadows; whitted: shadows, mirrors and glass by recursive ray tracing (Whitted 1980); "
-            "radiosity, irradiance-cache: diffuse surfaces, photon-map: these with mirrors, glass and fog, for "
-            "teaching. Unless given, what the scene file and the options need: whitted for a [whitted] table, its "
-            "materials and ambient light; prefiltered for mirror, glossy, retroreflector and glass; else mitsuba.",
+            help="mitsuba: path tracing. prefiltered: prefiltered environment maps (reflection maps), without "
+            "noise and without shadows. whitted: shadows, mirrors and glass by recursive ray tracing (Whitted "
+            "1980). For teaching: radiosity and irradiance-cache for diffuse surfaces, photon-map for these "
+            "with mirrors, glass and fog. Unless given, what the scene file and the options need: whitted for "
+            "a [whitted] table, its materials and ambient light; prefiltered for mirror, glossy, "
+            "retroreflector and glass; else mitsuba.",
         ),
     ] = None,
     light: Annotated[

@@ -29,7 +29,7 @@ def drive(
     maps: MapsOptions = MapsOptions(),
     smoothing: Annotated[
         float | None,
-        Parameter(help="Of a folder of maps: calm intensities over time by a Gaussian of so many frames; 0."),
+        Parameter(help="Of a folder of maps: smooth intensities by a Gaussian of so many frames; 0 unless given."),
     ] = None,
     subject: Annotated[
         Literal["diffuse", "glossy", "own"],

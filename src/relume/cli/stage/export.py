@@ -25,7 +25,7 @@ def export(
         Literal["1", "2", "3", "none"], Parameter(help="Degree of the hemispherical harmonics; 2 is read everywhere.")
     ] = "2",
     exposure: Annotated[
-        float | None, Parameter(help="Factor of the values; 99 in 100 stay below white unless given.")
+        float | None, Parameter(help="Factor of the values; unless given, 95 in 100 lit pixels stay below white.")
     ] = None,
     camera: Camera = None,
     dry_run: DryRun = False,

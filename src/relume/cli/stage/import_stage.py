@@ -39,8 +39,8 @@ class FilmOptions:
             "LAMPS,COLUMNS",
             like="30,64",
             above=0,
-            help="A film, or numbered photographs, of an arm of strobes that turns once while they flash in sequence "
-            "from the top, arm first: lamps on the arm and sequences a turn; a frame a flash (Light Stage 2).",
+            help="A film, or numbered photographs, of an arm of strobes that turns once while its lamps flash in "
+            "sequence from the top, a frame a flash (Light Stage 2): lamps on the arm, and sequences a turn.",
         ),
     ] = None
     stepped: Annotated[
@@ -172,8 +172,8 @@ def import_stage(
             "X,Y,RADIUS[=METRES]",
             like="1510,980,64",
             words=("find",),
-            help="Find the lights in a mirrored or matte ball: find, its circle in pixels, or a picture that is white "
-            "on it; again for each, and find twice for two in the same pictures. Balls with their radii in metres and "
+            help="Find the lights in a mirrored or matte ball: its circle in pixels, a picture that is white on "
+            "it, or find, which seeks it; again for each ball, also find. Balls with their radii in metres and "
             "--field-of-view give places, not only directions.",
         ),
     ] = None,

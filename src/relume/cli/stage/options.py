@@ -42,7 +42,7 @@ Stage = Annotated[
         "fsspec URL like s3://bucket/cat.zarr.",
     ),
 ]
-Camera = Annotated[str | None, Parameter(help="Whose pictures, where the stage has several cameras; the first.")]
+Camera = Annotated[str | None, Parameter(help="The camera whose pictures are used; the stage's first unless given.")]
 MaxMemory = Annotated[
     int,
     Parameter(

@@ -27,7 +27,7 @@ def perform(
         ),
     ] = None,
     film_start: Annotated[int, Parameter(help="The frame, from 0, at which the first period begins.")] = 0,
-    encoding: Annotated[str | None, Parameter(help="Of photographs: srgb, linear or a response file; srgb.")] = None,
+    encoding: Annotated[str | None, Parameter(help="Of photographs: linear or a response file; else srgb.")] = None,
     light: Light = Light(),
     maps: MapsOptions = MapsOptions(),
     exposure: Exposure = 0.0,

@@ -39,7 +39,7 @@ def scan(
     ] = None,
     camera: Annotated[
         list[str] | None,
-        Parameter(negative="", help="The stage's camera that took them; again for each folder; the first."),
+        Parameter(negative="", help="The stage's camera, again for each folder; the first unless given."),
     ] = None,
     normals: Annotated[
         list[Path] | None,

@@ -21,7 +21,7 @@ def view(
     *,
     mesh: Annotated[
         Path | None,
-        Parameter(help="A mesh of the subject in the stage's frame, metres: .glb, .obj, .ply; the stage's own."),
+        Parameter(help="A mesh of the subject in the stage's frame, metres: .glb, .obj, .ply; else the stage's own."),
     ] = None,
     out: Annotated[
         Path, Parameter(alias="-o", help="The picture: .exr (with alpha and what no camera saw), .hdr, .png or .jpg.")
@@ -40,7 +40,7 @@ def view(
     ] = None,
     camera: Annotated[
         list[str] | None,
-        Parameter(negative="", help="A camera of the stage whose pictures are used; again for each; the first."),
+        Parameter(negative="", help="A camera whose pictures are used; again for each; else the first."),
     ] = None,
     measured: Annotated[
         bool,

@@ -129,13 +129,13 @@ def recover_reflectance(
     plate : of the camera's size, in the unit of the scene's light
     scene : its light, distant scene, lights and local surfaces; objects are left out
     wanted : one for each local surface; a matte surface of varying albedo each unless given
-    probe : how well the light's map shows the surfaces themselves, for `EstimatedGloss`; None for a map that does not
-        show them
-    renderer : 64 rays a pixel are enough, because the light is smoothed; six bounces between real surfaces leave less
-        than 0.5 % of the light out for albedos up to 0.4
+    probe : how well the light's map shows the surfaces themselves, for an estimated gloss; None where it does not
+    renderer : 64 rays a pixel, as the light is smoothed; its six bounces leave out less than 0.5 % for albedos to 0.4
+    seed : of the renders; the same gives the same reflectance
+    progress : called with the share of the work that is done, 0 to 1
 
     Albedos above 1 and below 0 are reported with their place: in the notes where they are few, else by a warning.
-    Raises ValueError where a surface is hardly seen or not lit.
+    Raises ValueError where a surface is hardly seen or not lit. Source: Debevec 1998, §7.
     """
     # Which pixels of the plate show which surface.
     wanted = [Recovery()] * len(scene.local) if wanted is None else wanted

@@ -23,6 +23,8 @@ WINDOWS = os.name == "nt"
 def replacing(path: str | os.PathLike[str]) -> Iterator[Path]:
     """A temporary path to write to; when the block ends well it becomes `path`, when it fails `path` is untouched.
 
+    path : the file that will be there
+
     The temporary file exists already (empty) and has the suffix of `path`. Raises OutputNotWritten where the folder
     is missing or full or forbids it; any other exception of the block passes through.
     """
@@ -53,7 +55,11 @@ def replacing(path: str | os.PathLike[str]) -> Iterator[Path]:
 
 
 def write_text(path: str | os.PathLike[str], text: str) -> None:
-    """Write `text` as UTF-8, whole or not at all; raises OutputNotWritten."""
+    """Write `text` as UTF-8, whole or not at all.
+
+    path : the file
+    Raises OutputNotWritten.
+    """
     with replacing(path) as temporary:
         temporary.write_bytes(text.encode("utf-8"))
 

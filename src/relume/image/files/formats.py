@@ -54,6 +54,7 @@ _WRITERS = {
 def read(path: str | os.PathLike[str], options: ReadOptions = ReadOptions()) -> Photograph | RadianceMap:
     """The photograph or radiance map in a file; of a JPEG with a gain map the photograph, and a warning that says so.
 
+    path : the file; its first bytes say what it is, and only of a .float its suffix
     options : limits, and how what a file leaves open is understood
     Raises UnreadableFile, in one line, for anything missing, damaged or beyond the limits.
     """
@@ -67,9 +68,12 @@ def read(path: str | os.PathLike[str], options: ReadOptions = ReadOptions()) -> 
 
 
 def read_photograph(path: str | os.PathLike[str], options: ReadOptions = ReadOptions()) -> Photograph:
-    """The photograph in a file; raises UnreadableFile where the file holds a radiance map.
+    """The photograph in a file.
 
-    Warns of a gain map for HDR screens beside it, of which it shows nothing.
+    path : the file: JPEG, PNG, TIFF, HEIF and others
+    options : limits, and how what a file leaves open is understood
+    Warns of a gain map for HDR screens beside it, of which it shows nothing. Raises UnreadableFile, also where the file
+    holds a radiance map.
     """
     return read_photographs([path], options)[0]
 
@@ -89,7 +93,12 @@ def read_photographs(paths: Iterable[str | os.PathLike[str]], options: ReadOptio
 
 
 def read_radiance(path: str | os.PathLike[str], options: ReadOptions = ReadOptions()) -> RadianceMap:
-    """The radiance map in a file, also that of a JPEG with a gain map; raises UnreadableFile for a photograph."""
+    """The radiance map in a file, also that of a JPEG with a gain map.
+
+    path : the file: EXR, Radiance HDR, TIFF of floats, LogLuv, PFM and others
+    options : limits, and how what a file leaves open is understood
+    Raises UnreadableFile, also for a photograph, which holds no radiance.
+    """
     kind = kind_of(path)
     if _has_gain_map(path, kind):
         return _decoded(path, "gain_map.gain_map", options)
@@ -103,7 +112,11 @@ def read_radiance(path: str | os.PathLike[str], options: ReadOptions = ReadOptio
 
 
 def has_radiance(path: str | os.PathLike[str]) -> bool:
-    """Whether `read_radiance` would find any: not in a photograph without a gain map; raises UnreadableFile."""
+    """Whether `read_radiance` would find any in a file: not in a photograph without a gain map.
+
+    path : the file
+    Raises UnreadableFile.
+    """
     kind = kind_of(path)
     return kind not in PHOTOGRAPHS or _has_gain_map(path, kind)
 
@@ -134,6 +147,8 @@ def _decoded(path: str | os.PathLike[str], module: str, options: ReadOptions) ->
 def read_raw(path: str | os.PathLike[str], options: ReadOptions = ReadOptions()) -> RawPhotograph:
     """What the sensor read, from a camera raw file (DNG, NEF, CR2, CR3, ARW, …); see `RawPhotograph`.
 
+    path : a camera raw file
+    options : limits
     Raises UnreadableFile for another kind of file, a damaged one, and a sensor without a Bayer pattern.
     """
     if (kind := kind_of(path)) != "RAW":
@@ -149,11 +164,14 @@ def read_raw(path: str | os.PathLike[str], options: ReadOptions = ReadOptions())
 def write(path: str | os.PathLike[str], image: RadianceMap | Photograph, encoding: Encoding | None = None) -> None:
     """Write an image, whole or not at all, in the format that `encoding` or else its suffix names.
 
+    path : the file; its suffix names the format
+    image : the radiance map or the photograph
+    encoding : a variety of the format, as of `rl.files`; the usual one of the suffix unless given
+
     A radiance map goes to .exr (float32, everything kept), .hdr or .pic (RGBE, an error of up to 1/256 of a pixel's
-    largest channel), .tif (float32), .pfm, .float and .float.gz; see
-    `relume.image.files.encodings` for what else there is, such as LogLuv. A photograph goes to .png or .tif (8 or 16
-    bits) or .jpg (8 bits, quality 95, full colour resolution), with its EXIF. What the format does not keep is said in
-    a warning.
+    largest channel), .tif (float32), .pfm, .float and .float.gz; `rl.files` has what else there is, such as `LogLuv`. A
+    photograph goes to .png or .tif (8 or 16 bits) or .jpg (8 bits, quality 95, full colour resolution), with its EXIF.
+    What the format does not keep is said in a warning.
 
     Raises ValueError for another suffix or pixels the format cannot hold, OutputNotWritten.
     """
@@ -208,6 +226,7 @@ def write_layers(
 ) -> None:
     """Write named layers of one size as the parts of one EXR, always float32.
 
+    path : the file, .exr
     layers : name → (H, W, 3), stored as R, G, B, or (H, W), stored as Y
     unit : of the three-channel layers, "relative" or "cd/m²"
     attributes : strings stored with every layer
@@ -223,7 +242,12 @@ def write_layers(
 
 
 def read_layers(path: str | os.PathLike[str], options: ReadOptions = ReadOptions()) -> dict[str, np.ndarray]:
-    """The parts of an EXR by name, (H, W, 3) or (H, W) float32; raises UnreadableFile."""
+    """The parts of an EXR by name, (H, W, 3) or (H, W) float32.
+
+    path : the file, .exr
+    options : limits
+    Raises UnreadableFile.
+    """
     if (kind := kind_of(path)) != "EXR":
         raise UnreadableFile(f"{path}: a {kind} file where layers are needed; give an EXR")
     from relume.image.files.exr import maps as exr
@@ -232,7 +256,12 @@ def read_layers(path: str | os.PathLike[str], options: ReadOptions = ReadOptions
 
 
 def subtype(path: str | os.PathLike[str], options: ReadOptions = ReadOptions()) -> str:
-    """The variety of a file's format in a few words, from its header: "half, PIZ, tiled"; raises UnreadableFile."""
+    """The variety of a file's format in a few words, from its header: "half, PIZ, tiled".
+
+    path : the file
+    options : limits
+    Raises UnreadableFile.
+    """
     kind = kind_of(path)
     module = "gain_map.gain_map" if _has_gain_map(path, kind) else _READERS.get(kind)
     return "" if module is None else import_module(f"relume.image.files.{module}").subtype(path, options)

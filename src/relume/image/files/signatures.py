@@ -63,7 +63,11 @@ _CONVERT = "convert it to JPEG, PNG or TIFF, or to EXR or Radiance .hdr"
 
 
 def kind_of(path: str | os.PathLike[str]) -> str:
-    """One of `MAPS` or `PHOTOGRAPHS`, or "RAW", "KTX2"; raises UnreadableFile for anything else."""
+    """The kind of a picture file, by its first bytes: "EXR", "HDR", "JPEG", "RAW" and so on.
+
+    path : the file
+    Raises UnreadableFile for anything that relume does not read.
+    """
     path = Path(path)
     if path.is_dir():
         raise UnreadableFile(f"{path}: a folder, not a file; name one picture in it")

@@ -10,8 +10,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from relume.image.bands import in_threads
 from relume.image.colour import LUMINANCE_WEIGHTS
-from relume.image.kernel import in_threads, kernel
+from relume.image.kernel import kernel
 from relume.sphere.environment_map import EnvironmentMap
 from relume.sphere.mappings.mapping import LatLong, pixel_directions, shown
 

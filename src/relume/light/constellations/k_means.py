@@ -7,7 +7,8 @@ from typing import Protocol
 
 import numpy as np
 
-from relume.image.kernel import in_threads, kernel
+from relume.image.bands import in_threads
+from relume.image.kernel import kernel
 from relume.light.constellations.cells import Cells
 from relume.light.constellations.rectangles import MedianCut
 
@@ -44,7 +45,11 @@ class KMeans:
             raise ValueError(f"k-means of {self.iterations} iterations; expected 1 or more, like 50")
 
     def regions(self, cells: Cells, count: int) -> np.ndarray:
-        """The number of each cell's region, (R, C) int32; those of black cells are of no matter."""
+        """The number of each cell's region, (R, C) int32; those of black cells are of no matter.
+
+        cells : the light of the map in each cell of a grid
+        count : of regions
+        """
         labels = self.start.regions(cells, count)
         number = int(labels.max()) + 1
         if number == 0:

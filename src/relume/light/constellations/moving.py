@@ -38,8 +38,9 @@ def move_lights(
 ) -> Constellation:
     """The lights of one map, going on from those of the map before it; all of its light is in them.
 
+    light : the map whose lights are wanted
     before : of the map before, which says how many there are; None for the first map
-    count, start : of the first map, as `moving_constellation` has them
+    count, start : of the first map: how many lights, and the regions that k-means begins with
     """
     if before is None:
         before = constellation(light, count, KMeans(500, start, SETTLED))

@@ -76,15 +76,19 @@ def within(table: np.ndarray, rectangle: Rectangle) -> np.ndarray:
 class MedianCut:
     """Debevec's median cut, the strongest and widest rectangle next; the quickest, and good to a percent.
 
-    Rectangles are cut across their longer side where that halves their light (Debevec 2005). Debevec cuts every
-    rectangle equally often, so that all lights are alike strong; here the next to be cut is the one of the largest
-    product of strength and extent: any number of lights is possible, and a sun with a rectangle of its own is not cut
-    up any further while the sky is still coarse (of 64 lights under a clear sky, irradiance errs by 0.8 % instead of
-    1.2 %).
+    Rectangles are cut across their longer side where that halves their light (Debevec 2005, "A median cut algorithm for
+    light probe sampling"). Debevec cuts every rectangle equally often, so that all lights are alike strong. Here the
+    next to be cut is the one of the largest product of strength and extent. So any number of lights is possible, and a
+    sun with a rectangle of its own is not cut up while the sky is still coarse: of 64 lights under a clear sky,
+    irradiance errs by 0.8 % instead of 1.2 %.
     """
 
     def regions(self, cells: Cells, count: int) -> np.ndarray:
-        """The number of each cell's region, (R, C) int32, −1 where there is no light."""
+        """The number of each cell's region, (R, C) int32, −1 where there is no light.
+
+        cells : the light of the map in each cell of a grid
+        count : of regions
+        """
         table = running_sums(cells.luminance)
 
         def priority(rectangle: Rectangle) -> float:
@@ -123,13 +127,17 @@ class VarianceMinimisation:
     """Cuts, across or along, that leave the least Σ Y |ω − centroid|²; bright sources are not cut through.
 
     Source: Viriyothai & Debevec 2009.
-    The poster takes the cut whose larger variance is least and cuts all regions equally often; here it is the sum of
-    both variances, and the region of the largest variance is next, which suits any number of lights. Distances are
+    The poster takes the cut whose larger variance is least, and cuts all regions equally often. Here the sum of both
+    variances is least, and the region of the largest variance is next, which suits any number of lights. Distances are
     chords in space, so that nothing is distorted near the poles.
     """
 
     def regions(self, cells: Cells, count: int) -> np.ndarray:
-        """The number of each cell's region, (R, C) int32, −1 where there is no light."""
+        """The number of each cell's region, (R, C) int32, −1 where there is no light.
+
+        cells : the light of the map in each cell of a grid
+        count : of regions
+        """
         table = running_sums(np.concatenate([cells.luminance[..., None], cells.moment], axis=-1))
 
         def priority(rectangle: Rectangle) -> float:

@@ -52,7 +52,12 @@ class MapInFile:
     clamp: bool = False
 
     def read(self, path: Path, options: ReadOptions = ReadOptions()) -> EnvironmentMap:
-        """The map that a file holds; raises UnreadableFile, ValueError."""
+        """The map that a file holds.
+
+        path : the file
+        options : limits, and how what a file leaves open is understood
+        Raises UnreadableFile, ValueError.
+        """
         if self.gamma is not None:
             return read_painting(path, self.gamma, self.stops, self.hot, self.mapping)
         require_radiance(path)
@@ -84,11 +89,13 @@ def convert_each(
     """Convert files, and all pictures in folders, to `out`/name with `ending`; those that are there are kept.
 
     paths : files, and folders of them, with the folders inside
+    out : the folder, made where it is missing
     conversion : `FormatChange` writes what a file holds in the format of `ending`, `MapConversion` the environment map
         in it in another mapping, `ViewOutOfMap` a picture out of that
     ending : of the files, like ".exr"
     reading : how files are read as maps; of no use to a `FormatChange`
     encoding : how maps and views are written; as the ending says unless given
+    options : limits, and how what a file leaves open is understood
     dry_run : find and check names, and convert nothing
     cluster : None converts in this process; else as `run_tasks` takes it
     progress : called with "files" and the share of them that is settled

@@ -64,7 +64,7 @@ class MapConversion:
             orientation_named(self.program)
 
     def paths(self, out: Path) -> list[Path]:
-        """The files to write."""
+        """The files to write, for the name `out`: one, or of faces six."""
         return [out.with_stem(f"{out.stem}_{word}") for word in FACE_WORDS] if self.faces else [out]
 
 
@@ -170,7 +170,9 @@ def read_cube_faces(
 ) -> EnvironmentMap:
     """Six files, +X −X +Y −Y +Z −Z, as one strip of cube faces.
 
-    mirror : "x" or "z", where the files do not store for which engine they are
+    paths : six, in that order
+    mirror : "x" or "z" for files of an engine that negates that axis before it looks a cube up; as the files store it
+        unless given
     clamp, options : as `read_environment`
 
     Raises UnreadableFile for files that are not six squares of one size and unit.
@@ -205,6 +207,7 @@ def read_painting(
 ) -> EnvironmentMap:
     """A painting in a file as an environment map.
 
+    path : PNG, TIFF or JPEG
     gamma : of the display it was painted for, a number or "srgb"
     stops : to brighten by; white is 1 at 0
     hot : masks, and the stops by which the painting is brightened where each is white
@@ -226,6 +229,7 @@ def read_painting(
 def change_exposure(light: EnvironmentMap, stops: float) -> EnvironmentMap:
     """The map brightened; what was calibrated no longer is, and a warning says so.
 
+    light : in any mapping
     stops : above 0 is brighter
     """
     if not stops:
@@ -261,6 +265,7 @@ def crop_view(light: EnvironmentMap, view: CameraView, size: tuple[int, int] = (
 def put_view(light: EnvironmentMap, path: str | os.PathLike[str], view: CameraView | None = None) -> EnvironmentMap:
     """The map with a perspective picture put in.
 
+    light : in any mapping
     path : of the picture
     view : of its camera; as the file stores it unless given
     Raises ValueError where the file does not store where it was cropped from, UnreadableFile.

@@ -68,7 +68,13 @@ class Sky:
         cls, latitude: float, longitude: float, time: datetime, turbidity: float = 3.0,
         ground: tuple[float, float, float] | float = 0.2, heading: float = 0.0,
     ) -> Sky:  # fmt: skip
-        """The sky over a place, degrees north and east, at a time with its offset from UTC; raises ValueError."""
+        """The sky over a place at a time.
+
+        latitude, longitude : degrees, north and east positive
+        time : with its offset from UTC
+        turbidity, ground, heading : as of the sky itself; one number of ground is grey
+        Raises ValueError, also where the sun is below the horizon there.
+        """
         grey = (ground, ground, ground) if isinstance(ground, int | float) else ground
         return cls(sun_position(latitude, longitude, time), turbidity, grey, heading)
 
@@ -78,16 +84,16 @@ class Sky:
 
     @property
     def sun_direction(self) -> np.ndarray:
-        """(3,) towards the sun's middle, in the world's frame."""
+        """The direction (3,) towards the sun's middle, in the world's frame."""
         return self.sun.direction(self.heading)
 
     @property
     def sun_radius(self) -> float:
-        """Of the sun's disc, radians."""
+        """The angular radius of the sun's disc, radians."""
         return SUN_DIAMETER / 2 / self.sun.distance
 
     def radiance(self, directions: np.ndarray) -> np.ndarray:
-        """cd/m² (…, 3) from unit directions (…, 3): the sky without the sun's disc, and the ground under it."""
+        """The radiance (…, 3), cd/m², from unit directions (…, 3): sky without the sun's disc, and the ground."""
         up = directions[..., 1]
         ground = np.asarray(self.ground) / np.pi * (self.sky_illuminance + self.sun_illuminance)
         chord = np.linalg.norm(directions - self.sun_direction, axis=-1)
@@ -102,7 +108,7 @@ class Sky:
 
     @property
     def sun_illuminance(self) -> np.ndarray:
-        """(3,) lux by channel on level ground, of the sun's disc alone."""
+        """The illuminance (3,) of the sun's disc alone on level ground, lux by channel."""
         directions, flux = self.disc
         return directions[:, 1] @ flux
 
@@ -157,7 +163,7 @@ def sky(
 
     description : where the sun stands, how hazy the air is, what the ground reflects
     mapping : lat-long unless given
-    size : rows
+    size : rows; 512 make pixels of 0.35°, finer than the sun's disc
     dome : whether sky and ground are in it
     sun : whether the sun's disc is in it; the ground is lit by it either way. Both maps apart add up to the whole: the
         disc's light goes to the pixels that show it, all of it, however coarse they are

@@ -41,7 +41,7 @@ class SunPosition:
             raise ValueError(f"azimuth {self.azimuth:g}, distance {self.distance:g}; expected radians, and about 1 au")
 
     def direction(self, heading: float = 0.0) -> np.ndarray:
-        """(3,) towards the sun; `heading` is the compass direction, radians from north over east, that −Z looks in."""
+        """The direction (3,) towards the sun; `heading` is where −Z looks, radians from north over east."""
         level, round_about = np.cos(self.elevation), self.azimuth - heading
         return np.array([level * np.sin(round_about), np.sin(self.elevation), -level * np.cos(round_about)])
 
@@ -53,7 +53,8 @@ def sun_position(
 
     latitude, longitude : degrees, as maps write them, north and east positive
     time : with its offset from UTC, years 1900 to 2100
-    pressure, temperature : of the air, hPa and °C, for refraction; no pressure, no refraction
+    pressure, temperature : of the air, hPa and °C, for refraction; sea level's on a cool day unless given. No pressure,
+        no refraction
 
     Raises ValueError for a place or a time that is none, and for a time without an offset.
     """

@@ -34,7 +34,7 @@ class Edit(Protocol):
 
     @property
     def name(self) -> str:
-        """What messages call it."""
+        """The name by which messages call the edit."""
         ...
 
     def __call__(self, picture: RadianceMap) -> RadianceMap:
@@ -117,7 +117,10 @@ class Resize:
 
 @dataclass(frozen=True)
 class Gain:
-    """The map times a factor above 0."""
+    """The map times a factor above 0.
+
+    factor : of all channels
+    """
 
     name = "gain"
     factor: float
@@ -162,7 +165,10 @@ class NeutralAt:
 
 @dataclass(frozen=True)
 class Balance:
-    """The channels times their gains."""
+    """The channels times their gains.
+
+    gains : of red, green and blue
+    """
 
     name = "balance"
     gains: Colour
@@ -176,7 +182,10 @@ class Balance:
 
 @dataclass(frozen=True)
 class NeutralUnder:
-    """White balance by which light of a colour temperature, in kelvin, is neutral."""
+    """White balance by which light of a colour temperature is neutral.
+
+    kelvin : of that light
+    """
 
     name = "temperature"
     kelvin: float
@@ -190,7 +199,11 @@ class NeutralUnder:
 
 @dataclass(frozen=True)
 class MotionBlur:
-    """Motion blur of a flat picture along a line: length in pixels, angle in radians anticlockwise."""
+    """Motion blur of a flat picture along a line.
+
+    length : pixels
+    angle : radians, anticlockwise from the right
+    """
 
     name = "motion"
     length: float
@@ -226,7 +239,10 @@ class SoftBlur:
 
 @dataclass(frozen=True)
 class Spin:
-    """Motion blur of an environment map: a turn by an angle about the vertical, radians. The result is in our frame."""
+    """Motion blur of an environment map that turns about the vertical while the shutter is open; it stays in our frame.
+
+    angle : radians
+    """
 
     name = "spin"
     angle: float

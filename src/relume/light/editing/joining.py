@@ -45,7 +45,7 @@ class Horizon:
         return f"above {np.degrees(self.elevation):g}°, soft over {np.degrees(self.softness):g}°"
 
     def share(self, mapping: Mapping, size: int) -> np.ndarray:
-        """(rows, columns) share of the first map in every pixel, 0 to 1."""
+        """The share of the first map in every pixel of a map of `size` rows in `mapping`, (rows, columns), 0 to 1."""
         up = pixel_directions(mapping, size)[..., 1]
         above = np.arctan2(up, np.sqrt(np.maximum(1 - up**2, 0))) - self.elevation
         if self.softness == 0:
@@ -75,7 +75,13 @@ class Mask:
 
     @classmethod
     def read(cls, path: Path | str, mapping: Mapping = LatLong(), softness: float = 0.0) -> Mask:
-        """A mask painted as a grey PNG, TIFF or JPEG; raises UnreadableFile, and ValueError for another shape."""
+        """A mask painted as a grey PNG, TIFF or JPEG.
+
+        path : the file
+        mapping : how the mask is laid out
+        softness : radians, the deviation of a blur that is added
+        Raises UnreadableFile, and ValueError for another shape.
+        """
         pixels = files.read_photograph(path).pixels
         if np.ptp(pixels.astype(np.int64), axis=-1).max() > 0:
             raise UnreadableFile(f"{path}: a mask in colours; save it grey, white where the first map is to be")
@@ -88,7 +94,7 @@ class Mask:
         return "by a mask" + (f", soft by {np.degrees(self.softness):g}°" if self.softness else "")
 
     def share(self, mapping: Mapping, size: int) -> np.ndarray:
-        """(rows, columns) share of the first map in every pixel, 0 to 1."""
+        """The share of the first map in every pixel of a map of `size` rows in `mapping`, (rows, columns), 0 to 1."""
         return _moved(self.share_of_first, self.mapping, mapping, size, self.softness)
 
 

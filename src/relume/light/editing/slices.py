@@ -30,7 +30,10 @@ from relume.light.editing.edits import energy
 
 
 def slice_sidecar(picture: str | os.PathLike[str]) -> Path:
-    """Where a slice's description lies: beside it, where no paint program touches it."""
+    """Where a slice's description lies: beside it, where no paint program touches it.
+
+    picture : the slice's file
+    """
     picture = Path(picture)
     return picture.with_name(picture.name + ".json")
 
@@ -47,7 +50,7 @@ def write_slice(
     picture : the map
     out : the .png
     stops : radiance 2^−stops is white; chosen to fit what is written unless given
-    bits : 8 or 16 a channel
+    bits : 8 or 16 a channel; 8, which every paint program reads, unless given
     box : the rectangle of the map that is written: left, top, width and height in pixels; all of it unless given
     Raises ValueError for a rectangle that is not in the map.
     """

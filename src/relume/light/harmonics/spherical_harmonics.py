@@ -66,7 +66,7 @@ class SphericalHarmonics:
 
     @property
     def degree(self) -> int:
-        """L, the highest degree."""
+        """The highest degree, L."""
         return round(len(self.coefficients) ** 0.5) - 1
 
     def evaluate(self, directions: np.ndarray) -> np.ndarray:
@@ -100,6 +100,8 @@ class SphericalHarmonics:
 
     def as_map(self, size: int, mapping: Mapping = LatLong()) -> EnvironmentMap:
         """The light at the middles of the pixels of a map of `size` rows.
+
+        mapping : of the result
 
         Negative radiance, which is no light, becomes 0 and is warned of: `windowed` harmonics have less of it.
         """
@@ -158,6 +160,7 @@ def project_sh(light: EnvironmentMap, degree: int = 2) -> SphericalHarmonics:
 def sh_basis(directions: np.ndarray, degree: int) -> np.ndarray:
     """Y_lm at unit directions (…, 3): (…, (degree + 1)²) float64, (l, m) at l² + l + m.
 
+    degree : L, the highest
     Raises ValueError for a degree below 0 or above 1000.
     """
     _check_degree(degree)

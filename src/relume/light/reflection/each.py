@@ -25,7 +25,9 @@ def reflect_each(
 ) -> tuple[FileMade, ...]:  # fmt: skip
     """Write the reflection maps of each picture of a film under light that changes: `out`/frame_0001 and so on.
 
-    rate : pictures a second, from the first map to the last
+    lights : environment maps one after the other
+    out : the folder, made where it is missing
+    rate : pictures a second, from the first map to the last; 24 as of a cinema film
     wanted : as `write_reflection_maps`
     dry_run : check names and maps, and write nothing
     cluster : None makes them in this process; else as `run_tasks` takes it

@@ -82,7 +82,7 @@ class ReflectionFiles:
         return ("light", "diffuse", "specular") if self.roughness_cubes else ("light", *self.tables)
 
     def paths(self, folder: Path) -> list[Path]:
-        """All files that will be written."""
+        """All files that will be written into `folder`."""
         paths = [folder / f"{name}.exr" for name in (*self.tables, *self.glossy)] + [folder / "harmonics.json"]
         for name in self.cube_names:
             if self.cube_format == "ktx2":
@@ -115,9 +115,10 @@ def write_reflection_maps(
 ) -> WrittenReflectionMaps:
     """Write an environment map convolved with what surfaces do to light (Miller & Hoffman 1984).
 
+    light : in any mapping
     folder : made where it is missing
     wanted : the paper's two tables unless given; nine spherical harmonics always go to harmonics.json
-    progress : called with a stage and the share of it that is done
+    progress : called with the name of each step and the share of it that is done, 0 to 1
     Raises OutputNotWritten.
     """
     folder = made_folder(folder)
@@ -191,7 +192,10 @@ def _write_cube(path: Path, levels: tuple[EnvironmentMap, ...], mirror: str | No
 
 
 def reflection_facts(light: EnvironmentMap) -> dict[str, object]:
-    """Two numbers to compare with other programs: the mean of the diffuse table, and the irradiance from above."""
+    """Two numbers to compare with other programs: the mean of the diffuse table, and the irradiance from above.
+
+    light : in any mapping
+    """
     diffuse = reflection_map(light, Lambert())
     return {
         "mean of D, radiometric": six_digits(diffuse.light.total() / (4 * np.pi)),

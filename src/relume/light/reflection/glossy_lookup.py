@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from relume.image.kernel import in_threads, inlined, kernel
+from relume.image.bands import in_threads
+from relume.image.kernel import inlined, kernel
 from relume.sphere.bilinear_kernels import cell, polar_point
 
 

@@ -8,7 +8,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from relume.image.kernel import in_threads, kernel
+from relume.image.bands import in_threads
+from relume.image.kernel import kernel
 from relume.light.harmonics.transform import Flux
 
 _ROWS = 32

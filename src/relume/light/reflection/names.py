@@ -23,7 +23,11 @@ _Kind = TypeVar("_Kind")
 
 
 def lobe_named(word: str) -> Lobe:
-    """The lobe of a word; raises ValueError that names all there are."""
+    """The lobe of a word, like "phong:50".
+
+    word : a name, and its numbers after colons
+    Raises ValueError that names all there are.
+    """
     plain: dict[str, Lobe] = {each.name: each for each in (Lambert(), SelfLuminous(), Mirror())}
     if word in plain:
         return plain[word]
@@ -37,13 +41,20 @@ def lobe_named(word: str) -> Lobe:
 
 
 def brdf_named(word: str) -> Reflectance:
-    """The BRDF of a word; raises ValueError that names all there are."""
+    """The BRDF of a word, like "ggx:0.2".
+
+    word : a name, and its numbers after colons
+    Raises ValueError that names all there are.
+    """
     kinds: dict[str, Callable[[float], Reflectance]] = {"ggx": GGX, "ward": Ward, "phong": PhongReflectance}
     return _numbered(word, kinds, BRDFS)
 
 
 def tables_named(words: Sequence[str]) -> dict[str, Lobe]:
-    """The lobes of words by the names of their tables' files: phong:50 as specular_phong_50."""
+    """The lobes of words by the names of their tables' files: phong:50 as specular_phong_50.
+
+    words : of lobes
+    """
     lobes = {word: lobe_named(word) for word in words}
     diffuse = ("lambert", "self-luminous")
     return {
@@ -52,7 +63,10 @@ def tables_named(words: Sequence[str]) -> dict[str, Lobe]:
 
 
 def glossy_named(words: Sequence[str]) -> dict[str, Reflectance]:
-    """The BRDFs of words by the names of their tables' files: ggx:0.2 as glossy_ggx_0.2."""
+    """The BRDFs of words by the names of their tables' files: ggx:0.2 as glossy_ggx_0.2.
+
+    words : of BRDFs
+    """
     brdfs = {word: brdf_named(word) for word in words}
     return {f"glossy_{_in_file_name(word)}": brdf for word, brdf in brdfs.items()}
 

@@ -55,7 +55,7 @@ class ReflectionMap:
 
     @property
     def table(self) -> np.ndarray:
-        """(rows, 2·rows, 3) float32."""
+        """The table's values, (rows, 2·rows, 3) float32."""
         return self.light.radiance
 
     def lookup(self, directions: np.ndarray) -> np.ndarray:
@@ -101,7 +101,11 @@ def reflection_map(
 
 
 def reflection_maps(light: EnvironmentMap, specular: Lobe = Phong()) -> tuple[ReflectionMap, ReflectionMap]:
-    """The paper's two tables: D for Lambert, and S for a specular lobe, Phong's with n = 50 unless given."""
+    """The paper's two tables: D for Lambert, and S for a specular lobe (Miller & Hoffman 1984, §6).
+
+    light : in any mapping
+    specular : Phong's with n = 50 unless given
+    """
     return reflection_map(light, Lambert()), reflection_map(light, specular)
 
 

@@ -77,8 +77,10 @@ def as_layers(table: GlossyMap) -> tuple[dict[str, np.ndarray], dict[str, str]]:
 
 
 def glossy_from_layers(layers: Mapping[str, np.ndarray], attributes: Mapping[str, str]) -> GlossyMap:
-    """The three-dimensional map that `as_layers` took apart, from `read_layers` and `read_radiance(…).attributes`.
+    """The three-dimensional map that a file keeps as layers, from `read_layers` and `read_radiance(…).attributes`.
 
+    layers : by name, as `read_layers` gives them
+    attributes : the file's text
     Raises ValueError where an attribute or a layer is missing or wrong.
     """
     try:

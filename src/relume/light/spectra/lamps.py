@@ -16,7 +16,10 @@ LARGEST = 10_000_000
 
 
 def lamp_colour(spectrum: Spectrum, luminance: float = 1.0) -> tuple[float, float, float]:
-    """Linear Rec. 709 light of a spectrum, of that luminance (or luminous intensity): for `intensity` and `radiance`.
+    """Linear Rec. 709 light of a spectrum, for the `radiance` or the `intensity` of a lamp.
+
+    spectrum : of the lamp, in any unit
+    luminance : the light's luminance in cd/m², or its luminous intensity in cd
 
     A lamp redder than 2000 K or of one line has colours outside of Rec. 709: what is below 0 becomes 0 with a warning,
     the luminance stays. Raises ValueError for a luminance that is not 0 or more, and for a spectrum that is black.
@@ -41,6 +44,8 @@ def lamp_colour(spectrum: Spectrum, luminance: float = 1.0) -> tuple[float, floa
 
 def read_spectrum(path: Path | str) -> Spectrum:
     """A spectrum of a text file: lines of a wavelength in nm and a value, between commas, semicolons, tabs or spaces.
+
+    path : the file
 
     Lines before the first of numbers are a heading; `#` begins a remark; more columns than two are refused. Raises
     UnreadableFile naming the line.

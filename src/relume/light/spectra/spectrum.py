@@ -71,8 +71,9 @@ def rgb_matching() -> np.ndarray:
 
 @lru_cache
 def illuminant(name: str) -> Spectrum:
-    """A standard illuminant of the CIE: A (a filament), E (even), and those of `ILLUMINANT_NAMES`.
+    """A standard illuminant of the CIE: A (a filament), E (even), D50, D65, F2, F11 and others.
 
+    name : like "D65"
     Raises ValueError that lists them for any other.
     """
     lengths = visible()
@@ -89,7 +90,11 @@ def illuminant(name: str) -> Spectrum:
 
 
 def blackbody(temperature: float) -> Spectrum:
-    """Planck's radiator of a temperature, K: its radiance, W/(m² sr nm); ValueError below 800 K."""
+    """Planck's radiator: its radiance by wavelength, W/(m² sr nm).
+
+    temperature : kelvin
+    Raises ValueError below 800 K.
+    """
     if not 800 <= temperature < np.inf:
         raise ValueError(f"the temperature is {temperature:g} K; a radiator is seen from 800 K on: give K, like 2700")
     metres = visible() * 1e-9

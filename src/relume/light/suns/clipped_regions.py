@@ -36,7 +36,11 @@ class ClippedPixels:
     """Over all clipped pixels, in proportion to what they hold: nothing is said about the source that was not seen."""
 
     def place(self, light: EnvironmentMap, directions: np.ndarray, source: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """The source's pixels (K,) and shares (K,) in proportion to what they hold; by solid angle they sum to 1."""
+        """The source's pixels (K,) and shares (K,) in proportion to what they hold; by solid angle they sum to 1.
+
+        light, directions : the map, and the directions (rows, columns, 3) of its pixels
+        source : (K,) flat indices of the source's clipped pixels
+        """
         held = luminance(light.radiance.reshape(-1, 3)[source].astype(np.float64))
         held = held if held.any() else np.ones(len(source))
         return source, held / (held @ light.mapping.solid_angles(light.size).reshape(-1)[source])
@@ -46,13 +50,17 @@ class ClippedPixels:
 class SunDisc:
     """In a round disc in the middle of the clipped pixels, for a sun whose surroundings clipped with it.
 
-    diameter : radians, the sun's; never finer than one pixel
+    diameter : radians; 0.53°, the sun's, unless given, and never finer than one pixel
     """
 
     diameter: float = SUN_DIAMETER
 
     def place(self, light: EnvironmentMap, directions: np.ndarray, source: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """The disc's pixels (K,) and even shares (K,); by solid angle they sum to 1."""
+        """The disc's pixels (K,) and even shares (K,); by solid angle they sum to 1.
+
+        light, directions : the map, and the directions (rows, columns, 3) of its pixels
+        source : (K,) flat indices of the source's clipped pixels
+        """
         areas = light.mapping.solid_angles(light.size).reshape(-1)
         flat = directions.reshape(-1, 3)
         middle = middle_of(light, directions, source)

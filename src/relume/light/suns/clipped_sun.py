@@ -149,7 +149,7 @@ def recover_sun(
     level : radiance from which on pixels count as clipped; the map's own mask, else its plateau of brightest pixels
     shape : `ClippedPixels()` scales what the clipped pixels hold; `SunDisc()` puts what is missing into a disc of the
         sun's size, where the shadows' sharpness matters and a lens or the bracket clipped more than the sun
-    apart : radians; clipped pixels nearer than this are one source
+    apart : radians; clipped pixels nearer than this, 15° unless given, are one source
 
     Raises ValueError for readings in another unit, SunNotRecovered when nothing clipped, no reading sees the clipped
     light, the readings are black, too few or darker than the map without more light already makes them. Warns of

@@ -67,9 +67,9 @@ def measure_chart(picture: RadianceMap, patches: Sequence[ChartPatch], name: str
     picture : exposed like the map whose sun is to be recovered
     name : of the picture, for messages
 
-    The patches are taken to be matte. Raises ValueError for no patch, one that reaches out of the picture, a
-    reflectance that is not above 0 and at most 1 or a normal that is no direction, UnreadableFile for a patch that is
-    clipped or black.
+    The patches are taken to be matte. Raises ValueError for no patch, for one that reaches out of the picture, for a
+    reflectance that is not above 0 and at most 1, and for a normal that is no direction; UnreadableFile for a patch
+    that is clipped or black.
     """
     if not patches:
         raise ValueError("no patch of the chart is given; one is enough, a white one is best")
@@ -95,9 +95,9 @@ def measure_grey_ball(
     """The irradiance on all sides of a matte ball in a picture.
 
     picture : exposed like the map whose sun is to be recovered
-    albedo : of the ball, as `read_grey_ball`
-    camera : (3,), metres from the ball's centre
-    radius : of the ball, metres
+    albedo : of the ball, 0 to 1, one number or linear Rec. 709 (r, g, b)
+    camera : (3,), metres from the ball's centre; a metre before it unless given
+    radius : of the ball, metres; 0.05 unless given
     circle : the ball's rim, column, row and radius in pixels; found in the picture unless given
     name : of the picture, for messages
     Raises BallNotFound.

@@ -31,7 +31,7 @@ class Target:
 
     pixels : (H, W) bool, where it is seen; keep a pixel away from its edge
     reflectance : ρ, of all channels or (3,); 0.18 grey card, 0.9 white board
-    normals : (3,) of a flat target or (H, W, 3), world, unit; None where unknown (`normal_of_flat_target` finds it)
+    normals : (3,) of a flat target or (H, W, 3), world, unit; None where unknown: `calibrate` then finds it
     """
 
     pixels: np.ndarray
@@ -80,7 +80,7 @@ def target_on_ball(
     camera : the stage's, world, metres
     centre, radius : of the ball, world, metres
     reflectance : of the ball, 0 to 1
-    The rim, where the view grazes by more than `GRAZING`, is left out. Raises ValueError where the camera is within
+    The rim, seen at more than 80° from its normal, is left out. Raises ValueError where the camera is within
     the ball or does not see it.
     """
     rays = camera.rays()
@@ -101,15 +101,15 @@ def target_on_ball(
 def calibrate(field: ReflectanceField, target: Target, *, deviation: float = 0.25) -> Calibration:
     """The irradiance that each light gives, from how bright the target is under it.
 
-    Where a light is farther than `GRAZING` from every normal of the target, or the target is dark or shaded under it,
-    the irradiance of the lights around stands in, and a warning names such lights. Of a target without normals the
-    normal is found by `normal_of_flat_target`. Highlights and shadows on less than half of the target do not count.
+    Where a light is farther than 80° from every normal of the target, or the target is dark or shaded under it, the
+    irradiance of the lights around stands in, and a warning names such lights. Of a target without normals the normal
+    is found, as of a flat one. Highlights and shadows on less than half of the target do not count.
 
     field : the stage's pictures
     target : a card or a ball of known reflectance in them
-    deviation : from Lambert's law from which the target counts as shaded, as in `Calibration.deviations`; a quarter,
-        as pixels of a rendered ball deviate by 0.03 where it is lit and by 0.28 or more where a head shades it. Raise
-        it for pictures noisier than that
+    deviation : from Lambert's law, from which on the target counts as shaded. A quarter, as pixels of a rendered ball
+        deviate by 0.03 where it is lit and by 0.28 or more where a head shades it. Raise it for pictures noisier than
+        that
     Raises ValueError for a target of another size than the pictures and where no light reaches it.
     """
     readings, inside = _readings(field, target)

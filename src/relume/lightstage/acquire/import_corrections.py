@@ -35,16 +35,16 @@ class Corrections:
 
     ambient : a picture with all lights off, which is subtracted from every other
     target : a white or grey card in the pictures, on which each light's colour and intensity are measured
-    board : a folder with a picture of a white board in the subject's place under each light, in the lights' order:
-        how unevenly each light shines over the picture is measured on it and divided out; photographs of it are
-        encoded as the subject's
+    board : a folder with a picture of a white board in the subject's place under each light, in the lights' order. How
+        unevenly each light shines over the picture is measured on it and divided out. Photographs of it are encoded as
+        the subject's
     near_fall_off : the fall-off of near lamps over the subject, 1/d², is divided out; lamps have to have places in
         metres, and the stage a camera. The subject's mesh is taken, else a plane through its middle that faces the
         camera
     mask : white where samples are invalid: one picture, whose pixels stay black, or a folder with one a light, whose
         samples are filled from neighbouring lights
     flare : samples where a light shines into the lens, and its flare, are invalid
-    lamp_diameter : apparent diameter of the lamps, radians, for `flare`
+    lamp_diameter : apparent diameter of the lamps, radians, for `flare`; 2° unless given
     bars : the shadow of the stage's own bar is invalid
     noise : of the pictures; estimated from them unless given
     estimate_noise : else, where `noise` is not given, the noise stays unknown

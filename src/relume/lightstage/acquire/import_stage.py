@@ -57,7 +57,7 @@ class ImportSettings:
     encoding : of photographs: srgb, linear or a response file; as stage.json says, else srgb
     corrections : of the pictures; its `target` is that of stage.json unless given
     dtype : how values are kept; "8bit" with a scale for each picture
-    memory : bytes for pictures
+    memory : bytes for pictures; 2 GiB unless given
 
     Raises ValueError for what cannot go together.
     """
@@ -140,9 +140,11 @@ def import_stage(
 
     pictures : a folder with stage.json or an .lp, such a file, a store or its URL, a folder of pictures, or a film
     out : the store, as *.zarr, or its fsspec URL; an incomplete one of the same import is resumed
+    settings : lights, corrections, and how values are kept
     cluster : whose workers write groups of lights, as `relume.cluster.run_tasks` takes it; this process for None, with
         the same bytes. Incomplete names the lights that failed; the same import again does these alone
     dry_run : nothing is written; what the import would find and take is measured
+    progress : called with the share of the work that is done, 0 to 1
     Overexposed samples of photographs are filled from neighbouring lights, always.
     Raises InvalidStage, UnreadableFile, BallNotFound, ValueError, CannotResume, OutputNotWritten.
     """

@@ -31,8 +31,8 @@ def read_stage(path: str | os.PathLike[str], camera: str | None = None, *, kept:
     path : a folder with a `stage.json` or a single `.lp`, such a file itself, or a store that was imported, which may
         be named by an fsspec URL
     camera : whose pictures, where the stage file names several; the first that it lists unless given
-    kept : bytes of decoded pictures held in memory, so that blocks of rows need not read all files anew; 0 where each
-        light is asked for once
+    kept : bytes of decoded pictures held in memory, so that blocks of rows need not read all files anew; 0 suits a
+        field whose lights are asked for once
     Raises InvalidStage where there is neither, where pictures are missing, and for a camera that the stage does not
     have; UnreadableFile. Warns of pictures that no light names, and of a stage file's `target`, on which only an import
     measures the lights.
@@ -70,7 +70,9 @@ def stage_camera(
 ) -> Camera:
     """Where a camera of a stage stands and looks, whether the stage has pictures of it or not.
 
-    camera : the one of its pictures unless given; width, height : of the pictures it takes, where the file names it
+    path : as of `read_stage`
+    camera : its name in the stage file; the one of the pictures unless given
+    width, height : pixels of the picture that a named camera takes
     Raises as `read_stage` does, and InvalidStage for a stage that names no camera.
     """
     if camera is not None and not is_url(path) and (Path(path) / STAGE_FILE).is_file():

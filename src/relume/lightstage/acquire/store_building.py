@@ -69,21 +69,23 @@ def build_store(
 ) -> None:
     """Write a field as a store, or go on with one that was cut short.
 
+    field : what is written
     path : a folder, or an fsspec URL
-    dtype : float16 unless given, which keeps every value to 1 in 2000 down to 4·10⁻⁹ (2⁻²⁸) of the largest of its own
-        picture, and smaller ones to 2·10⁻¹² (2⁻³⁹) of that; float32 keeps all; uint8 holds 255 steps up to the largest
+    dtype : float16 unless given. It keeps every value to 1 in 2000, down to 4·10⁻⁹ (2⁻²⁸) of the largest of its own
+        picture, and smaller ones to 2·10⁻¹² (2⁻³⁹) of that. float32 keeps all. uint8 holds 255 steps up to the largest
         value of each light's picture, which is fit for what came from 8 bits
-    max_memory : bytes for the pictures of a group and their chunks
-    progress : called with the part that is done
-    made_from : what the values depend on beside lights, camera and noise, as `render.fingerprint.fingerprint` takes it:
-        options, `file_facts` of the pictures; a store that was cut short is gone on with only where it is the same
-    mesh : of the subject, kept by its absolute path for `stored_geometry`
+    max_memory : bytes for the pictures of a group and their chunks; 1 GiB unless given
+    progress : called with the share of the work that is done, 0 to 1
+    made_from : what the values depend on beside lights, camera and noise: options, the pictures' sizes and times. A
+        store that was cut short is gone on with only where it is the same
+    mesh : of the subject, whose absolute path is kept
     light_radius : angular radius of every light, radians, likewise
     cluster : whose workers write the groups of lights, as `relume.cluster.run_tasks` takes it; this process for None.
         Incomplete names the groups that failed; the others stay, and the same import goes on with what is missing
     Raises ValueError for values that the type cannot hold (negative in 8 bits, not finite), a radius that is none, and
-    too little memory; UnreadableFile for a mesh that is not there; CannotResume where the store that is there belongs
-    to another field or import; OutputNotWritten where it is whole already, cannot be written, or lost a part meanwhile.
+    too little memory. Raises UnreadableFile for a mesh that is not there, and CannotResume where the store that is
+    there belongs to another field or import. Raises OutputNotWritten where it is whole already, cannot be written, or
+    lost a part meanwhile.
     Warns where 8 bits are coarse for these pictures.
     """
     mesh = None if mesh is None else Path(mesh)

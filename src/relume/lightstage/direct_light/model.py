@@ -13,6 +13,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from relume.image.bands import in_threads
 from relume.lightstage.direct_light.light_directions import DirectedLight
 from relume.lightstage.direct_light.surface import Geometry, Reached, Sample, direct_light, over_neighbours, samples_of
 from relume.lightstage.field.field import ReflectanceField
@@ -96,8 +97,6 @@ class DirectModel:
         self, samples: Sequence[Sample], wide: slice, rows: slice, directions: np.ndarray, radii: np.ndarray
     ) -> np.ndarray:
         """(M, 2, rows · columns) float32 under each of these lights."""
-        from relume.image.kernel import in_threads
-
         pixels = (wide.stop - wide.start) * self.camera.width
 
         def under(begin: int, end: int) -> list[np.ndarray]:
@@ -187,8 +186,6 @@ def direct_picture(
     model: DirectModel, samples: Sequence[Sample], wide: slice, rows: slice, light: DirectedLight
 ) -> np.ndarray:
     """Direct light (2, K, 3) of all directions together, each looked at through its `light.rays`."""
-    from relume.image.kernel import in_threads
-
     pixels = (wide.stop - wide.start) * model.camera.width
     rays, count = light.looked_at(), len(samples)
 

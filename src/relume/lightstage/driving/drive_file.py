@@ -26,6 +26,9 @@ _KIND = "relume stage drive"
 def write_drive(path: str | os.PathLike[str], drive: Drive) -> None:
     """Write settings to .json or .csv, whole or not at all.
 
+    path : .json or .csv
+    drive : as `drive` solved it
+
     Where the primaries have a maximum, CSV holds shares of it, 0 to 1, which is what lighting desks take; JSON always
     holds intensities.
     Raises ValueError for another suffix, OutputNotWritten.

@@ -34,7 +34,7 @@ class DriveSequence:
 
     @property
     def intensities(self) -> np.ndarray:
-        """(T, N, P) float64 of frames, lights and primaries."""
+        """The intensities (T, N, P) float64 of frames, lights and primaries."""
         return np.stack([frame.intensities for frame in self.frames])
 
     @property
@@ -107,6 +107,9 @@ def drive_sequence(
 
 def write_drive_sequence(path: str | os.PathLike[str], sequence: DriveSequence) -> None:
     """Write the table as .csv, whole or not at all: frame, light and one column a primary.
+
+    path : .csv
+    sequence : as `drive_sequence` solved it
 
     Frames count from 1. As in `write_drive`, numbers are shares of the maximum where there is one, else factors on a
     primary's irradiance. Raises ValueError for another suffix, OutputNotWritten.

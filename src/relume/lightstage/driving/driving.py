@@ -35,7 +35,7 @@ class LampPrimaries:
 
     names : of the primaries, unique, like ("red", "green", "blue", "white")
     irradiance : (P, 3) float64, linear RGB that a primary of intensity 1 gives a surface at the subject that faces the
-        lamp, in the unit of the map that will be shown times sr; a primary outside Rec. 709 has negative numbers
+        lamp. Its unit is that of the map that will be shown, times sr; a primary outside Rec. 709 has negative numbers
     maximum : the highest intensity; infinite where none is known
     """
 
@@ -62,16 +62,16 @@ class LampPrimaries:
 
     @staticmethod
     def white(maximum: float = np.inf) -> LampPrimaries:
-        """Lamps that can only be dimmed; intensity 1 is irradiance (1, 1, 1)."""
+        """Lamps that can only be dimmed; intensity 1 is irradiance (1, 1, 1), and `maximum` the highest intensity."""
         return LampPrimaries(("white",), np.ones((1, 3)), maximum)
 
     @staticmethod
     def rgb(maximum: float = np.inf) -> LampPrimaries:
-        """Lamps of any colour; intensities are the irradiance's own R, G and B."""
+        """Lamps of any colour; intensities are the irradiance's own R, G and B, up to `maximum`."""
         return LampPrimaries(("red", "green", "blue"), np.eye(3), maximum)
 
     def nearest(self, colours: ArrayLike) -> np.ndarray:
-        """Intensities (…, P), at least 0 and without a maximum, whose colour is nearest to linear RGB (…, 3).
+        """Intensities (…, P), at least 0 and without a maximum, whose colour is nearest to linear RGB `colours` (…, 3).
 
         Nearest in the sum of squares, by non-negative least squares (Lawson & Hanson 1974, chapter 23).
         """
@@ -83,7 +83,7 @@ class LampPrimaries:
         return found.reshape(*wanted.shape[:-1], len(self))
 
     def beyond_gamut(self, colours: ArrayLike, weights: ArrayLike) -> float:
-        """The share of colours (…, 3) that no mix of the primaries makes, 0 where all can be made.
+        """The share of `colours` (…, 3) that no mix of the primaries makes, 0 where all can be made.
 
         The distance to the nearest mix over the length of the colour, both summed with weights (…).
         """
@@ -131,9 +131,9 @@ def drive(
 ) -> Drive:
     """The intensities under which a subject looks most as under an environment map, by bounded least squares.
 
-    The sum over the subject of (seen under the lamps − seen under the map)² is least, plus `closeness` times how far
-    each lamp is from what its cell of the map holds, as a share of that: of all settings that look alike, which on a
-    matte subject there are many, the one nearest to the map. Convex, so there is one answer.
+    Two terms together are least: the sum over the subject of (seen under the lamps − seen under the map)², and
+    `closeness` times how far each lamp is from what its cell of the map holds, as a share of that. On a matte subject
+    many settings look alike; of these it is the one nearest to the map. Convex, so there is one answer.
 
     lights : the stage's lamps
     light : the map that they shall light like

@@ -66,8 +66,8 @@ class LampCalibration:
     primaries : as `drive` takes them
     mixing : (P, 3) float64, intensities = wanted irradiance @ mixing.T, the least that make it; of three primaries the
         only ones. Below 0 where no mix of light makes the colour; `LampPrimaries.nearest` then is the nearest
-    condition : of the primaries' colours, each of length 1: by how much an error of the wish grows in the lamps; 1
-        where each LED is one channel's alone, infinite where the camera sees fewer than three colours
+    condition : of the primaries' colours, each of length 1: by how much an error of the wanted colour grows in the
+        lamps. 1 where each LED is one channel's alone, infinite where the camera sees fewer than three colours
     crosstalk : (P,) the share of each primary that is not in its strongest channel
     twins : the two primaries that are most alike, and the angle between their colours, radians; None of a single one
     """
@@ -99,6 +99,7 @@ def calibrate_primaries(
 ) -> LampCalibration:
     """The primaries of lamps from what a camera sees of white under each, E = π·L/ρ.
 
+    patches : what the camera sees of white, and of others, under each LED alone
     to_rec709 : (3, 3) from the camera's colours to linear Rec. 709, as `camera_to_rec709` finds it; none unless given,
         as pictures that relume reads are in Rec. 709 already
     maximum : as of `LampPrimaries`
@@ -213,7 +214,7 @@ def patches_from_photographs(
 def camera_to_rec709(
     sensitivities: Sequence[Spectrum], reflectances: Sequence[Spectrum], light: Spectrum | None = None
 ) -> np.ndarray:
-    """(3, 3) from a camera's own colours to linear Rec. 709, by least squares over surfaces under a light.
+    """The matrix (3, 3) from a camera's own colours to linear Rec. 709, by least squares over surfaces under a light.
 
     sensitivities : of the camera's red, green and blue
     reflectances : of the surfaces, three at least

@@ -38,7 +38,7 @@ class SurfaceSubject:
 
     @property
     def rows(self) -> int:
-        """Of the lat-long table of what is seen: three to the lobe's width, from 16 to 64."""
+        """The rows of the lat-long table of what is seen: three to the lobe's width, from 16 to 64."""
         return int(np.clip(np.ceil(3 * np.pi / self.lobe.width), 16, 64))
 
     @property
@@ -47,12 +47,12 @@ class SurfaceSubject:
         return LatLong().solid_angles(self.rows).ravel() / (4 * np.pi)
 
     def lit_by(self, lights: StageLights) -> np.ndarray:
-        """What is seen per unit irradiance of each light, (M, N)."""
+        """What is seen per unit irradiance of each of the stage's `lights`, (M, N)."""
         towards = pixel_directions(LatLong(), self.rows).reshape(-1, 3)
         return self.lobe(np.clip(towards @ lights.directions.T, -1, 1))
 
     def under(self, light: EnvironmentMap) -> np.ndarray:
-        """What is seen under a map, (M, 3)."""
+        """What is seen under a map, `light`: (M, 3)."""
         source = cut_up(as_latlong(light), self.lobe.width / 2)
         return convolved(source, self.lobe, self.rows)[0].reshape(-1, 3)
 
@@ -82,17 +82,17 @@ class MeasuredSubject:
 
     @property
     def weights(self) -> np.ndarray:
-        """(M,): every pixel that counts weighs the same; they sum to 1."""
+        """The weights (M,) of the things seen: every pixel that counts weighs the same, and they sum to 1."""
         count = self._values.shape[0]
         return np.full(count, 1 / count)
 
     def lit_by(self, lights: StageLights) -> np.ndarray:
-        """(M, N, 3): a lamp lights the subject as its field's lights do, each by its share in the lamp's direction."""
+        """What is seen under each of `lights`, (M, N, 3): that of the field's own lights, by their shares there."""
         shares = self.by.weights(self.field.lights, lights.directions)
         return np.moveaxis(np.tensordot(self._values, shares, (1, 1)), 1, 2)
 
     def under(self, light: EnvironmentMap) -> np.ndarray:
-        """What is seen under a map, (M, 3)."""
+        """What is seen under a map, `light`: (M, 3)."""
         return np.einsum("pfc,fc->pc", self._values, irradiances(self.field.lights, light, self.by))
 
     @cached_property

@@ -33,7 +33,7 @@ class Noise:
 
 
 class ReflectanceField(Protocol):
-    """What can be relit.
+    """A reflectance field: what can be relit (Debevec et al. 2000, §2.1).
 
     lights : the lights its pictures were taken under
     shape : rows and columns of every picture
@@ -120,7 +120,7 @@ class Pictures:
 
     @property
     def shape(self) -> tuple[int, int]:
-        """Rows and columns."""
+        """The rows and columns of every picture."""
         return self.values.shape[1], self.values.shape[2]
 
     def block(self, lights: slice, rows: slice) -> np.ndarray:
@@ -150,18 +150,19 @@ class Work:
 
     @property
     def value_bytes(self) -> int:
-        """Of all values as floats."""
+        """The bytes of all values as floats."""
         return self.lights * self.shape[0] * self.shape[1] * 3 * 4
 
     @property
     def memory(self) -> int:
-        """Bytes of it that are held at once."""
+        """The bytes of the values that are held at once."""
         return min(self.value_bytes, self.allowed)
 
 
 def estimate_work(field: ReflectanceField, memory: int, more_seconds: float = 0.0) -> Work:
     """What reading the field takes; the time is that of some rows, times the rest.
 
+    field : whose pictures would be read
     memory : bytes that may be used
     more_seconds : of other work
     """

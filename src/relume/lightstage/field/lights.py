@@ -61,7 +61,9 @@ class StageLights:
     ) -> StageLights:
         """Lights in directions (N, 3) of any length; solid angles are those of their spherical Voronoi cells.
 
+        directions : (N, 3) towards the lights, of any length above 0
         names : "0", "1", … unless given
+        positions, grid : as of the lights themselves
         Raises ValueError for a direction without length and for two lights in one place.
         """
         array = np.asarray(directions, np.float64).reshape(-1, 3)

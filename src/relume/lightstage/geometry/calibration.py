@@ -46,11 +46,12 @@ def calibrate_rig(
     square : side of a square, metres
     The rig's frame is the camera's: it stands at the origin and looks along −Z. Both lenses have one focal length, a
     principal point of their own and k1; the camera's principal point is the picture's middle, the projector's is
-    not, since projectors throw upward. How far a subject is, is known as well as the focal lengths are, which the rig
-    says: some tenths of a percent from seven boards at 20° in pictures of 400 pixels, a tenth of that from ten boards
-    at 40°, near and far, in pictures of 2000. The shape itself is known much better.
-    Raises UnreadableFile for a folder that holds no folders, ValueError for too few boards or squares, or photographs
-    of unlike sizes or patterns, and GridNotFound where a board is not seen or lies in the projector's shade.
+    not, since projectors throw upward. A subject's distance is known as well as the focal lengths are, and the rig says
+    how well: to some tenths of a percent from seven boards at 20° in pictures of 400 pixels, to a tenth of that from
+    ten boards at 40°, near and far, in pictures of 2000. The shape itself is known much better.
+    Raises UnreadableFile for a folder that holds no folders. Raises ValueError for too few boards or squares, and for
+    photographs of unlike sizes or patterns. Raises GridNotFound where a board is not seen or lies in the projector's
+    shade.
     Source: Moreno & Taubin 2012, "Simple, accurate, and robust projector-camera calibration".
     """
     import cv2

@@ -20,7 +20,7 @@ NEIGHBOURS = 5
 
 @dataclass(frozen=True)
 class DecodingSettings:
-    """What is believed.
+    """What is believed of the photographs of a projector's patterns.
 
     least_direct : the share of a pixel's light that must come straight from the projector; below a quarter the phase is
         that of scattered light, whose place is not the pixel's

@@ -21,7 +21,7 @@ from relume.scene.cameras.camera import Camera
 
 @dataclass(frozen=True)
 class FusionSettings:
-    """How much is believed.
+    """How much points and normals of a scan are believed.
 
     smoothing : pixels, the deviation of the Gaussian beyond which the points' normals are right and the others bend
     normal_deviation : radians, of the normals on the small; 2° is what photometric stereo of some dozens of lights has

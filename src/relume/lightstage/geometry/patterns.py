@@ -66,7 +66,7 @@ class ProjectorPatterns:
 
     @property
     def names(self) -> tuple[str, ...]:
-        """Of the pictures, in the order in which they are shown."""
+        """The names of the pictures, in the order in which they are shown."""
         coded = [f"gray_{axis}{level}" for axis in "xy" for level in range(self.levels(axis))]
         shifted = [f"phase_{axis}{step}" for axis in "xy" for step in range(self.steps)]
         return ("white", "black", *coded, *shifted)
@@ -93,6 +93,9 @@ class ProjectorPatterns:
 
 def write_patterns(folder: str | os.PathLike[str], patterns: ProjectorPatterns) -> tuple[Path, ...]:
     """Write the pictures to project as PNG files into a folder, and projector.json, which the photographs need too.
+
+    folder : made where it is missing
+    patterns : the projector's
 
     Codes are sRGB's, as projectors show pictures. Returns the files. Raises OutputNotWritten.
     """

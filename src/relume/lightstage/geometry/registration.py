@@ -46,7 +46,7 @@ class RegistrationSettings:
 
     reach : metres by which places may be wrong: farther points are no partners; rather less than a subject is thick
     points : of each scan, taken evenly
-    least_overlap : of either scan's points, the share that must have a partner in the other: with 0.13, the head from
+    least_overlap : of either scan's points, the share that must have a partner in the other. With 0.13, the head from
         two sides 90° apart, a scan was laid 1.8 mm beside its place; with 0.24, 75° apart, less than 0.1 mm. A small
         part that lies wholly within a scan of all is laid on that
     least_points : of the chosen points that must have one: fewer hold six numbers by their noise

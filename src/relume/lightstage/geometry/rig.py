@@ -20,6 +20,7 @@ from relume.scene.cameras.distortion import Distortion
 class ScannerRig:
     """A camera and a projector, which is a camera that shows its picture; metres, one frame.
 
+    camera, projector : with their lenses and places
     residual : root mean square of the board's corners about what the rig explains, in camera and projector pixels;
         None for a rig that was given
     focal_deviation : relative standard deviation of both focal lengths, by the corners' scatter: that of a subject's
@@ -53,7 +54,12 @@ class ScannerRig:
 
 
 def write_rig(path: str | os.PathLike[str], rig: ScannerRig) -> None:
-    """Write a rig as JSON, whole or not at all; raises OutputNotWritten."""
+    """Write a rig as JSON, whole or not at all.
+
+    path : .json
+    rig : as `calibrate_rig` found it
+    Raises OutputNotWritten.
+    """
     table = {
         "camera": _table(rig.camera), "projector": _table(rig.projector), "residual": rig.residual,
         "focal_deviation": rig.focal_deviation,
@@ -62,7 +68,11 @@ def write_rig(path: str | os.PathLike[str], rig: ScannerRig) -> None:
 
 
 def read_rig(path: str | os.PathLike[str]) -> ScannerRig:
-    """The rig of a file that `write_rig` wrote; raises UnreadableFile."""
+    """The rig in a file that `write_rig` wrote.
+
+    path : .json
+    Raises UnreadableFile.
+    """
     try:
         table = json.loads(Path(path).read_text("utf-8"))
         return ScannerRig(

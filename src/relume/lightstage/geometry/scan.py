@@ -88,6 +88,7 @@ def scan(
         rig's
     normals : (H, W, 3) unit, of photometric stereo by the same camera, in the mesh's frame, 0 where unknown: the
         surface follows them on the small, and the triangulated points on the large (Nehab et al. 2005)
+    settings : what is believed, what is kept, and how normals count
     Holes stay: what the projector does not reach has no mesh. Warns where that is half of the subject or more.
     Raises UnreadableFile for photographs or a rig that cannot be used, and ValueError where nothing is seen.
     """

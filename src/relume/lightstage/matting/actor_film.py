@@ -38,6 +38,7 @@ def composite_actor_film(
 
     frames : the folder of the actor's frames, radiance maps or photographs
     empty, backdrop : a picture for all, or a folder of one a frame, as `composite_actor` takes them
+    out : the .mp4, or the folder of frames
     infrared : the folder of infrared frames, and the infrared picture (or folder) of the empty stage; a matte of
         differences unless given
     levels : of the matte; those of `infrared_matte` and `difference_matte` unless given

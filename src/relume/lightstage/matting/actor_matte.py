@@ -35,7 +35,7 @@ class MatteLevels:
             raise ValueError(f"levels {self.low} to {self.high}; expected 0 ≤ low < high")
 
     def of(self, shares: np.ndarray) -> np.ndarray:
-        """Shares as a matte, float32 from 0 to 1."""
+        """The matte of `shares` of any shape: float32 from 0 to 1."""
         return np.clip((shares - self.low) / (self.high - self.low), 0, 1).astype(np.float32)
 
 

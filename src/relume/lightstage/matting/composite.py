@@ -12,8 +12,8 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from relume.image import files
+from relume.image.bands import in_threads
 from relume.image.colour_space import decoded
-from relume.image.kernel import in_threads
 from relume.image.radiance import RadianceMap
 from relume.lightstage.field.field import ReflectanceField
 from relume.lightstage.matting import kernel as matte_kernel
@@ -53,21 +53,23 @@ class Backdrop:
 
     @staticmethod
     def facing(centre: np.ndarray, towards: np.ndarray, width: float, height: float) -> Backdrop:
-        """An upright backdrop at `centre` (3,) whose face points at `towards` (3,), both metres.
+        """An upright backdrop whose face points at a place.
 
-        Raises ValueError where that is straight above or below: "upright" says nothing there.
+        centre, towards : (3,) metres, its middle and that place
+        width, height : metres
+        Raises ValueError where that place is straight above or below: "upright" says nothing there.
         """
         middle = np.asarray(centre, np.float64)
         axes = look_at(np.asarray(towards, np.float64), middle)
         return Backdrop(middle, axes[:, 0], axes[:, 1], width, height)
 
     def points(self, places: np.ndarray) -> np.ndarray:
-        """World points (…, 3) of places (…, 2): u to the right and v down, both 0 to 1."""
+        """World points (…, 3) of `places` (…, 2) on it: u to the right and v down, both 0 to 1."""
         across = (places[..., :1] - 0.5) * self.width * self.right
         return self.centre + across + (0.5 - places[..., 1:]) * self.height * self.up
 
     def covers(self, directions: np.ndarray) -> np.ndarray:
-        """Whether rays from the origin in directions (…, 3) meet it, (…,) bool, from whichever side."""
+        """Whether rays from the origin in `directions` (…, 3) meet it, (…,) bool, from whichever side."""
         face = np.cross(self.right, self.up)
         with np.errstate(divide="ignore", invalid="ignore", over="ignore"):
             distance = (self.centre @ face) / (directions @ face)
@@ -79,6 +81,7 @@ class Backdrop:
 def composite_matte(matte: EnvironmentMatte, backdrop: np.ndarray, foreground: np.ndarray | None = None) -> np.ndarray:
     """The subject before another backdrop, (H, W, 3) float32.
 
+    matte : as `environment_matte` found it
     backdrop : (h, w, 3) of any size, as wide and high as that the matte was taken with; 1 as bright as its white
     foreground : (H, W, 3) radiance of all other light, such as the subject relit without what stands behind it; that
         of the picture before black unless given
@@ -89,7 +92,10 @@ def composite_matte(matte: EnvironmentMatte, backdrop: np.ndarray, foreground: n
 
 
 def read_backdrop(path: str | os.PathLike[str]) -> np.ndarray:
-    """A backdrop's linear values (H, W, 3): a radiance map as it is, a photograph by its profile, else sRGB."""
+    """A backdrop's linear values (H, W, 3): a radiance map as it is, a photograph by its profile, else sRGB.
+
+    path : a radiance map or a photograph
+    """
     if files.has_radiance(path):
         return files.read_radiance(path).radiance
     return decoded(files.read_photograph(path))
@@ -118,7 +124,9 @@ def place_in_environment(
 ) -> RadianceMap:
     """The subject in an environment: light from beside the backdrop relights it, what stands behind is seen through it.
 
+    matte : as `environment_matte` found it
     stage : the subject's reflectance field, by the camera that took the matte
+    environment : the light all round
     backdrop : where the backdrop of the matte stood
     Raises ValueError for a stage without a camera, or with pictures of another size.
     """

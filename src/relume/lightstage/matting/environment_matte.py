@@ -69,7 +69,7 @@ class EnvironmentMatte:
 
     @property
     def shape(self) -> tuple[int, int]:
-        """Rows and columns."""
+        """The rows and columns of the matte."""
         return self.coverage.shape[0], self.coverage.shape[1]
 
 
@@ -80,11 +80,14 @@ _SEEN = 0.05
 def environment_matte(patterns: Patterns) -> EnvironmentMatte:
     """The matte that explains pictures of a subject before striped backdrops.
 
-    The brightness of the backdrop's white, 1 in every backdrop it is composited over, is what the camera sees of it
-    straight through, a quadratic over the picture, so that a screen or lens darker at its edges does no harm. Where
-    nothing is seen straight through it is the brightest percent of pixels, with a warning, and coverage is 1.
+    patterns : pictures of the subject before stripes, black and white, as `read_patterns` gives them
 
-    Raises ValueError for patterns out of order.
+    The brightness of the backdrop's white is what the camera sees of it straight through, a quadratic over the picture,
+    so that a screen or lens darker at its edges does no harm. It is the 1 of every backdrop that the subject is
+    composited over. Where nothing is seen straight through it is the brightest percent of pixels, with a warning, and
+    coverage is 1.
+
+    Raises ValueError for patterns out of order. Source: Zongker et al. 1999; Debevec et al. 2000, appendix.
     """
     if wrong := disorder(patterns):
         raise ValueError(wrong)

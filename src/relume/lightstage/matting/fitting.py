@@ -14,7 +14,7 @@ from typing import Any
 
 import numpy as np
 
-from relume.image.kernel import in_threads
+from relume.image.bands import in_threads
 from relume.lightstage.matting import kernel as matte_kernel
 from relume.lightstage.matting.gray_code import Patterns
 

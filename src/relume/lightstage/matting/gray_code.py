@@ -194,11 +194,14 @@ def _edges(signs: np.ndarray, axis: int) -> int:
 def read_patterns(folder: str | os.PathLike[str]) -> Patterns:
     """The pictures of a folder: `black`, `white`, `gray_x0` … and `gray_y0` …, or as its patterns.json names them.
 
-    By name: `gray_x0` … are the levels of a Gray code, the coarsest first, over 2^levels texels; `stripes_x16` has
-    plain stripes 16 texels wide, over the Gray code's texels or else twice the widest stripe; `_inverse` behind either
-    exchanges black and white; any picture format. patterns.json is {"texels": [across, down], "black": FILE, "white":
-    FILE, "patterns": [{"file": FILE, "stripes": "gray", "axis": "x", "level": 0, "inverse": false}, {"file": FILE,
-    "stripes": "plain", "axis": "y", "width": 16}, …]}. Photographs (JPEG, PNG, TIFF) are taken as sRGB, with a warning.
+    folder : of the pictures
+
+    By name: `gray_x0` … are the levels of a Gray code, the coarsest first, over 2^levels texels. `stripes_x16` has
+    plain stripes 16 texels wide, over the Gray code's texels or else twice the widest stripe. `_inverse` behind either
+    exchanges black and white. Any picture format will do. patterns.json is {"texels": [across, down], "black": FILE,
+    "white": FILE, "patterns": [{"file": FILE, "stripes": "gray", "axis": "x", "level": 0, "inverse": false}, {"file":
+    FILE, "stripes": "plain", "axis": "y", "width": 16}, …]}. Photographs (JPEG, PNG, TIFF) are taken as sRGB, with a
+    warning.
 
     Raises UnreadableFile, in one line, for what is missing, damaged, of two sizes or out of order.
     """

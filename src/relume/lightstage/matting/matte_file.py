@@ -22,7 +22,12 @@ _PLANES = ("u", "width", "v", "height")
 
 
 def write_matte(path: str | os.PathLike[str], matte: EnvironmentMatte) -> None:
-    """Write a matte to an .exr, whole or not at all; raises ValueError for another suffix, OutputNotWritten."""
+    """Write a matte, whole or not at all.
+
+    path : .exr
+    matte : as `environment_matte` found it
+    Raises ValueError for another suffix, OutputNotWritten.
+    """
     layers = {"foreground": matte.foreground, "coverage": matte.coverage, "residual": matte.residual}
     for name, area in (("straight", matte.straight), ("area1", matte.areas[0]), ("area2", matte.areas[1])):
         layers |= {f"{name}.{plane}": area[..., index] for index, plane in enumerate(_PLANES)}
@@ -32,7 +37,11 @@ def write_matte(path: str | os.PathLike[str], matte: EnvironmentMatte) -> None:
 
 
 def read_matte(path: str | os.PathLike[str]) -> EnvironmentMatte:
-    """The matte that `write_matte` wrote, bit for bit; raises UnreadableFile for any other file."""
+    """The matte that `write_matte` wrote, bit for bit.
+
+    path : .exr
+    Raises UnreadableFile for any other file.
+    """
     layers = files.read_layers(path)
     texts = read_headers(path, ReadOptions()).parts[0].texts
     stored = next((text for name, text in texts.items() if name.endswith(_ATTRIBUTE)), None)

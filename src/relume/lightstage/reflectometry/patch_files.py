@@ -71,6 +71,8 @@ class _Measured:
 def read_patch(folder: str | os.PathLike[str]) -> PatchSamples:
     """The samples of a folder of photographs and its patch.json.
 
+    folder : of the photographs and patch.json
+
     patch.json is {"irradiance": 3.1, "area": [LEFT, TOP, WIDTH, HEIGHT], "pictures": [{"file": "a.exr", "incidence":
     -30, "view": 22.5}, …]}: degrees; the irradiance of the lamp on a surface that faces it, in the pictures' unit, a
     number or R, G, B, 1 unless given; the pixels of the patch, of all pictures or of one. Pictures in which the lamp

@@ -58,11 +58,17 @@ class PatchReflectance:
     light: np.ndarray
 
     def diffuse_part(self, incidence: np.ndarray, viewing: np.ndarray) -> np.ndarray:
-        """What the patch reflects from below its surface (…, 3), f cos θi, at signed angles, radians."""
+        """What the patch reflects from below its surface (…, 3), f cos θi.
+
+        incidence, viewing : (…) radians from the normal, signed
+        """
         return _diffuse(self.albedo, self.ramp, self.light, np.cos(incidence), np.cos(viewing))
 
     def specular_part(self, light: np.ndarray, view: np.ndarray) -> np.ndarray:
-        """What the patch reflects at its surface (…, 3), f cos θi, for unit directions (…, 3), the normal +Z."""
+        """What the patch reflects at its surface (…, 3), f cos θi.
+
+        light, view : (…, 3) unit directions towards the lamp and the camera; the normal is +Z
+        """
         lobe = self.specular * _lobe(light, view, self.roughness)
         return lobe[..., None] * self.light * np.sqrt(3)
 
@@ -96,7 +102,8 @@ class SeparatedPatch:
 def separate_patch(samples: PatchSamples, light: tuple[float, float, float] = (1.0, 1.0, 1.0)) -> SeparatedPatch:
     """A patch's samples separated by colour: what is reflected at the surface has the light's own.
 
-    light : colour of the lamp beside its irradiance, linear Rec. 709
+    samples : of the patch at many angles, as `read_patch` reads them
+    light : colour of the lamp beside its irradiance, linear Rec. 709; white unless given
     Source: Debevec et al. 2000, §4.2, eq. 6, 7.
     """
     colour = unit_chromaticity(np.asarray(light, np.float64))
@@ -118,9 +125,11 @@ def separate_patch(samples: PatchSamples, light: tuple[float, float, float] = (1
 def fit_patch(samples: PatchSamples, light: tuple[float, float, float] = (1.0, 1.0, 1.0)) -> PatchReflectance:
     """The numbers of a patch whose reflection is nearest to its samples, both parts at once, by least squares.
 
-    light : colour of the lamp beside its irradiance, linear Rec. 709
+    samples : of the patch at many angles, as `read_patch` reads them
+    light : colour of the lamp beside its irradiance, linear Rec. 709; white unless given
     Skin's index of refraction is taken as 1.4: only its share of facets depends on it. Raises ValueError where the
-    samples show no lobe that ends, as where all are taken far from the mirror angle.
+    samples show no lobe that ends, as where all are taken far from the mirror angle. Source: Debevec et al. 2000, §4.1,
+    eq. 6 to 8.
     """
     colour = unit_chromaticity(np.asarray(light, np.float64))
     # A start: the separated parts, one after the other.

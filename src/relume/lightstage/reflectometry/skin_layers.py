@@ -58,9 +58,12 @@ def layered_reflection(
 ) -> np.ndarray:  # fmt: skip
     """BRDF (M, N, K), 1/sr, of layers lit from angles of incidence (M,), at angles of view (N,), for K wavelengths.
 
+    layers : from the surface down; the last is infinite
     incidence, viewing : radians from the normal, signed, in one plane
     photons : for each angle of incidence
-    ior : index of refraction of the layers to the air's; what the interface itself reflects is not part of it
+    ior : index of refraction of the layers to the air's, 1.4 as of skin; what the interface itself reflects is not part
+        of it
+    seed : of the photons' ways
     The same seed gives the same numbers. Raises ValueError for no layer, unless the last is infinite, and where layers
     differ in their number of wavelengths.
     Source: Hanrahan & Krueger 1993, "Reflection from layered surfaces due to subsurface scattering".
@@ -121,7 +124,11 @@ def layered_reflection(
 def layers_like(albedo: np.ndarray, *, photons: int = PHOTONS, seed: int = 0) -> tuple[SkinLayer, SkinLayer]:
     """Epidermis and dermis that reflect head-on as matte surfaces of these albedos (K,) do: their absorption is found.
 
-    Beyond what skin reflects, the nearest.
+    albedo : (K,) of a matte surface, 0 to 1, one a wavelength
+    photons : for each angle of incidence
+    seed : of the photons' ways
+
+    Where no skin reflects so much or so little, the nearest skin is taken.
     """
     seen = np.pi * layered_reflection(skin(_TRIED), np.zeros(1), np.zeros(1), photons=photons, seed=seed)[0, 0]
     # Absorption falls as the albedo rises.

@@ -60,6 +60,8 @@ def mosaic(
 ) -> Mosaic:
     """The reflectance functions of an even sampling of pixels, `down` × `across` of them.
 
+    field : whose functions are drawn
+    down, across : how many pixels are sampled each way; the paper samples 15 × 44 of 480 × 720 (Fig. 3)
     mask : (H, W) bool, the subject: its bounding box is what is sampled; all of the picture unless given
     size : rows of a function; unless given, those of the stage's grid, or about one pixel a light
     gap : black pixels between functions
@@ -86,8 +88,9 @@ def mosaic_size(shape: tuple[int, int]) -> tuple[int, int]:
 
 
 def reflectance_function(field: ReflectanceField, column: int, row: int, size: int | None = None) -> np.ndarray:
-    """The reflectance function of one pixel, (rows, columns, 3) float32; see `mosaic`.
+    """The reflectance function of one pixel, (rows, columns, 3) float32 (Debevec et al. 2000, §3.2).
 
+    field : whose function is drawn
     column, row : of the pixel
     size : rows of the function, as of `mosaic`
     Raises ValueError for a pixel outside of the pictures.

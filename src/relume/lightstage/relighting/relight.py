@@ -76,13 +76,16 @@ def relight(
 
     Without a mesh the picture is the sum of the stage's pictures, each times what its light has to give (Debevec et
     al. 2000, eq. 4), interpolated smoothly between the lights. Where these are few, or on one side alone, a Lambertian
-    fit of each pixel stands for what no light shows (`diffuse_fit`). With a mesh direct light is fitted to each pixel,
-    so that shadows and highlights stand where the light is. The variance is that of the plain sum.
+    fit of each pixel stands for what no light shows. With a mesh direct light is fitted to each pixel, so that shadows
+    and highlights stand where the light is. The variance is that of the plain sum.
 
     stage : a reflectance field, or where one lies, as `read_stage` takes it
+    light : an environment map, or all that shines on the subject
     mesh : as `subject_mesh` finds it
+    settings : interpolation, direct light, memory
     cluster : whose workers relight bands of rows, as `relume.cluster.run_tasks` takes it; this process for None, with
         the same bytes. Incomplete names the rows that failed
+    progress : called with the share of the work that is done, 0 to 1
     Warns of light from where the stage has no lights, of a mesh that is not used and of pixels below 0.
     Raises ValueError for a mesh that does not match, and for too little memory.
     """
@@ -119,8 +122,10 @@ def relight_sequence(
 ) -> Iterator[RadianceMap]:
     """The subject under each light in turn, by sums of the stage's pictures; the field is read as rarely as possible.
 
+    stage, settings : as of `relight`
     lights : of the pictures, in one unit; `StageLighting.turntable` makes them for a map that turns
     cluster : as of `relight`; none with a compression
+    progress : called with the share of the work that is done, 0 to 1
     With `settings.compression` the field is made small first: pictures then differ by the error that is warned of.
     Where not all frames fit into the memory together, bands of rows of all of them are made first.
     Raises ValueError as `relight`, and for lights in two units.
@@ -157,11 +162,15 @@ def relight_per_pixel(
     cluster: Cluster = None,
     progress: Progress | None = None,
 ) -> RadianceMap:
-    """The subject with a light of its own at every pixel: light through leaves, a shadow's edge (§3.4 of the paper).
+    """The subject with a light of its own at every pixel, as under leaves (Debevec et al. 2000, §3.4).
 
+    stage : as of `relight`
     labels : (H, W) integers, which of the lights shines on each pixel; or a picture with a grey level for each light,
         the darkest for the first
+    lights : by the numbers in `labels`, in one unit
+    settings : as of `relight`
     cluster : as of `relight`
+    progress : called with the share of the work that is done, 0 to 1
     Warns of light from where the stage has no lights. Raises ValueError for labels of another shape or number, and for
     lights in two units.
     """

@@ -39,6 +39,7 @@ def relight_frames(
     out : the .mp4, or the folder
     stops : by which developed pictures are brighter than the first frame's film makes them
     cluster : whose workers sum bands of rows and then write the frames, each its own; this process for None
+    progress : called with the share of the work that is done, 0 to 1
     Returns how many frames there are. Raises as `relight_sequence`, Incomplete that names what failed, and
     OutputNotWritten.
     """

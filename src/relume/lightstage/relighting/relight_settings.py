@@ -63,6 +63,8 @@ class SubjectMesh:
 def subject_mesh(stage: str | os.PathLike[str], mesh: str | os.PathLike[str] | None = None) -> SubjectMesh | None:
     """The mesh that is given, else the one that the stage has; None where it has none.
 
+    stage : a folder, a stage file or a store
+    mesh : a mesh file; the stage's own unless given
     Raises InvalidStage and UnreadableFile.
     """
     own, radius = stage_geometry(stage)

@@ -32,10 +32,12 @@ def weighted_sum(
 ) -> RadianceMap:
     """The subject under light of these irradiances; with a variance where the field's noise is known.
 
+    field : the subject's
     irradiances : (N, 3), of every light's cell; may be negative, as smooth interpolation makes them, and the picture
         then too
     threads : every core unless given
     memory : bytes for blocks, sums and the picture; a field in memory is not counted, nor copied
+    progress : called with the share of the work that is done, 0 to 1
     Raises ValueError for irradiances of another shape or that are not finite, and for too little memory.
     Source: Debevec et al. 2000, eq. 3, 4. The variance is Σ E_i² · (constant + slope · R_i), not below 0.
     """

@@ -29,7 +29,9 @@ def film_for(picture: RadianceMap, stops: float = 0.0) -> Film:
 def write_picture(path: str | os.PathLike[str], picture: RadianceMap, stops: float = 0.0) -> None:
     """Write a radiance map as it is to .exr and .hdr, developed to .png and .jpg.
 
-    stops : by which developed pictures are brighter than `film_for` makes them
+    path : .exr, .hdr, .png or .jpg
+    picture : the radiance map
+    stops : by which developed pictures are brighter than they would be, with all but the brightest pixels below white
     Raises OutputNotWritten.
     """
     if Path(path).suffix.lower() in (".exr", ".hdr"):

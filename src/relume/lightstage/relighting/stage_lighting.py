@@ -57,20 +57,24 @@ class StageLighting:
 
     @property
     def unit(self) -> str:
-        """Of the radiance that the light gives."""
+        """The unit of the radiance that the light gives."""
         return self.maps[0].unit if self.maps else "relative"
 
     def rotated(self, rotation: np.ndarray) -> StageLighting:
-        """The same with maps and light sets turned further; lamps stay."""
+        """The same lighting with maps and light sets turned further by `rotation` (3, 3), active; lamps stay."""
         return replace(self, rotation=rotation if self.rotation is None else rotation @ self.rotation)
 
     def turntable(self, frames: int) -> tuple[StageLighting, ...]:
-        """The light of each frame while maps and light sets turn once about the vertical, right-handed."""
+        """The light of each of `frames` while maps and light sets turn once about the vertical, right-handed."""
         turns = 2 * np.pi * np.arange(frames) / frames
         return tuple(self.rotated(rotation_about((0.0, 1.0, 0.0), turn)) for turn in turns)
 
     def irradiances(self, lights: StageLights, by: Interpolation = Smooth()) -> np.ndarray:
-        """What each light of a stage has to give, (N, 3), shared out by an interpolation."""
+        """What each light of a stage has to give, (N, 3).
+
+        lights : the stage's
+        by : how directions between the lights are shared out
+        """
         total = np.zeros((len(lights), 3))
         for light in self.maps:
             total += irradiances(lights, light, by, self.rotation)
@@ -79,7 +83,7 @@ class StageLighting:
         return total
 
     def directed(self, leaves: int = 1500) -> DirectedLight:
-        """The same light as directions, for direct light on a mesh; a map by so many of them, about."""
+        """The same light as directions, for direct light on a mesh; a map by about so many `leaves`."""
         turn = np.eye(3) if self.rotation is None else self.rotation
         parts = [quadtree_lights(light, leaves).turned(turn) for light in self.maps]
         return DirectedLight.of([*parts, *self._parallel()])
@@ -113,6 +117,8 @@ def irradiances(
 ) -> np.ndarray:
     """What each light of a stage gives of an environment map: (N, 3) float64, in the map's unit times sr.
 
+    lights : the stage's
+    light : the map
     rotation : (3, 3), active, by which the map is turned first; its pixels stay what they are
     by : how directions between the lights are shared out. Smooth by default, which is right for reflectance functions
         that are; `NearestLight()` is the paper's

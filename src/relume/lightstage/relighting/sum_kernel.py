@@ -10,7 +10,8 @@ import numpy as np
 from numba import types
 from numba.extending import overload
 
-from relume.image.kernel import exact_kernel, exact_small, fuses, in_threads, kernel
+from relume.image.bands import in_threads
+from relume.image.kernel import exact_kernel, exact_small, fuses, kernel
 from relume.sphere.vector_steps import BYTES_AT_ONCE, add_four_lights
 
 _RUN = 768

@@ -84,6 +84,7 @@ def export_rti(
     """Write a field for RTI viewers: FOLDER/NAME.ptm, NAME.rti, NAME.lp and its pictures.
 
     folder : made where it is missing
+    form : which files, of what degree
     name : of the files, without spaces: an `.lp` parts its words by them
     Warns of lights that are left out and of values above white. Raises ValueError for too few lights before the camera
     and a field without light, OutputNotWritten.

@@ -65,6 +65,8 @@ class StrobeCycle:
     def listed(path: str | os.PathLike[str], tracking: Sequence[int] = (), start: int = 0) -> StrobeCycle:
         """The cycle whose lamps an .lp, or a plain list of directions, names in the order of their flashes.
 
+        path : the .lp, or the list
+        tracking, start : as of the cycle itself
         Raises InvalidStage.
         """
         if Path(path).suffix.lower() == LIST:
@@ -202,7 +204,9 @@ def relit_strobes(
 ) -> Iterator[RadianceMap]:
     """The performance under any light: a picture for each of the film's `times`, each relit from its own field.
 
+    film : the performance, as `read_strobes` read it
     lights : one for all, or one for each of `times`
+    settings : as of `relight`
     Raises ValueError for another number of lights, and as `relight`.
     """
     several = list(lights) if isinstance(lights, Sequence) else [lights] * len(film.times)

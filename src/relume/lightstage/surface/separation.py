@@ -127,11 +127,13 @@ def separate(
     """Separate a reflectance field's specular from its diffuse part, by colour.
 
     The field is read in rows, once; the parts are worked out from it again when they are asked for, so a field larger
-    than memory is no trouble. Grey and black things have no colour to go by: see `Separation.separable`, and use a
-    polarised pair (`PolarisedPair`) for them.
+    than memory is no trouble. Grey and black things have no colour to go by: the result's `separable` says where they
+    are. For them use `measure_surface` with a polarised pair.
 
+    field : one light at a time, by one camera
     light : colour of the lights, linear Rec. 709; white, since a field is per unit of irradiance
     memory : bytes for a band of rows
+    progress : called with the share of the work that is done, 0 to 1
     Raises ValueError for fewer than four lights.
     Source: Debevec et al. 2000, §4.2, §4.4.
     """

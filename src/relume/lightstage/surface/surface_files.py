@@ -58,12 +58,14 @@ def measure_surface(
     Diffuse and specular reflection are separated by the colour of the light, or from a pair of polarised stages, which
     grey and black subjects need.
 
+    field : one light at a time, by one camera
     crossed : the same stage through a crossed polariser; `field` is then the parallel one
     cluster : whose workers take bands of rows, as `relume.cluster.run_tasks` takes it; this process for None, with the
         same bytes. Incomplete names the rows that failed
     memory : bytes for a band of rows, of each worker
     scratch : a folder, or an fsspec URL, that every worker sees, for what bands write until it is put together; the
         system's temporary folder unless given
+    progress : called with the share of the work that is done, 0 to 1
     Warns of an albedo that no subject has. Raises ValueError where no pixel can be explained.
     """
     large = field.shape[0] * field.shape[1] * MAP_BYTES > memory // 2
@@ -94,9 +96,11 @@ def write_surface(
 ) -> tuple[Path, ...]:
     """Write maps.exr, a .png of each map and, with meshes, subject.glb with the maps as its material.
 
+    folder : made where it is missing
+    maps : as `measure_surface` found them
     meshes : of the subject, metres, in the stage's frame
     camera : that the maps were taken with; needed with meshes
-    Returns the files. Raises ValueError as `write_material`, OutputNotWritten.
+    Returns the files. Raises ValueError where no mesh has anything of the maps, OutputNotWritten.
     """
     if meshes and camera is None:
         raise ValueError("the mesh needs the stage's camera; give it in stage.json")

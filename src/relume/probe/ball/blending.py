@@ -14,6 +14,7 @@ from itertools import chain
 import numpy as np
 
 from relume.errors import Doubt
+from relume.image.bands import in_threads
 from relume.image.colour import luminance
 from relume.image.primaries import inside_gamut
 from relume.image.radiance import OUTSIDE, SATURATED
@@ -50,8 +51,8 @@ class Probe:
     gains : how many times as bright as the first each view was
     unseen_solid_angle : steradians that no view saw, so that they were filled in
     mirrored_at : (h, 2·h, 3) float32, a coarse lat-long map of where on the ball each direction was mirrored, in radii
-        from its centre, the mean of the views as they were blended: the light of a direction d was seen along
-        d − nearness · mirrored_at, from there. None for a map that no ball shows
+        from its centre; the mean of the views as they were blended. The light of a direction d was seen from there,
+        along d − nearness · mirrored_at. None for a map that no ball shows
     shares : (N, h, 2·h) float32, of each view the share that it has in a direction's light, as coarsely; they add up to
         1, and to 0 where no view saw. None for a map that no ball shows
     """
@@ -80,7 +81,7 @@ class Probe:
         return picture_html(self.light.radiance, facts)
 
     def share(self, mark: int) -> float:
-        """The share of all light (luminance) that comes from where the map is marked so in `clipped`.
+        """The share of all light (luminance) that comes from where the map has this `mark` in `clipped`.
 
         Of what is SATURATED it is a lower bound, and as much again is missing if the lamps are twice as bright.
         """
@@ -99,6 +100,7 @@ def blend_views(
 ) -> Probe:
     """Register the views of a ball to the first and blend them into a lat-long environment map.
 
+    views : of one ball, each with its camera
     size : rows of the map; 512 is what a ball 600 pixels wide resolves
     registration : how the views are laid on one another; unless given the places of their cameras are taken as given,
         to a tape measure's uncertainty
@@ -108,8 +110,6 @@ def blend_views(
     A direction that no view sees is filled smoothly from round about it, marked OUTSIDE, and its confidence is 0.
     Raises BallNotFound where the registration finds that views do not overlap; ValueError for no views.
     """
-    from relume.image.kernel import in_threads
-
     if not views:
         raise ValueError("no views of the ball were given; give one at least")
     # Lay the views on one another.

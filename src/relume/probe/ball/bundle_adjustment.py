@@ -15,6 +15,7 @@ from typing import Any
 import numpy as np
 from scipy.ndimage import gaussian_filter
 
+from relume.image.bands import in_threads
 from relume.image.bilinear import bilinear
 from relume.image.colour import luminance
 from relume.probe.ball.silhouette import RAYS
@@ -115,8 +116,6 @@ class Bundle:
     def solved(self, limit: float) -> Adjustment:
         """The adjustment that lays the views on one another; `limit` is the most a view is turned, radians."""
         from scipy.optimize import least_squares
-
-        from relume.image.kernel import in_threads
 
         count, free = len(self.views), 3 * (len(self.views) - 1)
         rims = np.repeat([RIM_LIMIT * view.outline.radius for view in self.views], 3 if self.adjusting else 0)

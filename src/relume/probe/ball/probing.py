@@ -39,7 +39,7 @@ off: of a real ball 40 pixels wide, of which 38 % was seen."""
 class ProbeSettings:
     """How views of a ball become an environment map.
 
-    size : rows of the map
+    size : rows of the map; 512 is what a ball 600 pixels wide resolves
     radius : of the ball in metres, where the EXIF has no focal length
     distance : metres from the cameras to the ball's centre, instead of the length of their places
     reflectance : of the ball
@@ -181,7 +181,12 @@ def probe_ball(
 
 
 def write_probe(path: str | os.PathLike[str], probe: Probe) -> None:
-    """Write the environment map; an EXR has layers `clipped` and `confidence`, 0 to 1. Raises OutputNotWritten."""
+    """Write the environment map; an EXR has layers `clipped` and `confidence`, 0 to 1.
+
+    path : .exr or .hdr
+    probe : as `blend_views` or `probe_ball` made it
+    Raises OutputNotWritten.
+    """
     path = Path(path)
     picture = as_radiance_map(probe.light)
     if path.suffix.lower() == ".hdr":

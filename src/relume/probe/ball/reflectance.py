@@ -26,7 +26,7 @@ class BallReflectance:
             raise ValueError(f"normal is {self.normal}; a reflectance is three values above 0 and at most 1")
 
     def at(self, cosine: np.ndarray) -> np.ndarray:
-        """The reflectance (…, 3) at cosines of the angle of incidence (…)."""
+        """The reflectance (…, 3) where the angle of incidence has the `cosine` (…)."""
         normal = np.array(self.normal)
         if not self.rising:
             return np.broadcast_to(normal, (*np.shape(cosine), 3))

@@ -90,7 +90,10 @@ class BallView:
         return replace(self, world_from_pixels=rotation @ self.world_from_pixels)
 
     def adjusted(self, right: float, down: float, outward: float) -> BallView:
-        """The same view with its silhouette moved, and grown, by pixels; where its camera stood stays."""
+        """The same view with its silhouette moved, and grown; where its camera stood stays.
+
+        right, down, outward : pixels
+        """
         axis = normalised(self.axis + np.array([right, down, 0.0]) * self.axis[2] / self.focal_length)
         sine = min((1 + outward / self.outline.radius) / self.distance, 0.999)
         world = self.world_from_pixels @ rotation_between(axis, self.axis)
@@ -123,7 +126,11 @@ class BallView:
         return Seen(radiance, np.where(shown, incidence, 0), sampling, saturated)
 
     def mirrored_at(self, directions: np.ndarray, nearness: float) -> np.ndarray:
-        """Where on the ball directions (…, 3) are mirrored: (…, 3) in radii from its centre, world."""
+        """Where on the ball directions (…, 3) are mirrored: (…, 3) in radii from its centre, world.
+
+        directions : (…, 3) unit, world, from the ball's centre
+        nearness : ball radius over the distance of what is seen; 0 is light at infinity
+        """
         return self._mirrored_at(directions, nearness)[1] @ self.world_from_pixels.T
 
     def _mirrored_at(self, directions: np.ndarray, nearness: float) -> tuple[np.ndarray, np.ndarray]:
@@ -135,7 +142,11 @@ class BallView:
         return gamma, normal
 
     def places(self, directions: np.ndarray, nearness: float) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
-        """Where in the picture directions (…, 3) are mirrored: x and y in pixels, the cosine of incidence, and γ."""
+        """Where in the picture directions (…, 3) are mirrored: x and y in pixels, the cosine of incidence, and γ.
+
+        directions : (…, 3) unit, world, from the ball's centre
+        nearness : ball radius over the distance of what is seen; 0 is light at infinity
+        """
         gamma, normal = self._mirrored_at(directions, nearness)
         point = self.distance * self.axis + normal
         width, height = self.picture.size
@@ -211,6 +222,7 @@ def unwrap_ball(
     outline : taken exactly as given, as from `outline_through` or `outline_of_circle`; the rim is sought and followed
         as an ellipse unless given. Only a ball that is picked so may be cut by the picture's edge
     reflectance : of the ball, divided out of what it shows; 1 unless given
+    name : of the picture, for messages
     measured : whether radius and places are by tape measure, so that they say how large the ball is in the picture
     Raises BallNotFound; ValueError when neither focal length nor radius is given.
     """

@@ -54,7 +54,10 @@ class PanoramaSettings:
     merge: MergeSettings = MergeSettings()
 
     def known(self, paths: Sequence[Path]) -> Mapping[Path, KnownOrientation]:
-        """The orientations that are given of these views; refuses views and settings that cannot be."""
+        """The orientations that are given of the views in these files; refuses views and settings that cannot be.
+
+        paths : of the views
+        """
         for path in paths:
             if not path.exists():
                 raise UnreadableFile(f"{path}: no such file or folder; check the path")
@@ -77,6 +80,7 @@ def panorama_from_files(
 
     paths : each a photograph, a radiance map, or a folder with the bracket of one view
     profile : of the camera; recovered from brackets unless given, sRGB for single photographs
+    settings : orientations, balance, and how brackets become radiance
     Raises UnreadableFile, NotABracket, NotAPanorama, ValueError.
     """
     paths = [Path(path) for path in paths]

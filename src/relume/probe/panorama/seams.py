@@ -12,6 +12,7 @@ from scipy.ndimage import gaussian_filter
 from scipy.sparse.csgraph import dijkstra
 from scipy.sparse.linalg import spsolve
 
+from relume.image.bands import in_threads
 from relume.image.bilinear import bilinear
 from relume.image.radiance import OUTSIDE, SATURATED
 from relume.probe.panorama.coverage import Coverage, coverage, shrunk, view_in_map
@@ -179,7 +180,6 @@ def blend(views: Sequence[PanoramaView], seams: Seams, size: int) -> Environment
     saturated pixel never counts where another view measured the direction; where none did the highest bound is kept,
     and `clipped` says SATURATED. What no view sees is OUTSIDE and filled in (`fill`).
     """
-    from relume.image.kernel import in_threads
     from relume.probe.panorama.kernel import add_view
 
     views = [shrunk(view, size / np.pi) for view in views]

@@ -62,7 +62,7 @@ class Panorama:
     notes: tuple[str, ...] = ()
 
     def facts(self, *, listed: bool = True) -> dict[str, object]:
-        """What was found; the views as one list for machines, or by name, for lines."""
+        """What was found; the views as one list (`listed`) for machines, or by name, for lines."""
         views = [_view_facts(*each) for each in zip(self.views, self.gains, strict=True)]
         shown: dict[str, object] = {"views": views}
         if not listed:

@@ -143,9 +143,10 @@ def known_orientations(
 ) -> dict[Path, KnownOrientation]:
     """The orientation of every view that one of the three gives.
 
-    faces : names of a cube's faces (`FACES`), one for each view
+    paths : of the views, in order
+    faces : names of a cube's faces, one for each view: front, right, back, left, up, down
     turn : degrees to the right from each view to the next
-    table : .csv with the columns `COLUMNS`; it need not name all views
+    table : .csv with the columns name, yaw, pitch, roll and field, degrees; it need not name all views
     Raises ValueError for two of them, or for other faces; UnreadableFile for a table that cannot be right.
     """
     paths = [Path(path) for path in paths]

@@ -64,7 +64,7 @@ class PanoramaView:
         return self.rotation
 
     def rays(self, points: np.ndarray) -> np.ndarray:
-        """Unit directions (…, 3), of the camera's own frame, through pixel coordinates (…, 2), x right and y down."""
+        """Unit directions (…, 3), of the camera's own frame, through pixels `points` (…, 2), x right and y down."""
         width, height = self.picture.size
         seen = (points - np.array([width / 2, height / 2])) / self.focal_length
         return rays_through(seen, self.distortion)

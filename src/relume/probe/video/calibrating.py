@@ -32,7 +32,7 @@ class BallFilm:
 
     facets : how often the filter shows the ball; 1 without one, 5 of Waese & Debevec's
     rims : (x, y, radius) of the ball in each facet, pixels, in any order; found unless given
-    follow_rims : whether the one rim that is given is moved to where it is seen near there; of facets the given rim of
+    follow_rims : whether a lone rim that is given is moved to where it is seen near there. Of facets the given rim of
         the brightest is taken as it is, and the others are moved onto it
     place : of the ball and its camera
     """
@@ -98,7 +98,11 @@ class FilmCalibration:
     blind: Continuation
 
     def of_frame(self, film: int, number: int) -> list[Take]:
-        """The takes that a film's frame holds."""
+        """The takes that a film's frame holds.
+
+        film : its number, from 0
+        number : of the frame, from 0
+        """
         phase = number % self.courses[film].period
         return [take for take in self.takes if take.film == film and take.phase == phase]
 

@@ -103,7 +103,7 @@ class FilmProbe:
 
 
 def is_film(path: str | os.PathLike[str]) -> bool:
-    """Whether a name is that of a video, by its suffix, as .mp4, .mov, .mkv or .mts."""
+    """Whether a `path` is that of a video, by its suffix, as .mp4, .mov, .mkv or .mts."""
     return is_video(path)
 
 
@@ -119,9 +119,10 @@ def probe_film(
     """Make an environment map of every frame of a film, as `out`/map_000001.exr and so on, or as one zarr store.
 
     films : one, or several of one light that ran together, of one length and rate
-    out : a folder, made where it is missing, and empty; named .zarr it becomes a store (`relume.sphere.map_store`). All
+    out : a folder, made where it is missing, and empty; named .zarr it becomes a store. All
         maps come into it at once when the last is made
     kind : what the film shows: a mirrored ball, once or through a multi-image filter, or all directions
+    settings : size of the maps, exposures, and how they are steadied
     profile : of the camera (`rl.capture.read_profile`), for its response and balance; sRGB unless given, which is off
         by as much as the stated errors and variance say
     progress : called with "look" and "maps" and the share that is done

@@ -58,8 +58,8 @@ class BallPlace:
 
     camera : the direction from the ball's centre to the camera, world, +Y up
     distance : from the camera to the ball's centre, in ball radii; 20 unless given, a metre for a ball of 5 cm
-    angle : radians by which a facet of a multi-image filter sees the ball from aside, arctan of the distance between
-        facets over the distance from lens to ball (Waese & Debevec 2001); 0 lays facets on one another by translation
+    angle : radians by which a facet of a multi-image filter sees the ball from aside: arctan of the distance between
+        facets over the distance from lens to ball (Waese & Debevec 2001). 0 lays facets on one another by translation
         alone, which their sketch finds sufficient in practice
     reflectance : of the ball
     """

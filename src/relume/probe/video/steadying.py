@@ -25,7 +25,7 @@ class Steadying:
     before, after : frames that count beside each, the farther the less. After it none count in a live picture: the
         filter's latency is `after` frames. One each unless given, which halves noise and waits for one frame
     A pixel of a neighbour counts by 1/(1 + d⁴), d its difference in units of three deviations of its noise and 1 % of
-    its radiance (a bilateral filter over time): what moved by as much as a pixel is another light and is left out.
+    its radiance (a bilateral filter over time). What moved by as much as a pixel is another light and is left out.
     """
 
     before: int = 1
@@ -41,7 +41,11 @@ class Steadying:
         return self.after
 
     def steadied(self, maps: Iterable[MomentMap], tables: LightTables) -> Iterator[Callable[[], MomentMap]]:
-        """What makes each map with its neighbours, one after another; at the film's ends there are fewer."""
+        """What makes each map with its neighbours, one after another; at the film's ends there are fewer.
+
+        maps : of the film, frame by frame
+        tables : that turn pixel values to light
+        """
         held: list[MomentMap] = []
         at = 0  # of the next to be given, among those held
         for each in maps:

@@ -56,7 +56,7 @@ class DevelopSettings:
     match : a photograph whose camera it shall be: exposure, vignetting, sharpness, grain
     options : how files are read
     repair : replace NaN and infinite radiance by the pixels around it, with a warning
-    frames_per_second, settling : of sequences; see `VirtualCamera.tone_map_frames`
+    frames_per_second, settling : of sequences, with the defaults of `VirtualCamera.tone_map_frames`
     """
 
     preset: CameraPreset = field(default_factory=CameraPreset)
@@ -75,7 +75,11 @@ class DevelopSettings:
     settling: float = 0.4
 
     def view(self, picture: RadianceMap, camera: VirtualCamera) -> View:
-        """The view of a picture; raises ValueError for planes of another size, UnreadableFile."""
+        """The view of a picture; raises ValueError for planes of another size, UnreadableFile.
+
+        picture : what will be developed
+        camera : the one that develops the picture; what it needs decides which planes are read
+        """
         preset = self.preset.view
         across = float(np.radians(preset.field_of_view)) if self.field_of_view is None else self.field_of_view
         # A preset knows nothing of the picture; what is in cd/m² needs no scale.
@@ -147,6 +151,7 @@ def develop_file(
     out : the picture; its suffix fits the display: .png, .jpg or .tif, .avif for PQ and HLG, .jpg for gain maps. None
         writes nothing
     dry_run : reads and checks everything, and develops and writes nothing
+    progress : called with the name of each step and the share of it that is done, 0 to 1
 
     Raises ValueError, UnreadableFile, OutputNotWritten.
     """
@@ -192,6 +197,7 @@ def undevelop_file(
     path : the photograph
     out : the radiance map; None writes nothing
     settings : its preset's lens is undone; exposure and response are the photograph's own unless given
+    dry_run : read and check everything, and write nothing
     Raises ValueError, UnreadableFile, OutputNotWritten.
     """
     path = Path(path)

@@ -44,11 +44,15 @@ def develop_sequence(
 ) -> Facts:  # fmt: skip
     """Develop files as the frames of a sequence, whose adaptation follows the light; returns facts by name.
 
+    paths : the frames' files, in order, or folders of them
     out : a folder for pictures, named as the frames are, or an .mp4 (sRGB). Pictures that are there, of the same
         files, settings and adaptation, are kept
+    settings : lens, film or tone operator, display, and how fast the adaptation follows
     each : every file, and all pictures in folders, by itself with its own camera and adaptation, into a folder: no
         sequence
+    dry_run : read and check everything, and write nothing
     cluster : workers that develop the frames, as `run_tasks` takes them; None develops here
+    progress : called with the name of each step and the share of it that is done, 0 to 1
 
     The camera of a sequence is chosen by the first frame that can be read and is not black. A frame that cannot be
     developed is left out of what the adaptation follows. Raises Incomplete, with the others written, where some could

@@ -78,6 +78,7 @@ def make_film(
     light : an environment map in place of the file's
     size, samples, threads : of the frames, in place of the file's; all cores unless given
     dry_run : check everything and make nothing
+    report : called with the name of each step and the share of it that is done, 0 to 1
     restart : discard the saved state of an interrupted frame
     force : as in `insert`
     cluster : workers that render and develop the frames, as `run_tasks` takes them; None makes all here

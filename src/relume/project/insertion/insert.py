@@ -65,25 +65,26 @@ def insert(
 ) -> Inserted:
     """Do the whole job and write composite.exr and .png, layers.exr, light.exr and response.json.
 
+    shot : as `read_shot` or `Shot.new` made it
     out : folder; stages kept there from an earlier run are used where nothing they depend on has changed, and an
         interrupted render is resumed
     renderer : Differential with the shot's settings unless given; of another renderer two pictures are subtracted
     threads : to render with; all cores unless given. The pixels do not depend on it
-    progress : called with the name of each step and the share of it that is done
+    progress : called with the name of each step and the share of it that is done, 0 to 1
     others : folders of stages of other shots, which serve where they were made from the same
     motion : what moves while the shutter is open; None for a still
     restart : discard the saved state of an interrupted render
     force : for programs that own their process: ends it at once, with `os._exit`, where native code keeps Python from
         doing so. Called in a thread of its own, 4 s after a first Ctrl-C, with the signal's number and what to say
     preview : a quick look instead: over a small copy of the plate with few rays, written to preview.exr and .png. What
-        it finds in the photographs is kept for the job itself, and a second look takes a few seconds; it writes a rough
-        picture first, and then says so as the step "first picture"
+        it finds in the photographs is kept for the job itself. A second look takes a few seconds. A rough picture comes
+        first, and the step "first picture" says when
     cluster : workers that trace the passes, as `run_tasks` takes them, or the parts of a large plate; all else is done
         here. All see `out` by the same path. The bits are those of one process; None renders here
     about : the place, shares of the picture's width and height, whose surroundings previews show first; the step
         "around the pointer" says when. The result is the same
 
-    `report.write_report` makes a page of the result. Raises RelumeError; nothing is written to `out` but kept stages
+    `write_report` makes a page of the result. Raises RelumeError; nothing is written to `out` but kept stages
     and previews before everything is computed.
     """
     out = Path(out)
@@ -197,8 +198,11 @@ def prepare_shot(
 ) -> PreparedShot:
     """The shot ready to be rendered, for another program: all but the render is done, its stages kept in `out`.
 
+    shot : as `read_shot` or `Shot.new` made it
+    out : the folder that `insert` would write to; it is made where it is missing
     frame : of the shot's sequence. What all frames share, `insert_frames` then takes from `out`, in however many
         processes; each frame still has to measure a plate of its own. Unless given, the shot as if it had no sequence
+    progress : called with the name of each step and the share of it that is done, 0 to 1
     Raises RelumeError. Warns of doubtful measurements, and of objects that hover, sink or are far too large or small.
     """
     out = Path(out)

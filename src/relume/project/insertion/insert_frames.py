@@ -57,8 +57,8 @@ def insert_frames(
     cluster : workers that make the frames, as `run_tasks` takes them; one of them measures light, camera and
         reflectance before. All see `out` and the shot's files by the same paths. None makes all here
 
-    The other arguments are those of `insert`. Raises RelumeError, of which Incomplete names frames that failed on a
-    cluster while the others were made; ValueError for frames that the sequence has not.
+    renderer, threads, progress, restart and force are those of `insert`. Raises RelumeError, of which Incomplete names
+    frames that failed on a cluster while the others were made; ValueError for frames that the sequence has not.
     """
     with GatheredDoubts() as gathered:
         shot = with_steady_light(shot, out, progress)

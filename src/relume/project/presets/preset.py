@@ -66,6 +66,7 @@ class CameraPreset:
     ) -> CameraPreset:
         """A preset from its TOML file, or a built-in one by its name, like "night"; None starts from plain exposure.
 
+        path : the file, .toml, or a name; None for plain exposure
         changes : put above the file one after another: tables of a preset, whose paths start at the working folder when
             they are absolute, or words like "tone.key=0.36". A table of another kind replaces the one in the file
         place : the file that holds the changes, for messages and their relative paths
@@ -100,7 +101,11 @@ class CameraPreset:
 
     @staticmethod
     def text(path: str | os.PathLike[str]) -> str:
-        """The TOML of a preset, to start one's own from; raises InvalidShot."""
+        """The TOML of a preset, to start one's own from.
+
+        path : the file, .toml, or the name of a built-in one, like "night"
+        Raises InvalidShot.
+        """
         return preset_file(path).read_text(encoding="utf-8")
 
 

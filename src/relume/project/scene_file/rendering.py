@@ -71,14 +71,15 @@ def render_scene(
         file's sequence. Frames that are there, made from the same, are kept; so is a movie's hidden folder of frames
         until it is whole. Many processes may make frames of a sequence in one folder
     dry_run : check everything and render nothing
+    report : called with the name of each step and the share of it that is done, 0 to 1
     cluster : workers that make the frames, or of one picture the passes (mitsuba) or the rows (whitted), as `run_tasks`
         takes them; None makes them here. The bits are the same
     restart : discard the saved state of an interrupted render, which is else resumed (mitsuba)
     preview : show what there is of the picture under way as .preview.png beside it, or in the folder, while it is made
     force : as in `insert`: how a first Ctrl-C is answered in time, for programs that own their process
-    Raises ValueError for settings that do not go together, UnsupportedScene, OutputNotWritten; Interrupted, which
-    leaves the state of a render to a later run; Incomplete for frames that failed on a cluster, while the others were
-    written.
+    Raises ValueError for settings that do not go together, UnsupportedScene, OutputNotWritten. Raises Interrupted,
+    which leaves the state of a render to a later run, and Incomplete for frames that failed on a cluster while the
+    others were written.
     """
     out = Path(out)
     # Refuse what cannot be before any work.
@@ -137,8 +138,10 @@ def render_environment(
     read : the scene file, read
     out : the map, .exr or .hdr
     point : metres, world
+    settings : renderer and its quality; the file's own unless given
     rows : the map is twice as wide
     dry_run : check the settings and render nothing; None is returned
+    report : called with the name of each step and the share of it that is done, 0 to 1
     Miller & Hoffman (1984), §5.2. Raises as `render_scene`.
     """
     from relume.renderers.environment_probe import environment

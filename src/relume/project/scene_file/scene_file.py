@@ -86,11 +86,11 @@ class SceneFile:
         return self.sequence.at(frame, self.scene, self.camera)
 
     def resized(self, width: int, height: int) -> SceneFile:
-        """The same at another size, at the same field of view across."""
+        """The same scene file in a picture of `width` × `height` pixels, at the same field of view across."""
         return replace(self, camera=self.camera.resized(width, height))
 
     def under(self, light: EnvironmentMap) -> SceneFile:
-        """The same under another light, which the keys of the sequence alone turn and brighten."""
+        """The same scene file under another light, which the keys of the sequence alone turn and brighten."""
         sequence = None if self.sequence is None else self.sequence.under(light)
         moved = replace(self, scene=replace(self.scene, light=light), sequence=sequence)
         if sequence is None:

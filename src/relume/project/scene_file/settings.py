@@ -84,7 +84,10 @@ class RenderSettings:
     threads: int | None = None
 
     def in_sequence(self, read: SceneFile) -> bool:
-        """Whether its frames are those of the file's sequence, and not of a motion."""
+        """Whether the frames are those of the file's sequence, and not of a motion.
+
+        read : the scene file, read
+        """
         return read.sequence is not None and self.motion is None and self.degrees is None
 
 

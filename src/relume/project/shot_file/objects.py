@@ -29,7 +29,10 @@ SMALL, LARGE = 0.003, 4.0
 
 
 def placed_meshes(shot: Shot) -> tuple[Mesh, ...]:
-    """Every mesh of every object of the shot, in world coordinates."""
+    """Every mesh of every object of the shot, in world coordinates.
+
+    shot : as `read_shot` or `Shot.new` made it
+    """
     return tuple(_overridden(mesh, table, shot.folder) for table in shot.objects for mesh in _in_place(shot, table))
 
 

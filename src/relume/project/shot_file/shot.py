@@ -107,7 +107,10 @@ class DevelopTable(Table):
 
 
 class Shot(Table):
-    """A whole shot file; `folder` is where its relative paths start, `new_render` the [render] of one that is begun."""
+    """A whole shot file: a field for each of its tables.
+
+    `folder` is where its relative paths start, `new_render` the [render] of a shot that is begun.
+    """
 
     new_render: ClassVar[dict[str, Any]] = NEW_RENDER
     plate: Plate
@@ -206,7 +209,7 @@ class Shot(Table):
         return shot.model_copy(update={"folder": file.parent})
 
     def surfaces(self) -> list[LocalTable]:
-        """[[local]]; unless given one plane at 0, endless, or about the ball where the camera is found from it.
+        """The tables [[local]]; unless given one endless plane at 0, or one about the ball where it gives the camera.
 
         Of such a place nothing is measured: the plane ends where a table may, lest walls count as the table.
         """
@@ -220,7 +223,13 @@ class Shot(Table):
         return [LocalTable(shape="plane", size=(TABLE * radius, TABLE * radius))]
 
     def with_render(self, *, samples: int | None = None, seed: int | None = None, noise: float | None = None) -> Shot:
-        """The shot with other values in [render]; None keeps the file's. Raises pydantic's ValidationError."""
+        """The shot with other values in [render]; None keeps the file's.
+
+        samples : rays a pixel, at most
+        seed : of what is random
+        noise : the share of noise at which the render may stop
+        Raises pydantic's ValidationError, which is a ValueError.
+        """
         given = {"samples": samples, "seed": seed, "noise": noise}
         changes = {name: value for name, value in given.items() if value is not None}
         return self.model_copy(update={"render": RenderTable.model_validate(self.render.model_dump() | changes)})
@@ -281,7 +290,11 @@ def _natural(path: Path) -> list[tuple[int, int | str]]:
 
 
 def read_shot(path: str | Path) -> Shot:
-    """Read a shot file; raises InvalidShot naming the key and what it should be."""
+    """Read a shot file.
+
+    path : the file, .toml; paths in it begin at its folder
+    Raises InvalidShot naming the key and what it should be, UnreadableFile.
+    """
     path = Path(path)
     table = read_toml(path, "shot file", InvalidShot)
     if "folder" in table:

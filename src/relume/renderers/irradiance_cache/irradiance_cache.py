@@ -30,10 +30,11 @@ RING, DOT = 0.06, 0.12
 
 @dataclass(frozen=True)
 class IrradianceCache(Renderer):
-    """An irradiance cache, for scenes of diffuse surfaces.
+    """An irradiance cache, for scenes of diffuse surfaces (Ward, Rubinstein & Clear 1988).
 
-    error : a, which decides how far a record may be used: up to a times the harmonic mean of the distances that it sees
-    rays : from each record; noise falls with their root
+    error : a, which decides how far a record may be used: up to a times the harmonic mean of the distances that it
+        sees. Smaller is finer and slower
+    rays : from each record; their noise falls with the root of their number
     nearest, farthest : shares of the scene's longest side between which that mean is kept
     bounces : reflections by surfaces on the way from direct light to what is seen; 0 shows direct light alone
     shadow_rays : from each sample of a pixel to lamps, and as many to the map
@@ -64,7 +65,7 @@ class IrradianceCache(Renderer):
             )
 
     def render(self, scene: Scene, camera: Camera, *, seed: int = 0, progress: Progress | None = None) -> Render:
-        """Fill a cache for what the camera sees, and show it; `seed` is that of all rays."""
+        """Fill a cache for what the camera sees, and show it, as `Renderer.render`; `seed` is that of all rays."""
         report = progress or (lambda share: None)
         prepared = self.prepared(scene, camera, seed=seed)
         prepared.cache  # noqa: B018 - filled here, so that the progress is true
@@ -74,6 +75,8 @@ class IrradianceCache(Renderer):
     def prepared(self, scene: Scene, camera: Camera, *, seed: int = 0) -> PreparedCache:
         """A scene and what sees it, for which records are made when they are first needed.
 
+        camera : for whose picture records will be made
+        seed : of all rays
         Raises UnsupportedScene for what is not diffuse, and for a lens with an aperture.
         """
         require_seed(seed)

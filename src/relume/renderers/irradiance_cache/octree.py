@@ -10,7 +10,8 @@ from typing import NamedTuple
 
 import numpy as np
 
-from relume.image.kernel import exact_kernel, in_threads
+from relume.image.bands import in_threads
+from relume.image.kernel import exact_kernel
 from relume.renderers.raytrace.kernel import unowned
 
 LEVELS = 24

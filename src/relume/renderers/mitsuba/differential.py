@@ -63,8 +63,9 @@ class Differential(PathTracing):
     variant : Mitsuba's variant; chosen for this machine unless given. A scalar one renders two pictures with the same
         random numbers and subtracts them
     threads : all cores unless given; the pixels do not depend on it
-    quick : for a picture that is looked at while it changes: all samples in one pass where memory allows, for to start
-        a pass of few takes longer than to trace it, and few of depth, normals and albedo. The variance is then unknown
+    quick : for a picture that is looked at while it changes. All samples go in one pass where memory allows, for to
+        start a pass of few takes longer than to trace it; depth, normals and albedo get few. The variance is then
+        unknown
     """
 
     quick: bool = False
@@ -82,7 +83,13 @@ class Differential(PathTracing):
         moments: Moments | None = None,
         shutter: Shutter = Shutter(0.0, 0.0),
     ) -> Render:
-        """Render one picture by `Mitsuba` with the same settings."""
+        """Render one picture by `Mitsuba` with the same settings.
+
+        scene, camera : what is rendered, and whose picture it is
+        seed : of the random numbers
+        progress : called with the share of the work that is done, 0 to 1
+        moments, shutter : as in `change`
+        """
         return self._plain().render(scene, camera, seed=seed, progress=progress, moments=moments, shutter=shutter)
 
     def change(
@@ -100,6 +107,9 @@ class Differential(PathTracing):
     ) -> Change:
         """What the scene's objects change of what the camera sees.
 
+        seed : of the random numbers
+        progress : called with the share of the work that is done, 0 to 1
+        watch : what goes on around a long render: a state kept on disk, previews
         plate : (H, W, 3) what is seen without them, for `noise`; the change alone is looked at unless given
         moments : the scene and the camera at each moment of the exposure, where something moves; `scene` and `camera`
             are those in its middle
@@ -178,7 +188,10 @@ class Differential(PathTracing):
         )
 
     def prepare(self, scene: Scene, camera: Camera) -> Any:
-        """A scene made ready once, for the changes of many parts of a picture; None where that saves nothing."""
+        """A scene made ready once, for the changes of many parts of a picture; None where that saves nothing.
+
+        camera : of the whole picture, whose parts will be rendered
+        """
         if not scene.objects or why_not(scene) is not None:
             return None
         with _mitsuba(self.variant, self.threads) as mi:

@@ -90,6 +90,8 @@ class Mitsuba(PathTracing):
     ) -> Render:
         """Render in passes of equal size; the passes' scatter is the variance.
 
+        seed : of the random numbers
+        progress : called with the share of the work that is done, 0 to 1
         watch : what goes on around it: a state kept on disk, previews
         moments : the scene and the camera at each moment of the exposure, where something moves; `scene` and `camera`
             are those in its middle, of which depth, normals and albedo are

@@ -15,6 +15,10 @@ from relume.sphere.directions import normalised
 def drawn_photons(photons: Photons, scene: Scene, camera: Camera) -> np.ndarray:
     """A picture (H, W, 3) float32 of the photons that the camera sees, each a point of its own colour.
 
+    photons : of one pass
+    scene : in which they fly
+    camera : whose picture it is
+
     The colour's brightest channel is 1, for photons are about equally strong: density is what shows the light.
     """
     picture = np.zeros((camera.height, camera.width, 3), np.float32)
@@ -33,7 +37,10 @@ def drawn_photons(photons: Photons, scene: Scene, camera: Camera) -> np.ndarray:
 
 
 def drawn_discs(step: PhotonStep, camera: Camera, every: int = 24) -> np.ndarray:
-    """The step's picture (H, W, 3) with the disc of each `every`-th pixel both ways drawn as a white circle."""
+    """The picture (H, W, 3) of a `step` with the disc of each `every`-th pixel both ways drawn as a white circle.
+
+    camera : whose picture it is
+    """
     picture, white = step.render.radiance.copy(), float(np.percentile(step.render.radiance, 99))
     places = camera.eyes(camera.middles()) + camera.rays() * step.render.depth[..., None]
     for row in range(every // 2, camera.height, every):

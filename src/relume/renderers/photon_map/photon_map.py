@@ -45,10 +45,10 @@ class PhotonStep:
 
 @dataclass(frozen=True)
 class PhotonMap(Renderer):
-    """Photon mapping: for teaching and comparison; even surfaces, smooth mirrors and glass, fog between them.
+    """Photon mapping (Jensen 1996), for teaching and comparison: even surfaces, smooth mirrors and glass, fog.
 
     photons : sent in each pass for the global map; where glass or mirrors are, as many at them for the caustic map
-    neighbours : photons in the disc of a density estimate
+    neighbours : photons in the disc of a density estimate; fewer are noisier, more blur
     gather : rays of final gathering from each point in each pass; 0 shows the global map itself
     shadows : shadow rays to each lamp with a size, from each point in each pass
     passes : each sends photons anew, and one ray a pixel
@@ -77,7 +77,7 @@ class PhotonMap(Renderer):
             raise ValueError(f"shrink is {self.shrink}; expected a share above 0, at most 1")
 
     def render(self, scene: Scene, camera: Camera, *, seed: int = 0, progress: Progress | None = None) -> Render:
-        """Render all passes; their scatter is the variance, which does not know of the estimate's bias."""
+        """Render all passes, as `Renderer.render`; their scatter is the variance, without the estimate's bias."""
         last = None
         for last in self.steps(scene, camera, seed=seed):
             if progress:
@@ -90,6 +90,8 @@ class PhotonMap(Renderer):
     def steps(self, scene: Scene, camera: Camera, *, seed: int = 0) -> Iterator[PhotonStep]:
         """The picture after each pass, with the photons of that pass.
 
+        scene, camera : what is rendered, and whose picture it is
+        seed : of the photons and rays
         Raises UnsupportedScene naming what photons cannot meet, and a lens with an aperture.
         """
         require_pinhole(camera, WHOSE)

@@ -12,7 +12,7 @@ from typing import Any, Protocol
 
 import numpy as np
 
-from relume.image.kernel import in_threads
+from relume.image.bands import in_threads
 from relume.renderers.prefiltered import filter_kernels as kernels
 from relume.renderers.prefiltered.plain_kernel import plain
 from relume.renderers.prefiltered.shading_inputs import Samples, Term

@@ -49,7 +49,7 @@ LOOK_UPS = 8
 class Prefiltered(Renderer):
     """Reflection maps: a few look-ups a pixel, however much the surroundings hold.
 
-    filter : how pixels read the maps (`prefiltered.filters`); pre-integrated sums keep small lights whole
+    filter : how pixels read the maps; pre-integrated sums unless given, which keep small lights whole
     background : show the light behind the objects, as the other renderers do; False leaves all black but the objects,
         for matting over a plate
     threads : all cores unless given; the pixels do not depend on it
@@ -64,7 +64,11 @@ class Prefiltered(Renderer):
             raise ValueError(f"threads is {self.threads}; expected at least 1, or none for all cores")
 
     def render(self, scene: Scene, camera: Camera, *, seed: int = 0, progress: Progress | None = None) -> Render:
-        """Make the tables and render one picture; there is no noise, and `seed` changes nothing."""
+        """Make the tables and render one picture; there is no noise, and `seed` changes nothing.
+
+        scene, camera : what is rendered, and whose picture it is
+        progress : called with the share of the work that is done, 0 to 1
+        """
         return self.prepared(scene).render(camera, progress=progress)
 
     def prepared(self, scene: Scene) -> Prepared:

@@ -49,18 +49,18 @@ class BakedMesh:
 
     @property
     def radiance(self) -> np.ndarray:
-        """(H, W, 3) float32, in the photographs' unit."""
+        """The radiance (H, W, 3) float32 of the texels, in the photographs' unit."""
         assert isinstance(self.mesh.material, Material)
         return np.asarray(self.mesh.material.emission)
 
     def shining(self, radiance: np.ndarray) -> BakedMesh:
-        """The same with another radiance (H, W, 3)."""
+        """The same mesh with another `radiance` (H, W, 3)."""
         material = replace(self.mesh.material, emission=np.ascontiguousarray(radiance, np.float32))
         return replace(self, mesh=replace(self.mesh, material=material))
 
     @property
     def normals(self) -> np.ndarray:
-        """(M, 3) float64 unit normals of its triangles, to the side that they shine to."""
+        """The unit normals (M, 3) float64 of its triangles, to the side that they shine to."""
         return face_normals(self.mesh)[0]
 
     @property
@@ -81,7 +81,10 @@ class BakedPlace:
     unit: str = "relative"
 
     def known(self, index: int) -> tuple[np.ndarray, np.ndarray]:
-        """Points (N, 3) and radiance (N, 3) of the seen texels of a mesh, or of all meshes where it has none."""
+        """Points (N, 3) and radiance (N, 3) of the seen texels of a mesh, or of all meshes where it has none.
+
+        index : of the mesh, from 0
+        """
         parts = [self.parts[index]] if self.parts[index].seen.any() else self.parts
         return (
             np.concatenate([part.points[part.seen] for part in parts]).astype(np.float64),
@@ -109,7 +112,8 @@ def bake(
     photographs : of radiance in one unit
     texel : metres; as fine as the photographs show a quarter of the surface, unless given
     largest : texels along a side of a texture; a finer one gets coarser. 2048² are 50 MB of float32 colour
-    views : photographs that a texel is blended of at most
+    views : photographs that a texel is blended of at most; 3, as triangles of views are blended (Debevec, Yu &
+        Borshukov 1998)
 
     Holes are filled from the nearest known texels of the same mesh, by inverse squared distance (Shepard 1968).
     Raises ValueError for no meshes, no photographs, units that differ, photographs that show none of the meshes, and a

@@ -1,6 +1,6 @@
 """What photographs together show of points of a place: the mean of those that see them best, without seams.
 
-Debevec, Taylor & Malik 1996, §4.1, weight a photograph by the angle between its view and the wanted one, so that what a
+Debevec, Taylor & Malik 1996 weight a photograph by the angle between its view and the wanted one, so that what a
 simple model lacks in relief is seen nearly as it looked from there; Buehler et al. 2001 ("Unstructured lumigraph
 rendering") write it as a penalty, and let a photograph go as another becomes better, so that nothing leaps.
 """

@@ -59,6 +59,7 @@ def place_lights(
 ) -> PlaceLights:
     """The windows and lamps of a place as rectangles of light in their places, and the glow that is left.
 
+    place : as `bake` or `place_of` made it
     count : rectangles at most; dimmer spots stay in the residual
     contrast : what is brighter than so many times the mean of the residual is a lamp, as in `light.key_lights`
     leave_out : names of meshes that keep their bright spots, as sunlit ones that reflect what they get
@@ -186,6 +187,8 @@ def place_irradiance(
 ) -> np.ndarray:
     """The irradiance (N, 3) that a place gives at points (N, 3) in it, of unit normals (N, 3): ∫ L cos θ dω.
 
+    place : as `bake` or `place_of` made it
+    points, normals : (N, 3) metres and (N, 3) unit, world
     rays : of each point for the glow, by a low-discrepancy sequence; lamps are looked at on their own
     leave_out : names of meshes whose bright spots are glow as well, as in `place_lights`
     """
@@ -230,6 +233,7 @@ def _from_rectangle(light: RectangleLight, caster: RayCaster, points: np.ndarray
 def receiving(place: BakedPlace, names: Sequence[str], rays: int = 1024) -> tuple[Mesh, ...]:
     """The place's meshes, of which the named ones take light: they reflect what makes them look as they were baked.
 
+    place : as `bake` or `place_of` made it
     names : of meshes; all others shine
     rays : as in `place_irradiance`
 

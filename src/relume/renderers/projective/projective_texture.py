@@ -34,7 +34,7 @@ class ProjectiveTexture(Renderer):
     samples : along each side of a pixel. 1, in its middle, gives a photograph's own camera that very photograph; 2
         smooths outlines as seen from elsewhere
 
-    Debevec, Taylor & Malik 1996, §4; Debevec, Yu & Borshukov 1998.
+    Source: Debevec, Taylor & Malik 1996 (view-dependent texture mapping); Debevec, Yu & Borshukov 1998.
     """
 
     photographs: tuple[ProjectedPhotograph, ...]
@@ -46,7 +46,7 @@ class ProjectiveTexture(Renderer):
             raise ValueError(f"views {self.views}, samples {self.samples}; expected 1 or more of each")
 
     def render(self, scene: Scene, camera: Camera, *, seed: int = 0, progress: Progress | None = None) -> Render:
-        """The scene's real surfaces, meshes, as the camera sees them; beyond them the scene's light.
+        """The scene's real surfaces, meshes, as the camera sees them, as by `Renderer.render`; then the scene's light.
 
         The render's `matte` is the share of each pixel that photographs show. The rest of the surfaces is a hole,
         filled from the nearest places that are shown. Albedo is 0: what is seen is light.

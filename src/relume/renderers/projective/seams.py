@@ -40,6 +40,9 @@ class Seams:
 def seams(place: BakedPlace, photographs: Sequence[ProjectedPhotograph]) -> Seams:
     """Compare the photographs that a place was baked from, at its own texels, by luminance.
 
+    place : as `bake` made it
+    photographs : that it was baked from
+
     Photographs of one exposure on one scale differ by gloss and by what the model lacks. One whose gain is far from 1
     was exposed or merged on another scale. Raises ValueError for no photographs.
     """

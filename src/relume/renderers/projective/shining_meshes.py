@@ -15,6 +15,7 @@ from relume.scene.shapes.shapes import Mesh
 def place_of(meshes: Sequence[Mesh], unit: str = "relative") -> BakedPlace:
     """The place of meshes whose materials have an emission as an image over their texture coordinates.
 
+    meshes : with an image as emission each
     unit : of the radiance
     All of it counts as seen; a texel stands for its share of its mesh's area. Raises ValueError naming the mesh for one
     that has no such image, or coordinates beyond the image.

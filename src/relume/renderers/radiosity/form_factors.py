@@ -31,6 +31,7 @@ class FormFactors:
 def form_factors(scene: Scene, *, rays: int = 1 << 16, seed: int = 0) -> FormFactors:
     """The form factors between all shapes of a scene, the local ones first.
 
+    scene : whose shapes they are; its light is not used
     rays : from each shape; what they carry does not matter, so that any material will do
     seed : of the rays
     Raises ValueError for less than one ray.

@@ -36,7 +36,7 @@ LINE = 0.04
 
 @dataclass(frozen=True)
 class Radiosity(Renderer):
-    """Radiosity by progressive refinement, for scenes of diffuse surfaces.
+    """Radiosity by progressive refinement, for scenes of diffuse surfaces (Cohen et al. 1988).
 
     patch, element : the longest side of the triangles that shoot and of those that receive, metres; a quarter and an
         eighth of the scene's longest side unless given
@@ -76,7 +76,7 @@ class Radiosity(Renderer):
             raise ValueError("a final gathering shows no elements; leave out gather, or flat and outlines")
 
     def render(self, scene: Scene, camera: Camera, *, seed: int = 0, progress: Progress | None = None) -> Render:
-        """Solve the scene and look at it; `seed` is that of the rays."""
+        """Solve the scene and look at it, as `Renderer.render`; `seed` is that of the rays."""
         report = progress or (lambda share: None)
         solved = self.prepared(scene, seed=seed)
         solved.solution  # noqa: B018 - solved here, so that the progress is true
@@ -86,6 +86,7 @@ class Radiosity(Renderer):
     def prepared(self, scene: Scene, *, seed: int = 0) -> PreparedRadiosity:
         """A scene to be solved once and looked at from many places.
 
+        seed : of the rays
         Raises UnsupportedScene for what is not diffuse, and for a plane without a size, which has no patches.
         """
         require_seed(seed)

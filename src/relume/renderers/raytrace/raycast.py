@@ -9,7 +9,8 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike
 
-from relume.image.kernel import exact_kernel, in_threads
+from relume.image.bands import in_threads
+from relume.image.kernel import exact_kernel
 from relume.renderers.raytrace.bvh import build_tree
 from relume.renderers.raytrace.kernel import Geometry, meet, scratch, unowned
 from relume.renderers.raytrace.primitives import Primitives

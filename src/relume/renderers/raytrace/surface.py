@@ -8,7 +8,8 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike
 
-from relume.image.kernel import in_threads, inlined, kernel
+from relume.image.bands import in_threads
+from relume.image.kernel import inlined, kernel
 from relume.renderers.raytrace.kernel import unowned
 from relume.renderers.raytrace.patch_point import tangents_and_normal
 from relume.renderers.raytrace.polygon_kernel import polygon_frame

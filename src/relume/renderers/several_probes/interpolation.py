@@ -4,7 +4,7 @@ A probe's map says from where light comes to one place. Over a model of the plac
 place of the walls shines, and so what any other place gets. Several maps say that of the same walls, each best of what
 it was near to: they are joined on the walls, and looked at from one place again. What is not on the walls, though the
 model has it there, is best in the map that saw it from where it is wanted: the nearest view counts most, as in
-view-dependent texture mapping (Debevec, Taylor & Malik 1996, §5).
+view-dependent texture mapping (Debevec, Taylor & Malik 1996).
 """
 
 from __future__ import annotations
@@ -49,7 +49,7 @@ class InterpolatedLight:
 
     light : lat-long map, as a probe at `position` would have it; over the distant scene it lights all other places too
     position : metres, world
-    lamps : those that hang before the walls, which the map shows as well; `free_lamp` takes them out again
+    lamps : those that hang before the walls, which the map shows as well
     lamps_seen : (lamps,) the share of each that the map shows, 0 to 1: the rest hides behind parts of the distant scene
     variance : of the light's radiance, from the probes' own; None unless each has one. Without the lamps' light
     shares : (probes,) of the light that each gave
@@ -74,14 +74,15 @@ def interpolate_probes(
 ) -> InterpolatedLight:
     """Join the maps of several probes of one place to the light that a probe at `at` would see.
 
+    probes : two or more, in one unit and one world
     at : metres, world; the middle of the probes unless given. For a scene at infinity, where the objects stand
     distant : the shape of the place. Each point of it takes its radiance from the maps that show it, each looked up
-        from its own position, by how finely it shows the point (cos θ / distance²) and how near its view is to that
-        from `at`. At infinity the maps are mixed by 1 / distance² from `at`, and near light has no parallax
+        from its own position. A map counts by how finely it shows the point (cos θ / distance²) and how near its view
+        is to that from `at`. At infinity the maps are mixed by 1 / distance² from `at`, and near light has no parallax
 
     Lamps that hang before the walls are found where two maps show them, and put where they are. Raises ValueError for
     no probes, maps of different units, two at one place, places outside of the distant scene, and an open mesh.
-    Source: Debevec 1998, §5.1 and Fig. 5; Debevec, Taylor & Malik 1996, §5.
+    Source: Debevec 1998, §5.1 and Fig. 5; Debevec, Taylor & Malik 1996 (view-dependent texture mapping).
     """
     middle = np.mean([probe.position for probe in probes], axis=0) if at is None and len(probes) else at
     wanted = (0.0, 0.0, 0.0) if middle is None else (float(middle[0]), float(middle[1]), float(middle[2]))

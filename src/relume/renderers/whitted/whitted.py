@@ -15,7 +15,7 @@ import numpy as np
 
 from relume.cluster.attempt import threads as worker_threads
 from relume.errors import UnsupportedScene, warn
-from relume.image.kernel import in_threads
+from relume.image.bands import in_threads
 from relume.light.reflection.convolution import as_latlong
 from relume.renderers.progressive.pass_workers import PassWorkers
 from relume.renderers.raytrace.raycast import RayCaster
@@ -44,7 +44,7 @@ DARK = 0.1
 
 @dataclass(frozen=True)
 class Whitted(Renderer):
-    """Recursive ray tracing with eq. 2 at every node.
+    """Recursive ray tracing with Whitted's shading at every node (Whitted 1980, eq. 2).
 
     depth : nodes from a tree's root to its farthest leaf, at most; 8 lets light through two glasses, one behind the
         other, with what they reflect of each other
@@ -82,7 +82,7 @@ class Whitted(Renderer):
             raise ValueError(f"threads is {self.threads}; expected at least 1, or none for all cores")
 
     def render(self, scene: Scene, camera: Camera, *, seed: int = 0, progress: Progress | None = None) -> Render:
-        """Render one picture; `seed` turns the perturbations of glossy and frosted surfaces."""
+        """Render one picture, as `Renderer.render`; `seed` turns the perturbations of glossy and frosted surfaces."""
         return self.prepared(scene).render(camera, seed=seed, progress=progress)
 
     def prepared(self, scene: Scene) -> PreparedWhitted:

@@ -67,7 +67,8 @@ def draw_brdf(
     scene : a scene file, for its materials
     title : the material's name unless given
     samples : rays a pixel of the balls
-    progress : called with the share of the work that is done
+    seed : of the balls' random numbers
+    progress : called with the share of the work that is done, 0 to 1
     dry_run : check everything and draw nothing
     Raises ValueError for a name that is none or another suffix, UnreadableFile, InvalidScene, UnsupportedScene for
     reflection maps and Whitted's materials.

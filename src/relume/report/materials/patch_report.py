@@ -35,7 +35,11 @@ def write_patch_report(
 ) -> None:
     """Write a page: the numbers, both parts over all angles (Fig. 11), and sections with the fit and the reference.
 
+    path : the page, .html
+    samples : that the fit was given
+    found : what `fit_patch` returned
     light : colour of the lamp beside its irradiance, as the fit was given it
+    title : of the page
     The reference is skin of two layers by Monte Carlo (Hanrahan & Krueger 1993), whose absorption is the patch's.
     Raises OutputNotWritten.
     """

@@ -46,8 +46,11 @@ def draw_reflection_sheet(
 ) -> None:
     """Write a picture, .png or .jpg, of balls of every surface under a map.
 
+    path : .png or .jpg
+    light : the map
     title : what the light is, as its file's name
     stops : to brighten by; at 0 the mean of the Lambert ball is middle grey
+    progress : called with the share of the work that is done, 0 to 1
     """
     path = Path(path)
     made = balls(light, progress=progress)

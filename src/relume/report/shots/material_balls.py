@@ -56,6 +56,7 @@ def material_balls(
 ) -> tuple[MaterialBall, ...]:
     """Balls of the shot's own materials and of all presets under its light, by reflection maps (Miller & Hoffman 1984).
 
+    shot : as `read_shot` or `Shot.new` made it
     light : as it was measured; the shot's `turn`, `heading` and `exposure` are applied to it
     camera : the plate's, whose view the balls are seen from
     out : the shot's folder of results, for the balls to be kept with its stages; nothing is kept unless given

@@ -38,6 +38,9 @@ class PlaceFiles:
 def write_place(path: str | os.PathLike[str], place: BakedPlace) -> PlaceFiles:
     """Write a baked place as glTF (.glb) or USD (.usda), with its radiance in full precision in EXR files beside it.
 
+    path : the main file, .glb or .usda
+    place : as `bake` made it
+
     A .glb holds the textures in 8 bits for any viewer, cut off above the brightest hundredth, and names the EXRs,
     which `read_meshes` takes instead; USD refers to them. A PNG each shows the holes that were filled. They are written
     one by one, the main one last. Raises ValueError for another suffix, OutputNotWritten.

@@ -83,7 +83,7 @@ class Camera:
         return replace(self, distortion=None, rolling=None)
 
     def resized(self, width: int, height: int) -> Camera:
-        """The same field of view across, in other pixels; another aspect crops or extends above and below alike."""
+        """The same field of view across, in `width` × `height` pixels; another aspect crops or extends it evenly."""
         scale, centre = width / self.width, None
         if self.centre is not None:
             x, y = self.centre
@@ -94,7 +94,11 @@ class Camera:
         )
 
     def window(self, left: int, top: int, width: int, height: int) -> Camera:
-        """What these pixels of the picture show, as a picture of its own: the same place, lens and size of pixels."""
+        """What these pixels of the picture show, as a picture of its own: the same place, lens and size of pixels.
+
+        left, top : of the part's upper left corner, pixels from that of the picture
+        width, height : of the part, pixels
+        """
         across, down = self.principal_point
         rolling = None if self.rolling is None else self.rolling.window(top)
         return replace(self, width=width, height=height, centre=(across - left, down - top), rolling=rolling)
@@ -109,7 +113,7 @@ class Camera:
         return np.stack(np.broadcast_arrays(x[None, :], y[:, None]), axis=-1)
 
     def rays_through(self, points: np.ndarray) -> np.ndarray:
-        """Unit directions (…, 3), world, through pixel coordinates (…, 2), x right and y down from the corner.
+        """Unit directions (…, 3), world, through pixel coordinates `points` (…, 2), x right and y down from the corner.
 
         NaN where the distortion model has folded over, which is never within the picture.
         """
@@ -126,7 +130,7 @@ class Camera:
         return world if self.rolling is None else self.rolling.turned(world, self.rolling.shares(points[..., 1]))
 
     def eyes(self, points: np.ndarray) -> np.ndarray:
-        """Where the rays through pixel coordinates (…, 2) start, (…, 3) metres."""
+        """Where the rays through pixel coordinates `points` (…, 2) start, (…, 3) metres, world."""
         position = np.asarray(self.position, np.float64)
         if self.rolling is None:
             return np.broadcast_to(position, (*points.shape[:-1], 3))
@@ -211,7 +215,9 @@ def undistorted(camera: Camera) -> Camera:
 def reprojected(picture: np.ndarray, seen_by: Camera, wanted: Camera) -> np.ndarray:
     """A picture (H, W) or (H, W, C) as another camera at the same place would have taken it, float32.
 
-    seen_by : the camera of `picture`; wanted : the camera whose lens or turn the result has
+    picture : (H, W) or (H, W, C)
+    seen_by : the camera of `picture`
+    wanted : the camera whose lens or turn the result has
     With `wanted = undistorted(seen_by)` the distortion is undone, the other way round it is redone.
     Bilinear, so that nothing gets brighter or darker than its neighbours; NaN where `picture` does not reach.
     Raises ValueError for a picture of another size than its camera, and for cameras at different places.

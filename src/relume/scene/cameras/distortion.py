@@ -20,8 +20,8 @@ class Distortion:
     p1, p2 : tangential, of a lens that is not square to its sensor
 
     With x right and **y down** from the principal point and r² = x² + y², a point goes to
-    (x·R + 2·p1·x·y + p2·(r² + 2x²), y·R + p1·(r² + 2y²) + 2·p2·x·y), R = 1 + k1·r² + k2·r⁴ + k3·r⁶:
-    the model, order and signs of OpenCV's first five coefficients, so that calibrations made with it can be used.
+    (x·R + 2·p1·x·y + p2·(r² + 2x²), y·R + p1·(r² + 2y²) + 2·p2·x·y), R = 1 + k1·r² + k2·r⁴ + k3·r⁶.
+    These are the model, order and signs of OpenCV's first five coefficients, so that its calibrations can be used.
     """
 
     k1: float = 0.0

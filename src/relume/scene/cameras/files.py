@@ -37,10 +37,10 @@ def read_camera(
 ) -> Camera:
     """Read a camera from a file of another program, by its suffix, for a picture of width × height pixels.
 
-    .glb, .gltf : a perspective camera of glTF; .usd, .usda, .usdc, .usdz : of USD; .fspy : an fSpy project;
-    .json : fSpy's exported parameters, or what `blender_camera_script` writes in Blender; .chan : a camera of Nuke's;
-    .toml : a place file that `model_place` has solved or that names photogrammetry (COLMAP), of the photograph's size
-    or of the same picture in another one
+    path : .glb or .gltf with a perspective camera, USD, .fspy or fSpy's .json, camera.json of `blender_camera_script`,
+        .chan of Nuke; or a place file, .toml, that `model_place` has solved or that names photogrammetry (COLMAP). Its
+        camera is that of the photograph's size, or of the same picture in another one
+    width, height : of the picture, pixels
     name : of the camera, where a file of several kinds can hold more than one (glTF, USD); of the place's photograph
     up : the axis of the file's frame that points up, "y" or "z"; what the format or the file says unless given
     unit : metres to a unit of the file; what the format or the file says unless given

@@ -31,10 +31,11 @@ def camera_from_grid(
 ) -> Camera:
     """Find a chequered board lying on the ground in a photograph and place the camera in its frame.
 
+    photograph : in which the whole board is seen
     squares : how many across and along, the squares counted and not the corners
     square : the side of one, metres
     focal_length : pixels; that of the photograph's EXIF unless given
-    The same as `fit_grid` without its choices and its residuals. Raises GridNotFound.
+    The frame is the board's: +X to the right along its long side, +Y up, the origin in its middle. Raises GridNotFound.
     """
     return fit_grid(photograph, squares=squares, square=square, focal_length=focal_length).camera
 

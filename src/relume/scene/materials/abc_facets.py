@@ -48,7 +48,10 @@ class ABCFacets:
             raise ValueError(f"ior of material {self.name!r} is {self.ior}; expected 1 or more")
 
     def evaluate(self, one: np.ndarray, other: np.ndarray) -> np.ndarray:
-        """f (…, 3) in 1/sr of pairs of unit vectors (…, 3) in the surface's frame, z its normal; 0 below it."""
+        """The BRDF f (…, 3) in 1/sr for light from one direction to the other; 0 below the surface.
+
+        one, other : (…, 3) unit, in the surface's frame, whose z is its normal
+        """
         one, other = np.broadcast_arrays(np.asarray(one, float), np.asarray(other, float))
         above = (one[..., 2] > 0) & (other[..., 2] > 0)
         half = one + other

@@ -24,7 +24,7 @@ class _Glass(ABC):
 
     @abstractmethod
     def index(self, wavelengths: np.ndarray | float) -> np.ndarray:
-        """n at wavelengths of any shape, nm."""
+        """The index n at `wavelengths` of any shape, nm."""
 
     @property
     def n_d(self) -> float:
@@ -54,7 +54,7 @@ class _Glass(ABC):
 
 @dataclass(frozen=True)
 class Sellmeier(_Glass):
-    """n² = 1 + Σ Bᵢ λ²/(λ² − Cᵢ) (Sellmeier 1871), as glass catalogues print it.
+    """A glass by Sellmeier's formula, n² = 1 + Σ Bᵢ λ²/(λ² − Cᵢ) (Sellmeier 1871), as glass catalogues print it.
 
     B : no unit
     C : µm², as many
@@ -69,14 +69,14 @@ class Sellmeier(_Glass):
         self._check()
 
     def index(self, wavelengths: np.ndarray | float) -> np.ndarray:
-        """n at wavelengths of any shape, nm."""
+        """The index n at `wavelengths` of any shape, nm."""
         square = (np.asarray(wavelengths, np.float64) * 1e-3) ** 2
         return np.sqrt(1 + sum(b * square / (square - c) for b, c in zip(self.B, self.C, strict=True)))
 
 
 @dataclass(frozen=True)
 class Cauchy(_Glass):
-    """n = A + B/λ² + C/λ⁴ (Cauchy 1830).
+    """A glass by Cauchy's formula, n = A + B/λ² + C/λ⁴ (Cauchy 1830).
 
     A : no unit
     B : µm²
@@ -112,7 +112,11 @@ def of_abbe(ior: float, dispersion: float) -> Cauchy:
 
 
 def glass_named(name: str) -> Glass:
-    """The glass of that name; raises ValueError that lists the names where there is none."""
+    """The glass of a name, of `GLASSES`.
+
+    name : as glass catalogues have it, like "N-BK7"
+    Raises ValueError that lists the names where there is none.
+    """
     if name not in GLASSES:
         raise ValueError(f"no glass {name!r}; there are {', '.join(GLASSES)}")
     return GLASSES[name]

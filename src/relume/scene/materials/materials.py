@@ -227,7 +227,7 @@ class Ward:
     rotation : of the lobe's x axis, radians counter-clockwise from +u; a number, or an image (H, W) of directions,
         which are the same after half a turn
     crossed : share of the gloss that a second, equal lobe has, 0 to 1
-    crossing : of the second lobe's x axis from the first one's, radians counter-clockwise
+    crossing : of the second lobe's x axis from the first one's, radians counter-clockwise; a right angle unless given
     """
 
     reflectance: Colour | np.ndarray

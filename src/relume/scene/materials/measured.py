@@ -29,8 +29,8 @@ _HEADER = 12
 class MeasuredBRDF:
     """An isotropic surface as it was measured: f in 1/sr by half and difference angle.
 
-    values : (H, D, P, 3) float32, 0 or more, linear Rec. 709. Entry i of H is the middle of √(2θh/π) from i/H to
-        (i + 1)/H, so that the entries are densest at the highlight; of D and P of θd from 0 to π/2 and φd from 0 to π
+    values : (H, D, P, 3) float32, 0 or more, linear Rec. 709. Entry i of H is the middle of √(2θh/π) from i/H to (i +
+        1)/H, so that the entries are densest at the highlight. D goes over θd from 0 to π/2, P over φd from 0 to π
     name : for messages
     """
 
@@ -50,7 +50,10 @@ class MeasuredBRDF:
             )
 
     def evaluate(self, one: np.ndarray, other: np.ndarray) -> np.ndarray:
-        """f (…, 3) of pairs of unit vectors (…, 3) in the surface's frame; 0 below it; between entries linear."""
+        """The BRDF f (…, 3) in 1/sr for light from one direction to the other: linear between entries, 0 below.
+
+        one, other : (…, 3) unit, in the surface's frame, whose z is its normal
+        """
         one, other = np.broadcast_arrays(np.asarray(one, float), np.asarray(other, float))
         sizes = np.array(self.values.shape[:3])
         theta_h, theta_d, phi_d = half_and_difference(one, other)
@@ -84,6 +87,8 @@ def half_and_difference(one: np.ndarray, other: np.ndarray) -> tuple[np.ndarray,
 
 def read_merl(path: str | os.PathLike[str]) -> MeasuredBRDF:
     """Read a `.binary` file of the MERL BRDF database: 90 × 90 × 180 values of red, of green and of blue.
+
+    path : the file
 
     Entries below 0 mark what was not measured, as what lies under the surface: they take the value of the nearest
     smaller θd that was measured, else of the nearest smaller θh.

@@ -32,12 +32,12 @@ class Medium:
 
     @property
     def extinction(self) -> Colour:
-        """σt = σa + σs per channel, 1/metre."""
+        """The extinction σt = σa + σs per channel, 1/metre."""
         return triple(np.add(self.absorption, self.scattering))
 
     @property
     def albedo(self) -> Colour:
-        """σs/σt per channel: the share of an encounter that scatters; 0 where nothing is encountered."""
+        """The albedo σs/σt per channel: the share of an encounter that scatters; 0 where nothing is encountered."""
         extinction = np.asarray(self.extinction)
         return triple(np.asarray(self.scattering) / np.where(extinction > 0, extinction, 1.0))
 

@@ -59,15 +59,19 @@ class Metal:
             raise ValueError(f"metal {self.name!r} has an n of 0 or a k below 0; expected n − ik with both positive")
 
     def reflectance(self, cosines: np.ndarray) -> np.ndarray:
-        """(..., 401) of unpolarised light at the visible wavelengths, by Fresnel's equations; beyond both ends even.
+        """The reflectance (..., 401) of unpolarised light at the visible wavelengths, by Fresnel's equations.
 
         cosines : (...) of the angle of incidence
+        Beyond both ends of its wavelengths the reflectance stays even.
         """
         n, k = (np.interp(visible(), self.wavelengths, values) for values in (self.n, self.k))
         return fresnel(np.asarray(cosines, np.float64)[..., None], n, k)
 
     def colour(self, cosines: np.ndarray) -> np.ndarray:
-        """(..., 3) what is reflected of white light (D65), linear Rec. 709; above 1 where outside of its colours."""
+        """The colour (..., 3) that is reflected of white light (D65), linear Rec. 709; it may be above 1.
+
+        cosines : (…) of the angle of incidence
+        """
         return colour_of(self.reflectance(cosines))
 
     @property
@@ -77,7 +81,7 @@ class Metal:
 
     @property
     def eta_k(self) -> tuple[Colour, Colour]:
-        """n and k of red, green and blue whose Fresnel reflectances are nearest to `colour` at all angles."""
+        """The n and k of red, green and blue whose Fresnel reflectances are nearest to `colour` at all angles."""
         return _fitted(self)
 
 
@@ -111,7 +115,11 @@ def _fitted(metal: Metal) -> tuple[Colour, Colour]:
 
 
 def metal_named(name: str) -> Metal:
-    """The metal of that chemical symbol or name; raises ValueError that lists them where there is none."""
+    """The metal of a name, of `METALS`.
+
+    name : a chemical symbol, like "Au", or an English name
+    Raises ValueError that lists them where there is none.
+    """
     found = next((metal for symbol, metal in METALS.items() if name in (symbol, metal.name)), None)
     if found is None:
         names = ", ".join(f"{symbol} ({metal.name})" for symbol, metal in METALS.items())

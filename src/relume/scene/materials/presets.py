@@ -25,7 +25,11 @@ from relume.scene.materials.metals import METALS
 
 
 def material_preset(name: str) -> Material | Ward | ABCFacets:
-    """The material of that name, of `PRESETS` or `MERL_FITS`; raises ValueError that lists the names."""
+    """The material of a name, of `PRESETS` or `MERL_FITS`.
+
+    name : as those lists have it
+    Raises ValueError that lists the names.
+    """
     if name in PRESETS:
         return PRESETS[name]
     if name in MERL_FITS:

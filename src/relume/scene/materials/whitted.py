@@ -35,7 +35,7 @@ Paint = Colour | Checks | np.ndarray
 
 @dataclass(frozen=True, eq=False)
 class WhittedMaterial:
-    """I = ambient + k_d Σ (N·L) + k_s S + k_t T (eq. 2), with Phong's highlight where a light is reflected (eq. 1).
+    """I = ambient + k_d Σ (N·L) + k_s S + k_t T (Whitted 1980, eq. 2), with Phong's highlight of a light (eq. 1).
 
     Lights enter as their irradiance divided by π, so that `diffuse` is a Lambert surface's reflectance.
 

@@ -36,7 +36,7 @@ class Body:
 
     @property
     def triangles(self) -> np.ndarray:
-        """(M, 3) int32, each face as a fan."""
+        """The triangles (M, 3) int32, each face as a fan."""
         return np.array([(ring[0], b, c) for ring in self.faces for b, c in pairwise(ring[1:])],
                         np.int32)  # fmt: skip
 

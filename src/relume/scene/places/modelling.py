@@ -27,7 +27,7 @@ def model_place(
 ) -> Place:
     """Find the cameras and the blocks' sizes of a place file from the edges marked in its photographs.
 
-    path : the place file, TOML: photographs, blocks with their constraints, marks; see docs/how-to/light.md
+    path : the place file, TOML: photographs, blocks with their constraints, marks; the how-to page on places shows one
     out : where to write it with what was found, in the same folder; nothing is written unless given
     export : a mesh file for the blocks: .glb, .obj, .usda or .usd
     All cameras and sizes are found together, so that marked points lie nearest to the projected edges (Debevec, Taylor

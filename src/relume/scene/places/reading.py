@@ -21,6 +21,8 @@ from relume.scene.shapes.shapes import Mesh
 def read_place(path: str | os.PathLike[str]) -> Place:
     """Read a place file that `model_place` has written, or one that names photogrammetry made elsewhere.
 
+    path : the place file, .toml
+
     Its covariance is not in the file; each size and each camera has its deviation. Distances of marks are those of the
     marks as the file has them now.
     Raises InvalidPlace where nothing was found yet, or the blocks or photographs have changed since.

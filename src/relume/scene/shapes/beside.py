@@ -15,9 +15,12 @@ from relume.scene.usd.stage import SUFFIXES as USD_SUFFIXES
 def files_beside_mesh(path: str | Path) -> tuple[str, ...]:
     """The files that a mesh file, an OBJ's .mtl or a layer of USD names itself, as paths from its folder.
 
-    Of a glTF its buffers and pictures, of an OBJ its .mtl, of a .mtl the picture of its base colour, which is what is
-    read of it, of a USD file its layers and pictures, in which <UDIM> stands for a number. A .usdz holds all it needs,
-    as do PLY and STL. Raises UnreadableFile where the file is missing or damaged, or OpenUSD is not installed.
+    path : of the mesh, the .mtl or the layer
+
+    Of a glTF these are its buffers and pictures; of an OBJ its .mtl; of a .mtl the picture of its base colour, which is
+    all that is read of it; of a USD file its layers and pictures, in which <UDIM> stands for a number. A .usdz holds
+    all it needs, as do PLY and STL. Raises UnreadableFile where the file is missing or damaged, or OpenUSD is not
+    installed.
     """
     path, kind = Path(path), Path(path).suffix.lower()
     if not path.is_file():

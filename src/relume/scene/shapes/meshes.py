@@ -34,6 +34,8 @@ _COLOURS = "_VERTEX_COLOURS"
 def read_meshes(path: str | Path) -> tuple[Mesh, ...]:
     """Read every mesh of a file, placed by the file's own transforms, metres, +Y up.
 
+    path : .glb, .gltf, .obj, .ply, .stl, or USD, which needs the extra `usd`
+
     Materials of glTF, of OBJ's .mtl and of USD come with their images. What of a file is not rendered is said in one
     warning.
     Raises UnreadableFile when the file is missing, damaged, of an unknown kind or holds no triangles, or when a

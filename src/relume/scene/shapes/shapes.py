@@ -21,7 +21,7 @@ AnyMaterial = Material | Diffuse | Ward | MeasuredBRDF | ABCFacets | Reflective 
 
 @dataclass(frozen=True, eq=False)
 class Mesh:
-    """Triangles.
+    """A surface of triangles.
 
     vertices : (N, 3) float32, metres, world
     faces : (M, 3) int32, counter-clockwise from outside
@@ -82,7 +82,7 @@ class Plane:
 
 @dataclass(frozen=True)
 class Sphere:
-    """A sphere, exactly.
+    """A sphere with an exact surface, not made of triangles.
 
     centre : metres, world
     radius : metres
@@ -134,7 +134,7 @@ class Polygon:
 
     @property
     def area_vector(self) -> np.ndarray:
-        """(3,), its area times its outward normal (Newell's method)."""
+        """The area times the outward normal, (3,) (Newell's method)."""
         around = self.vertices - self.vertices[0]
         return 0.5 * np.cross(around, np.roll(around, -1, axis=0)).sum(axis=0)
 
@@ -175,6 +175,7 @@ Solid = Mesh | Sphere | Polygon | Patches
 def read_patches(path: str | Path) -> np.ndarray:
     """Control points (P, 4, 4, 3) of a .bpt file: the number of patches, then each one's degrees and 16 points.
 
+    path : the file, .bpt
     Raises UnreadableFile when the file is missing or is no such list.
     """
     path = Path(path)

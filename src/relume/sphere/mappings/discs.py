@@ -132,7 +132,11 @@ class Fisheye(_Disc):
 
     @classmethod
     def named(cls, text: str) -> Fisheye:
-        """The fisheye of a name: fisheye, fisheye:160, fisheye:equisolid, fisheye:equisolid:160; raises ValueError."""
+        """The fisheye of a name: fisheye, fisheye:160, fisheye:equisolid, fisheye:equisolid:160.
+
+        text : the name, its angle in degrees
+        Raises ValueError.
+        """
         words = text.split(":")[1:]
         equisolid = words[:1] == ["equisolid"]
         if words[:1] in (["equisolid"], ["equidistant"]):
@@ -197,7 +201,7 @@ class Hemispheres:
         return np.stack([(within[..., 0] + behind) / 2, within[..., 1]], axis=-1)
 
     def solid_angles(self, size: int) -> np.ndarray:
-        """Steradians of every pixel, (rows, columns); they sum to 4π."""
+        """Steradians of every pixel of an image of `size` rows, (rows, columns); they sum to 4π."""
         disc = _Orthographic().solid_angles(size)
         return np.concatenate([disc, disc], axis=1)
 

@@ -69,7 +69,7 @@ class LatLong:
         return points
 
     def solid_angles(self, size: int) -> np.ndarray:
-        """Steradians of every pixel, (rows, columns); they sum to 4π."""
+        """Steradians of every pixel of an image of `size` rows, (rows, columns); they sum to 4π."""
         rows, columns = self.shape(size)
         cosines = np.cos(np.pi * np.arange(rows + 1) / rows)
         rings = (cosines[:-1] - cosines[1:]) * 2 * np.pi / columns
@@ -95,6 +95,10 @@ def pixel_points(mapping: Mapping, size: int, subdivision: int = 1, rows: slice 
 
 def pixel_directions(mapping: Mapping, size: int, rows: slice = slice(None)) -> np.ndarray:
     """The unit directions of the middles of all pixels, or of some rows, (rows, columns, 3), finite everywhere.
+
+    mapping : how the image lays out the sphere
+    size : rows of the image
+    rows : those that are wanted; all unless given
 
     Where a rim cuts a pixel it is the nearest direction shown; where the image shows none, and the pixel's solid
     angle is 0, it is straight ahead.

@@ -79,6 +79,8 @@ def orient_for(light: EnvironmentMap, orientation: Orientation, size: int | None
 def orient_back(light: EnvironmentMap, orientation: Orientation) -> EnvironmentMap:
     """A map that is laid out for a program, in our frame again (as a lat-long map): what `orient_for` did, undone.
 
+    light : as the program reads it
+    orientation : the program's, of `rl.mappings.ORIENTATIONS`
     Raises ValueError when the map's mapping is not the one the program reads.
     """
     if light.mapping.name != orientation.mapping.name:
@@ -160,7 +162,11 @@ ORIENTATIONS: dict[str, Orientation] = {
 
 
 def orientation_named(name: str) -> Orientation:
-    """The preset of a program; raises ValueError that names all there are."""
+    """The orientation of a program, of `rl.mappings.ORIENTATIONS`.
+
+    name : of the program, like "blender"
+    Raises ValueError that names all there are.
+    """
     if name not in ORIENTATIONS:
         raise ValueError(f'there is no orientation for "{name}"; there are {", ".join(ORIENTATIONS)}')
     return ORIENTATIONS[name]

@@ -40,8 +40,8 @@ def insert_view(
 
     light, rotation, field : as there
     picture : in the light's unit
-    feather : width of the soft edge, as a share of the picture's shorter side, up to ½; 0, a hard edge, unless given,
-        for a picture that was edited inside has the light's own values at its edge
+    feather : width of the soft edge, as a share of the picture's shorter side, up to ½. 0, a hard edge, unless given: a
+        picture that was edited inside has the light's own values at its edge
 
     Pixels of the map that lie wholly inside the picture become the mean of what it shows there; all others stay as they
     are, to the bit. Marks follow the picture where it counts more than half.

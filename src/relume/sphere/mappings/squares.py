@@ -46,7 +46,7 @@ class Octahedral(_Folded):
         return directions / np.linalg.norm(directions, axis=-1, keepdims=True)
 
     def solid_angles(self, size: int) -> np.ndarray:
-        """Steradians of every pixel, (rows, columns); they sum to 4π."""
+        """Steradians of every pixel of an image of `size` rows, (rows, columns); they sum to 4π."""
         rows, _ = self.shape(size)
         if rows % 2:
             # Folds run along the diagonals of the pixels of an even number only.
@@ -90,7 +90,7 @@ class EqualArea(_Folded):
         return np.stack([x, np.copysign(1 - radius**2, depth), z], axis=-1)
 
     def solid_angles(self, size: int) -> np.ndarray:
-        """Steradians of every pixel, (rows, columns); they sum to 4π."""
+        """Steradians of every pixel of an image of `size` rows, (rows, columns); they sum to 4π."""
         return np.broadcast_to(4 * np.pi / size**2, self.shape(size))
 
 

@@ -12,7 +12,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from relume.image.kernel import in_threads
+from relume.image.bands import in_threads
 from relume.sphere.mappings.kernels import found, grain, toward, turned
 from relume.sphere.mappings.layouts import LAT_LONG, Layout, Planes
 from relume.sphere.mappings.mapping import LatLong, Mapping

@@ -7,7 +7,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from relume.image.kernel import in_threads, kernel
+from relume.image.bands import in_threads
+from relume.image.kernel import kernel
 from relume.sphere.mappings.kernels import found, neighbour, solid_angle, spreads, toward, turned
 from relume.sphere.mappings.layouts import EQUIDISTANT, EQUISOLID, LAT_LONG, ORTHOGRAPHIC, Layout, Planes
 

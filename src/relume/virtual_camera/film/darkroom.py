@@ -7,6 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from relume.capture.scale.absolute import Q
+from relume.image.bands import in_threads
 from relume.image.photograph import Exposure
 from relume.virtual_camera.film.film import warn_of_range
 from relume.virtual_camera.film.negative import FilmStock, Paper
@@ -27,11 +28,12 @@ class Darkroom:
 
     negative : the film
     paper : what it is printed on; None to look at the film itself, as one does with a slide. Its clear part is white
-    exposure : shutter and f-number of the camera, for pictures whose cd/m² are known; None to expose by a light meter,
-        which makes the log mean of the picture what the film's speed says a meter's reading gets
+    exposure : shutter and f-number of the camera, for pictures whose cd/m² are known. None exposes by a light meter:
+        the log mean of the picture gets the exposure that the film's speed gives a meter's reading
     stops : longer than that; "varying only the negative exposure time" (Cachelin)
     print_stops : longer exposure of the paper than that which prints the meter's grey as 0.18: darker
-    frame : µm, longer side of the picture on the film; decides how large grain and halation show
+    frame : µm, longer side of the picture on the film; decides how large grain and halation show. That of 35 mm film,
+        36 mm, unless given
 
     Its `Adaptation` is the ln of the log mean luminance, cd/m² or relative; empty with an exposure of its own.
     Raises ValueError for an exposure without f-number, or with another ISO number than the film's.
@@ -64,7 +66,10 @@ class Darkroom:
         return self.exposure is not None
 
     def adapt(self, radiance: np.ndarray, view: View) -> Adaptation:
-        """What the light meter reads: the log mean of what is lit; of a black picture that of luminance 1."""
+        """What the light meter reads: the log mean of what is lit; of a black picture that of luminance 1.
+
+        radiance, view : (H, W, 3) float32 in the picture's unit, and the picture's view (`VirtualCamera.view`)
+        """
         if self.exposure is not None:
             return Adaptation(np.zeros(0))
         from relume.virtual_camera.tone.luminance_statistics import log_average
@@ -74,9 +79,10 @@ class Darkroom:
     def display_values(self, radiance: np.ndarray, view: View, adaptation: Adaptation) -> np.ndarray:
         """The print by white light: 1 is white paper, or clear film. The same seed gives the same grain.
 
+        radiance, view, adaptation : (H, W, 3) float32 in the picture's unit, the picture's view (`VirtualCamera.view`),
+            and what `adapt` returned
         Warns where most of the picture is beyond the range of the film.
         """
-        from relume.image.kernel import in_threads
         from relume.virtual_camera.film.printing_kernel import print_rows
 
         radiance = np.ascontiguousarray(radiance)
@@ -111,7 +117,11 @@ class Darkroom:
         return out
 
     def exposed(self, view: View, adaptation: Adaptation) -> float:
-        """lx·s on the film per unit of radiance: H = q L t / N² (ISO 12232), or what the meter says."""
+        """The exposure of the film, lx·s per unit of radiance: H = q L t / N² (ISO 12232), or what the meter says.
+
+        view : of the picture, by `VirtualCamera.view`
+        adaptation : by `adapt`
+        """
         if self.exposure is None:
             return self.negative.grey_exposure / float(np.exp(adaptation.values[0])) * 2.0**self.stops
         assert self.exposure.f_number is not None
@@ -119,7 +129,11 @@ class Darkroom:
         return Q * view.luminance_scale * settings * 2.0**self.stops
 
     def shown(self, density: np.ndarray, layer: int) -> np.ndarray:
-        """Display values (…) at densities (…) of the film, as seen through one layer."""
+        """Display values (…) at densities (…) of the film, as seen through one layer.
+
+        density : (…) of the film
+        layer : its number, from 0
+        """
         film = self.negative
         if self.paper is None:
             return 10 ** (film.curves[layer].minimum - density)
@@ -134,7 +148,6 @@ class Darkroom:
 
     def _halo(self, radiance: np.ndarray, sensitivity: np.ndarray, pixel: float) -> tuple[np.ndarray, np.ndarray, int]:
         """Shares (layers,), and the halos' exposures (layers, rows, columns) on blocks of step × step pixels."""
-        from relume.image.kernel import in_threads
         from relume.virtual_camera.film.printing_kernel import gather
 
         halation, layers = self.negative.halation, len(self.negative.curves)

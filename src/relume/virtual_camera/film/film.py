@@ -85,10 +85,12 @@ class Film(Relative):
     ) -> Film:
         """The film in a camera at that shutter, aperture and ISO.
 
+        exposure : shutter, aperture and ISO
         response : of the camera; None for one that writes sRGB as its ISO number promises (ISO 12232, standard output:
             10 / S lx·s make 118 of 255), for pictures in cd/m². Needs f-number and ISO
         scale : cd/m² per relative unit of that response, for pictures in cd/m²; None for relative ones on the
             response's own scale
+        grain : that is added to the pixel values; None for none
 
         Raises NotABracket where f-number or ISO are needed and unknown, and ValueError for a scale without a response.
         """
@@ -118,11 +120,13 @@ class Film(Relative):
         return np.clip(self.response.pixel_values(exposed) * ((levels - 1) / (self.response.levels - 1)), 0, levels - 1)
 
     def adapt(self, radiance: np.ndarray, view: View) -> Adaptation:
-        """Nothing: the exposure is the film's own."""
+        """Nothing: the exposure is the film's own, whatever `radiance` and `view` are."""
         return Adaptation(np.zeros(0))
 
     def display_values(self, radiance: np.ndarray, view: View, adaptation: Adaptation) -> np.ndarray:
         """Linear values (H, W, 3) float32, from 0, that sRGB encodes as this film's pixel values / 255.
+
+        radiance, adaptation : (H, W, 3) float32 in the picture's unit, and what `adapt` returned
 
         Without a response what is brighter than white stays so: the display clips and counts it, and one with room
         above white shows it. A camera's response ends at 1: what is beyond it is SATURATED, a millionth above, which
@@ -151,6 +155,8 @@ class Film(Relative):
 def metered_film(light: EnvironmentMap) -> Film:
     """The film of a photographer with an incident light meter in that light, one stop under.
 
+    light : in any mapping
+
     The mean radiance, which a grey card would show at its own grey, becomes ½: reflected lights keep room above it.
     """
     mean = float(luminance(light.total())) / (4 * np.pi)
@@ -168,6 +174,7 @@ def virtual_photograph(
 ) -> Photograph:
     """Photograph a radiance map with any camera at any exposure (Debevec & Malik 1997, §2.7, eq. 1).
 
+    picture : a radiance map
     response : the camera's; 256 values make 8-bit pixels, 65536 make 16-bit ones. It may be another than the one the
         map was merged with; then the zeros of both must have been set alike, or both have a scale
     exposure : shutter, aperture and ISO, which the photograph carries

@@ -6,7 +6,8 @@ from collections.abc import Callable
 
 import numpy as np
 
-from relume.image.kernel import exact_kernel, in_threads, inlined
+from relume.image.bands import in_threads
+from relume.image.kernel import exact_kernel, inlined
 
 LOWEST, HIGHEST = -40, 40
 """Octaves tabulated, 2⁻⁴⁰ to 2⁴⁰: beyond the range of any picture, in any unit; outside the ends count."""

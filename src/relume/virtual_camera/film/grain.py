@@ -11,6 +11,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from relume.image.bands import in_threads
+
 SIDE = 256
 """Pixels of the squares that are convolved at a time: their transforms stay in a core's own cache."""
 
@@ -43,8 +45,6 @@ class CorrelatedNoise:
 
     def each_square(self, height: int, width: int, work: Callable[[int, int, np.ndarray], None]) -> None:
         """Call `work(top, left, noise)` on every core, with noise (3, h, w) that covers (height, width) once in all."""
-        from relume.image.kernel import in_threads
-
         side = SIDE - 2 * self.reach
         across = -(-width // side)
 

@@ -45,7 +45,7 @@ class Blades:
 
     @property
     def normals(self) -> np.ndarray:
-        """(edges,) where the middles of the edges look, radians anticlockwise from the right."""
+        """The angles (edges,) in which the middles of the edges look, radians anticlockwise from the right."""
         return self.rotation + np.pi / self.edges * (2 * np.arange(self.edges) + 1)
 
     @property
@@ -101,7 +101,7 @@ class Blades:
         return np.stack([x, y], axis=-1) * np.sqrt(np.pi / area)
 
     def draw(self, size: int) -> np.ndarray:
-        """(size, size) float64, the covered share of each cell of a square of 2 `corner`, from its top down."""
+        """The covered share of each cell of a square of 2 `corner`, (size, size) float64, from its top down."""
         fine = size * SUBSAMPLES
         places = ((np.arange(fine) + 0.5) / fine * 2 - 1) * self.corner
         x, y = np.meshgrid(places, -places)

@@ -11,6 +11,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from relume.image.bands import in_threads
 from relume.image.photograph import Photograph
 from relume.virtual_camera.lens.blades import Blades
 from relume.virtual_camera.protocols import Relative
@@ -88,7 +89,7 @@ class Defocus(Relative):
     blades : of the iris; a round opening if not given
 
     Every pixel is spread over its own disc, within a sixteenth of a pixel of its radius, and all discs are added front
-    to back, so that nothing sharp is smeared over what is behind it, while what is blurred before it covers it softly.
+    to back. So nothing sharp is smeared over what is behind it, while what is blurred before it covers it softly.
     Behind near things the background goes on as beside them: a picture does not show what they hide. A plane at one
     depth keeps its light, lamps and all; near an edge some is covered and some uncovered, as by a lens, so the sum may
     change. At the border the picture goes on as its mirror image, so no dark frame appears.
@@ -119,10 +120,10 @@ class Defocus(Relative):
     def apply(self, radiance: np.ndarray, view: View) -> np.ndarray:
         """Radiance (H, W, 3) float32 with what is out of focus blurred.
 
+        radiance, view : (H, W, 3) float32 in the picture's unit, and the picture's view (`VirtualCamera.view`)
         Raises ValueError without a depth map, and for discs that are wider than the picture.
         """
         # Numba is imported only where a kernel is used.
-        from relume.image.kernel import in_threads
         from relume.virtual_camera.lens.defocus_kernels import _defocus
         from relume.virtual_camera.lens.disc_table import disc_table, size_of
         from relume.virtual_camera.lens.disocclusion import hidden_background, unmixed

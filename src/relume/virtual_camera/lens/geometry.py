@@ -6,6 +6,7 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
+from relume.image.bands import in_threads
 from relume.scene.cameras.distortion import Distortion
 from relume.virtual_camera.protocols import Relative
 from relume.virtual_camera.view import View
@@ -80,6 +81,7 @@ class LensGeometry(Relative):
     def apply(self, radiance: np.ndarray, view: View) -> np.ndarray:
         """Radiance (H, W, 3) float32 as the lens draws it.
 
+        radiance, view : (H, W, 3) float32 in the picture's unit, and the picture's view (`VirtualCamera.view`)
         Raises ValueError where the lens's model folds over within the picture.
         """
         out = self._resampled(radiance, view, undo=False)
@@ -91,12 +93,14 @@ class LensGeometry(Relative):
         return out
 
     def undo(self, radiance: np.ndarray, view: View) -> np.ndarray:
-        """Radiance (H, W, 3) float32 as a pinhole draws it; NaN in the colours that the photograph does not show."""
+        """Radiance (H, W, 3) float32 as a pinhole draws it; NaN in the colours that the photograph does not show.
+
+        radiance, view : (H, W, 3) float32 in the picture's unit, and the picture's view (`VirtualCamera.view`)
+        """
         return self._resampled(radiance, view, undo=True)
 
     def _resampled(self, radiance: np.ndarray, view: View, *, undo: bool) -> np.ndarray:
         # Numba is imported only where a kernel is used.
-        from relume.image.kernel import in_threads
         from relume.virtual_camera.lens.geometry_kernels import _resample
 
         if self.distortion is None and self.lateral is None:

@@ -36,7 +36,10 @@ class SoftFocus(Relative):
             raise ValueError(f"the radius is {self.radius}; expected 0 to 1, a fraction of the picture's width")
 
     def apply(self, radiance: np.ndarray, view: View) -> np.ndarray:
-        """Radiance (H, W, 3) float32 with its glow; the mean of each channel stays."""
+        """Radiance (H, W, 3) float32 with its glow; the mean of each channel stays.
+
+        radiance, view : (H, W, 3) float32 in the picture's unit, and the picture's view (`VirtualCamera.view`)
+        """
         height, width = radiance.shape[:2]
         sigma = self.radius * width
         if sigma == 0 or self.share == 0:

@@ -19,7 +19,9 @@ TAINTED = 0.01
 def undo_optics(picture: RadianceMap, optics: Sequence[Optics], view: View) -> RadianceMap:
     """The radiance before it passed the optics. Parts that can be undone are undone, the last first.
 
+    picture : a photograph's radiance
     optics : in the order in which light passed them. What cannot be undone is left in, with a warning that names it
+    view : of the picture, by `VirtualCamera.view`
 
     What the picture does not show becomes OUTSIDE. Clipped marks go where their light goes. Deviations are taken back
     as light is: exactly where it is multiplied, and to an upper bound where it is resampled, for noise averages out.

@@ -8,6 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from relume.capture.lens.vignetting import Vignetting
+from relume.image.bands import in_threads
 from relume.virtual_camera.protocols import Relative
 from relume.virtual_camera.view import View
 
@@ -31,8 +32,6 @@ class _Falloff(Relative, ABC):
         """The falloff (rows, W) float64 of rows top…bottom."""
 
     def _scaled(self, radiance: np.ndarray, view: View, *, undo: bool) -> np.ndarray:
-        from relume.image.kernel import in_threads
-
         height, width = radiance.shape[:2]
         out = np.empty_like(radiance)
 

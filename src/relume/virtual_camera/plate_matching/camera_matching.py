@@ -77,13 +77,14 @@ def match_camera(
     picture : what is to be developed, rendered without a lens of its own; its unit says whether exposures hold for it,
         and it is metered where none do
     profile : the camera's profile, or its response alone; None for sRGB, with a line in the facts
-    clean : (H, W, 3) the plate's values without noise, not rounded, for its grain (`photograph_grain`)
+    clean : (H, W, 3) the plate's values without noise, not rounded, from which its grain is measured; unless
+        given its own flat patches are looked at
 
-    The plate's EXIF exposure counts where picture and camera are on one scale: a picture in cd/m² and a camera with
-    f-number and ISO or a measured scale, or a relative picture and a response, on whose scale merging puts radiance.
-    Else a light meter exposes the picture: its log mean becomes 118 of 255. The tones of the plate say nothing of
-    that, for it shows another scene; but the facts say by how much the picture comes out brighter than the plate, and
-    a warning does so above FAR stops.
+    The plate's EXIF exposure counts where picture and camera are on one scale. A picture in cd/m² needs a camera with
+    f-number and ISO, or a measured scale. A relative picture needs a response, on whose scale merging puts radiance.
+    Else a light meter exposes the picture: its log mean becomes 118 of 255. The tones of the plate say nothing of that,
+    for it shows another scene; but the facts say by how much the picture comes out brighter than the plate, and a
+    warning does so above 2 stops.
     """
     facts: list[str] = []
     response, vignetting, scale = _known(profile, photograph, facts)

@@ -25,10 +25,11 @@ class BlackWhitePoint(Relative):
     white : the lowest level that will be white. Raised, it "brings detail out of the bright areas at the expense of
         the darker"
 
-    Pixel values are (L / white)^g, g = ln 255 / ln(255 white / black), a channel each. With 1 and 1 radiance becomes
-    pixel value as it is: that filter knew no sRGB, and its base image is darker than a plain exposure. The text gives
-    the ends and likens what lies between to gamma; the power is the curve that does both and leaves the base image
-    alone. Values stay finite: beyond 1e12 times white they are held. Raises ValueError unless 0 < black / 255 < white.
+    Source: Cachelin's filter HDRExpose, in the SIGGRAPH 2001 course. Pixel values are (L / white)^g, g = ln 255 /
+    ln(255 white / black), a channel each. With 1 and 1 radiance becomes pixel value as it is: that filter knew no sRGB,
+    and its base image is darker than a plain exposure. The text gives the ends and likens what lies between to gamma;
+    the power is the curve that does both and leaves the base image alone. Values stay finite: beyond 1e12 times white
+    they are held. Raises ValueError unless 0 < black / 255 < white.
     """
 
     black: float = 1.0
@@ -42,15 +43,19 @@ class BlackWhitePoint(Relative):
 
     @property
     def power(self) -> float:
-        """g, 1 for the base image and less for a wider range."""
+        """The exponent g, 1 for the base image and less for a wider range."""
         return float(np.log(255) / np.log(255 * self.white / self.black))
 
     def adapt(self, radiance: np.ndarray, view: View) -> Adaptation:
-        """Nothing: both points are given, not measured."""
+        """Nothing: both points are given, whatever `radiance` and `view` are."""
         return Adaptation(np.zeros(0))
 
     def display_values(self, radiance: np.ndarray, view: View, adaptation: Adaptation) -> np.ndarray:
-        """Linear values that the sRGB curve turns into the filter's pixel values; brighter than `white` exceeds 1."""
+        """Linear values that the sRGB curve turns into the filter's pixel values; brighter than `white` exceeds 1.
+
+        radiance, view, adaptation : (H, W, 3) float32 in the picture's unit, the picture's view (`VirtualCamera.view`),
+            and what `adapt` returned
+        """
         from relume.virtual_camera.film.float_table import mapped, tabulated
 
         # By logarithms: a steep power of a bright light is more than any float holds.

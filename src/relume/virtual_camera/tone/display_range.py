@@ -23,7 +23,7 @@ class DisplayRange:
             raise ValueError(f"a screen of white {self.white} and black {self.black} cd/m²; expected 0 < black < white")
 
     def values_of(self, luminance: np.ndarray) -> np.ndarray:
-        """Linear display values that show luminances in cd/m²: (L − black) / (white − black).
+        """Linear display values that show a `luminance` in cd/m²: (L − black) / (white − black).
 
         The screen and the room add the black by themselves, whatever is shown. What is darker is below 0, where a
         display clips it and reports how much there was.

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from relume.image.kernel import in_threads
+from relume.image.bands import in_threads
 from relume.image.primaries import REC709
 from relume.virtual_camera.protocols import Absolute, Adaptation
 from relume.virtual_camera.tone.display_range import DisplayRange
@@ -46,8 +46,9 @@ class Ferwerda(Absolute):
     acuity : whether detail is lost that the eye does not resolve in that light
     colour : whether the rods see greys, as they do; or else everything keeps the colour that cones see
 
-    Cones and rods are added (§4.1): nothing here depends on a pixel's place, and daylight is plain exposure but for the
-    screen's black, which is taken off. For pictures in cd/m², or with `View.luminance_scale`.
+    Source: Ferwerda, Pattanaik, Shirley & Greenberg 1996. Cones and rods are added (§4.1): nothing here depends on a
+    pixel's place, and daylight is plain exposure but for the screen's black, which is taken off. For pictures in cd/m²,
+    or with `View.luminance_scale`.
 
     Adaptation: (2,), natural logarithms of what cones and rods are adapted to, cd/m², photopic and scotopic.
     """
@@ -62,7 +63,7 @@ class Ferwerda(Absolute):
             raise ValueError(f"percentile is {self.percentile}; expected more than 0 and at most 100")
 
     def adapt(self, radiance: np.ndarray, view: View) -> Adaptation:
-        """What cones and rods before radiance (H, W, 3) are adapted to in the end."""
+        """What cones and rods before `radiance` (H, W, 3), of that `view`, are adapted to in the end."""
         bright = percentiles(radiance, self.percentile)[0] * view.luminance_scale
         mean = REC709.to_xyz() @ light_sum(radiance)[0]
         rods_per_cones = float(scotopic_luminance(mean)) / mean[1] if mean[1] > 0 else 1.0
@@ -70,7 +71,11 @@ class Ferwerda(Absolute):
         return Adaptation(np.log([cones, max(cones * rods_per_cones, _DARKEST)]))
 
     def display_values(self, radiance: np.ndarray, view: View, adaptation: Adaptation) -> np.ndarray:
-        """Display values (H, W, 3): `DisplayRange.values_of` what an eye would see, its channels in cd/m² of white."""
+        """Display values (H, W, 3): `DisplayRange.values_of` what an eye would see, its channels in cd/m² of white.
+
+        radiance, view, adaptation : (H, W, 3) float32 in the picture's unit, the picture's view (`VirtualCamera.view`),
+            and what `adapt` returned
+        """
         contrast = self.screen.white - self.screen.black
         cones, rods = (multipliers(adaptation, self.screen) * view.luminance_scale / contrast).astype(np.float32)
         black = np.float32(self.screen.black / contrast)

@@ -6,8 +6,8 @@ from collections.abc import Callable
 
 import numpy as np
 
+from relume.image.bands import in_threads
 from relume.image.colour import LUMINANCE_WEIGHTS
-from relume.image.kernel import in_threads
 from relume.virtual_camera.tone import luminance_kernels as kernels
 
 MOST = 1e30

@@ -28,7 +28,10 @@ class LinearExposure(ABC):
 
     @abstractmethod
     def gain(self, adaptation: Adaptation, view: View) -> float:
-        """Display values per unit of radiance."""
+        """Display values per unit of radiance.
+
+        adaptation, view : what `adapt` returned, and the picture's view (`VirtualCamera.view`)
+        """
 
     def adapt(self, radiance: np.ndarray, view: View) -> Adaptation:
         """Nothing: (0,)."""
@@ -68,7 +71,7 @@ class MeteredExposure(LinearExposure, Relative):
             raise ValueError(f"grey is {self.grey}; expected a display value above 0, or None")
 
     def adapt(self, radiance: np.ndarray, view: View) -> Adaptation:
-        """The exposure that a meter asks for in front of radiance (H, W, 3)."""
+        """The exposure that a meter asks for in front of `radiance` (H, W, 3), a picture of that `view`."""
         from relume.virtual_camera.tone.luminance_statistics import light_sum, log_average, percentiles
 
         # The percentile is of what is above 0: it is 0 where nothing is.
@@ -81,7 +84,10 @@ class MeteredExposure(LinearExposure, Relative):
         return Adaptation(np.log([max(gains)]))
 
     def gain(self, adaptation: Adaptation, view: View) -> float:
-        """Display values per unit of radiance."""
+        """Display values per unit of radiance.
+
+        adaptation, view : what `adapt` returned, and the picture's view (`VirtualCamera.view`)
+        """
         return float(np.exp(adaptation.values[0]))
 
 
@@ -99,7 +105,10 @@ class FixedExposure(LinearExposure, Relative):
             raise ValueError(f"display_per_radiance is {self.display_per_radiance}; expected a positive number")
 
     def gain(self, adaptation: Adaptation, view: View) -> float:
-        """Display values per unit of radiance."""
+        """Display values per unit of radiance.
+
+        adaptation, view : what `adapt` returned, and the picture's view (`VirtualCamera.view`)
+        """
         return self.display_per_radiance
 
 
@@ -108,9 +117,9 @@ class CameraExposure(LinearExposure, Absolute):
     """Exposed by shutter, aperture and ISO, as a camera whose ISO number keeps what ISO 12232 promises.
 
     exposure : with f-number and ISO
-    saturating : whether the number is a saturation-based speed, so that `saturation_luminance` becomes 1, half a stop
-        darker. Else it is a standard output sensitivity, by which 10 / S lx·s make 118 of 255, as cameras' own pictures
-        and relume's absolute scale have it (`capture.absolute.scale_from_exposure`)
+    saturating : whether the number is a saturation-based speed, so that the luminance which saturates becomes 1, half a
+        stop darker. Else it is a standard output sensitivity, by which 10 / S lx·s make 118 of 255, as cameras' own
+        pictures and relume's absolute scale have it (`rl.capture.scale_from_exposure`)
 
     For pictures in cd/m², or with `View.luminance_scale`. Raises ValueError for an exposure without f-number or ISO.
     """
@@ -122,7 +131,10 @@ class CameraExposure(LinearExposure, Absolute):
         saturation_luminance(self.exposure)
 
     def gain(self, adaptation: Adaptation, view: View) -> float:
-        """Display values per unit of radiance."""
+        """Display values per unit of radiance.
+
+        adaptation, view : what `adapt` returned, and the picture's view (`VirtualCamera.view`)
+        """
         white = saturation_luminance(self.exposure)
         if not self.saturating:
             white *= STANDARD_OUTPUT / SATURATING / _GREY

@@ -12,6 +12,7 @@ from typing import Any
 
 import numpy as np
 
+from relume.image.bands import in_threads
 from relume.image.colour import decode_srgb
 from relume.image.primaries import REC709
 from relume.virtual_camera.protocols import Adaptation, Relative
@@ -43,8 +44,8 @@ _BAND = 64
 class Ocio(Relative):
     """A view of an OpenColorIO configuration; needs the extra `ocio`.
 
-    config : its file, or the name of a built-in one as "ocio://cg-config-v2.2.0_aces-v1.3_ocio-v2.4" (ACES 1.3); None
-        for what the environment variable OCIO names, as in every program that uses it, else for `ocio://default`
+    config : its file, or the name of a built-in one as "ocio://cg-config-v2.2.0_aces-v1.3_ocio-v2.4" (ACES 1.3). None
+        takes what the environment variable OCIO names, as every program does that uses it, else `ocio://default`
     display, view : None for the configuration's default ones
     looks : applied to the scene before the view, in order
     grey : luminance, in the picture's unit, that the view is given as middle grey, 0.18; None for the picture's log
@@ -67,7 +68,10 @@ class Ocio(Relative):
             raise ValueError(f'looks is "{self.looks}"; expected a tuple of names, as ("{self.looks}",)')
 
     def adapt(self, radiance: np.ndarray, view: View) -> Adaptation:
-        """values (1,): the natural logarithm of what is shown as middle grey, in the picture's unit."""
+        """The natural logarithm of what is shown as middle grey, in the picture's unit, as values (1,).
+
+        radiance, view : (H, W, 3) float32 in the picture's unit, and the picture's view (`VirtualCamera.view`)
+        """
         from relume.virtual_camera.tone.luminance_statistics import log_average
 
         grey = log_average(radiance) if self.grey is None else self.grey
@@ -76,12 +80,11 @@ class Ocio(Relative):
     def display_values(self, radiance: np.ndarray, view: View, adaptation: Adaptation) -> np.ndarray:
         """Linear display values (H, W, 3) float32.
 
+        radiance, adaptation : (H, W, 3) float32 in the picture's unit, and what `adapt` returned
         Raises ValueError where OpenColorIO is missing, its configuration cannot be read or does not know linear
         Rec. 709, for a display, view or look that it does not have, and for a view whose code values have no known
         decoding.
         """
-        from relume.image.kernel import in_threads
-
         gain = np.float32(GREY / np.exp(adaptation.values[0]))
         processor, is_encoded = self._processor()
         height, width = radiance.shape[:2]

@@ -7,6 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from relume.image.bands import in_threads
 from relume.image.colour import luminance
 from relume.virtual_camera.protocols import Adaptation, Pixelwise, Relative
 from relume.virtual_camera.view import View
@@ -39,7 +40,7 @@ class _Keyed(Relative):
 
 @dataclass(frozen=True)
 class Reinhard(_Keyed, Pixelwise):
-    """Middle grey by the log average, highlights rolled off as film does; colours keep their proportions.
+    """Middle grey by the log average, highlights rolled off (Reinhard et al. 2002); colours keep their proportions.
 
     key : the display value that the log average goes to before highlights are compressed; 0.18 is a grey card's. 0.36
         and more for bright scenes as snow, 0.09 and less for dark ones (§3.1). None estimates it (Reinhard 2003)
@@ -58,7 +59,11 @@ class Reinhard(_Keyed, Pixelwise):
             raise ValueError(f"white is {self.white}; expected a luminance above 0, infinity, or None")
 
     def display_values(self, radiance: np.ndarray, view: View, adaptation: Adaptation) -> np.ndarray:
-        """Display values (H, W, 3) (eq. 2 and 4)."""
+        """Display values (H, W, 3) (eq. 2 and 4).
+
+        radiance, view, adaptation : (H, W, 3) float32 in the picture's unit, the picture's view (`VirtualCamera.view`),
+            and what `adapt` returned
+        """
         from relume.virtual_camera.tone.luminance_curve import photographic
 
         average, highest, key = np.exp(adaptation.values)
@@ -96,9 +101,10 @@ class ReinhardLocal(_Keyed):
     threshold : ε, contrast of centre to surround from which they are uneven; 0.05 is the paper's
     scales : how many sizes of surroundings are tried, each 1.6 times the one before, from 1 pixel; 8 is the paper's
 
-    As in the authors' own program the surroundings are the centre at the first scale that is uneven, or the largest:
-    the paper's "first scale at which |V| < ε" would always be the smallest. Beyond the border the picture goes on as
-    its mirror image. There is no white: luminances pass 1 where a spark is brighter than its surroundings alone.
+    Source: Reinhard, Stark, Shirley & Ferwerda 2002, §3.2. As in the authors' own program the surroundings are the
+    centre at the first scale that is uneven, or the largest: the paper's "first scale at which |V| < ε" would always be
+    the smallest. Beyond the border the picture goes on as its mirror image. There is no white: luminances pass 1 where
+    a spark is brighter than its surroundings alone.
 
     Adaptation: (3,), natural logarithms of log average, highest luminance and key.
     """
@@ -117,8 +123,11 @@ class ReinhardLocal(_Keyed):
             raise ValueError(f"scales is {self.scales}; expected 1 to 12; 12 reach over hundreds of pixels")
 
     def display_values(self, radiance: np.ndarray, view: View, adaptation: Adaptation) -> np.ndarray:
-        """Display values (H, W, 3) (eq. 9)."""
-        from relume.image.kernel import in_threads
+        """Display values (H, W, 3) (eq. 9).
+
+        radiance, view, adaptation : (H, W, 3) float32 in the picture's unit, the picture's view (`VirtualCamera.view`),
+            and what `adapt` returned
+        """
         from relume.virtual_camera.tone.luminance_curve import WEIGHTS
         from relume.virtual_camera.tone.reinhard_local_kernel import TILE, dodge_and_burn
 

@@ -18,9 +18,9 @@ NEAR_BLACK = 2.3e-5
 class TumblinRushmeier(Absolute):
     """What the scene's brightness is by Stevens' law, the screen's brightness becomes: dark scenes look flat and dim.
 
-    screen : whose white and black are the paper's Ldmax and contrast Cmax = white / black; the eye in front of it is
-        adapted to the log mean of both, as in the scene to the log mean of the picture (10 cd/m² of the usual screen,
-        of the authors' 10 to 30)
+    screen : whose white and black are the paper's Ldmax and contrast Cmax = white / black. The eye in front of it is
+        adapted to the log mean of both, 10 cd/m² of the usual screen (the authors' had 10 to 30); in the scene to the
+        log mean of the picture
 
     The operator of Tumblin & Rushmeier 1993 as its author restated it in Tumblin, Hodgins & Guenter 1999, "Two methods
     for display of high contrast images", appendix. For pictures in cd/m², or with `View.luminance_scale`.
@@ -31,14 +31,18 @@ class TumblinRushmeier(Absolute):
     screen: DisplayRange = DisplayRange()
 
     def adapt(self, radiance: np.ndarray, view: View) -> Adaptation:
-        """What an eye before radiance (H, W, 3) is adapted to: exp of the mean of ln(L + 2.3e-5), cd/m²."""
+        """What an eye before `radiance` (H, W, 3), of that `view`, is adapted to: exp mean ln(L + 2.3e-5), cd/m²."""
         from relume.virtual_camera.tone.luminance_statistics import log_average
 
         scale = view.luminance_scale
         return Adaptation(np.log([log_average(radiance, NEAR_BLACK / scale) * scale]))
 
     def display_values(self, radiance: np.ndarray, view: View, adaptation: Adaptation) -> np.ndarray:
-        """Display values (H, W, 3) whose luminances, with the screen's black, are those of `screen_luminance`."""
+        """Display values (H, W, 3) whose luminances, with the screen's black, are those that the operator gives.
+
+        radiance, view, adaptation : (H, W, 3) float32 in the picture's unit, the picture's view (`VirtualCamera.view`),
+            and what `adapt` returned
+        """
         from relume.virtual_camera.tone.luminance_curve import curved
 
         adapted = float(np.exp(adaptation.values[0]))

@@ -5,7 +5,7 @@ from functools import lru_cache
 import numpy as np
 import pytest
 
-from relume.image import kernel
+from relume.image import bands
 from relume.virtual_camera.lens.blades import Blades
 from relume.virtual_camera.lens.glare import convolution
 from relume.virtual_camera.lens.glare.camera import CameraGlare
@@ -109,7 +109,7 @@ def test_faint_and_bright_pictures_are_the_same_but_for_their_scale():
 
 def test_threads_do_not_change_a_bit(monkeypatch):
     radiance, spread = room(150, 90), eye_spread()
-    shared, alone = kernel.in_threads, []
+    shared, alone = bands.in_threads, []
     for threads in (1, 3):
         monkeypatch.setattr(convolution, "in_threads", lambda *a, t=threads, **k: shared(*a, threads=t, **k))
         alone.append(spread_out(radiance, spread))

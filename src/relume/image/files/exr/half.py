@@ -7,11 +7,11 @@ import os
 import numpy as np
 
 from relume.errors import warn
+from relume.image.bands import in_bands
 
 _LARGEST = 65504
 _SMALLEST = 2**-14  # below, halves have fewer than eleven digits
 _STEP = 2**-11  # the largest error of rounding to half, by the value
-_BAND = 32  # rows at once: few enough for a core's own cache, many enough that calls cost nothing
 _DIM = 0.01  # the share of values that halves may lose; a photograph's darkest noise is less
 
 
@@ -20,16 +20,7 @@ def holds(path: str | os.PathLike[str], name: str, layer: np.ndarray) -> bool:
 
     layer : any shape, any float; a value is lost where half differs from it by more than 1/2048 of it
     """
-    beyond = lit = lost = black = 0
-    for begin in range(0, len(layer), _BAND):
-        rows = layer[begin : begin + _BAND]
-        sizes = np.abs(rows[np.isfinite(rows)].astype(np.float32))
-        beyond += np.count_nonzero(sizes > _LARGEST)
-        lit += np.count_nonzero(sizes)
-        dim = sizes[(sizes < _SMALLEST) & (sizes > 0)]
-        stored = dim.astype(np.float16).astype(np.float32)
-        lost += np.count_nonzero(np.abs(stored - dim) > dim * _STEP)
-        black += np.count_nonzero(stored == 0)
+    beyond, lit, lost, black = np.sum(in_bands(*layer.shape[:2], lambda rows: _counts(layer[rows])), 0).tolist()
     if beyond:
         reason = f"{beyond} values are beyond {_LARGEST}, the largest half"
         warn(f"{path}: {name} is stored as float, not half: {reason}")
@@ -46,3 +37,16 @@ def holds(path: str | os.PathLike[str], name: str, layer: np.ndarray) -> bool:
         "half=True)"
     )
     return True
+
+
+def _counts(rows: np.ndarray) -> tuple[int, int, int, int]:
+    """How many finite values are beyond halves, are not 0, are too dim for halves, and become 0 in them."""
+    sizes = np.abs(rows)
+    if sizes.size and sizes.min() >= _SMALLEST and sizes.max() <= _LARGEST:  # of most rows; of none with a NaN
+        return 0, sizes.size, 0, 0
+    with np.errstate(over="ignore"):
+        sizes = sizes[np.isfinite(sizes)].astype(np.float32, copy=False)
+    dim = sizes[(sizes < _SMALLEST) & (sizes > 0)]
+    stored = dim.astype(np.float16).astype(np.float32)
+    lost = np.count_nonzero(np.abs(stored - dim) > dim * _STEP)
+    return np.count_nonzero(sizes > _LARGEST), np.count_nonzero(sizes), lost, np.count_nonzero(stored == 0)

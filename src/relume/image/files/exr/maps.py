@@ -16,6 +16,7 @@ import numpy as np
 
 from relume.errors import UnreadableFile, warn
 from relume.image import mapped_arrays
+from relume.image.bands import in_bands
 from relume.image.files.encodings import OpenEXR
 from relume.image.files.exr import half as exr_half
 from relume.image.files.exr import picture as exr_picture
@@ -99,8 +100,8 @@ def write_layers(
     lit = {"whiteLuminance": 1.0, **header} if unit == "cd/m²" else header
     parts, mapped = [], Mapped()
     for name, layer in layers.items():
-        planes = _planes(name, layer, np.float16 if name in halves else np.float32, Path(path).parent, mapped)
-        parts.append(Part(name, planes, dict(header if "Y" in planes else lit)))
+        pixels = _pixels(name, layer, np.float16 if name in halves else np.float32, Path(path).parent, mapped)
+        parts.append(Part(name, pixels, dict(header if "Y" in pixels else lit)))
         between()
     write_parts(path, parts, mapped)
 
@@ -186,27 +187,29 @@ def _in_rec709(image: RadianceMap, given: Primaries, header: Mapping[str, Any]) 
     return converted(image, matrix, given)
 
 
-def _planes(name: str, layer: np.ndarray, kind: type, folder: Path, mapped: Mapped) -> dict[str, np.ndarray]:
-    """The planes of a layer as they are stored; large ones in a nameless file of that folder and not in memory."""
+def _pixels(name: str, layer: np.ndarray, kind: type, folder: Path, mapped: Mapped) -> dict[str, np.ndarray]:
+    """A layer as it is stored, itself where it is of that kind; a large copy lies in a nameless file of that folder."""
     layer = np.asarray(layer)
     if layer.ndim != 2 and (layer.ndim != 3 or layer.shape[2] != 3):
         raise ValueError(f'layer "{name}" is {layer.shape}; expected (H, W, 3) or (H, W)')
-    planes = {"Y": layer} if layer.ndim == 2 else {letter: layer[..., i] for i, letter in enumerate("RGB")}
-    stored, beyond = dict[str, np.ndarray](), 0
+    channels = "Y" if layer.ndim == 2 else "RGB"
+    if layer.dtype == kind:
+        return {channels: layer}
     if layer.size * np.dtype(kind).itemsize >= mapped_arrays.LARGE:
-        stored = dict(zip(planes, mapped.zeros(folder, [layer.shape[:2]] * len(planes), kind), strict=True))
-    for letter, plane in planes.items():
+        (stored,) = mapped.zeros(folder, [layer.shape], kind)
+    else:
+        stored = np.empty(layer.shape, kind)
+
+    def fill(rows: slice) -> int:
         with np.errstate(over="ignore"):
-            if letter in stored:
-                stored[letter][...] = plane
-                mapped.release()
-            else:
-                stored[letter] = np.ascontiguousarray(plane, kind)
-        if kind is np.float32 and plane.dtype != np.float32:
-            beyond += np.count_nonzero(np.isinf(stored[letter])) - np.count_nonzero(np.isinf(plane))
+            stored[rows] = layer[rows]
+        return 0 if kind is np.float16 else np.count_nonzero(np.isinf(stored[rows]) & np.isfinite(layer[rows]))
+
+    beyond = sum(in_bands(*layer.shape[:2], fill))
+    mapped.release()
     if beyond:
         raise ValueError(f'layer "{name}" has {beyond} values beyond float32, 3.4e38; scale it down first')
-    return stored
+    return {channels: stored}
 
 
 def _primaries(path: str | os.PathLike[str], part: Part) -> Primaries:

@@ -46,7 +46,8 @@ _decoding = threading.Lock()
 class Part:
     """One part of an EXR file.
 
-    channels : name → (H, W) float16, float32 or uint32, covering the data window; fewer samples where subsampled
+    channels : name → (H, W) float16, float32 or uint32, covering the data window; fewer samples where subsampled. To be
+        written also "RGB" → (H, W, 3)
     header : the file's attributes by their own names
     missing : (H, W) bool, where a file that ends early has no pixels; None where it is whole
     """

@@ -8,9 +8,10 @@ from dataclasses import dataclass
 import numpy as np
 
 from relume.errors import warn
+from relume.image.bands import in_threads
 from relume.image.files.gain_map.metadata import GainMapMetadata
 from relume.image.files.metadata import icc_profile
-from relume.image.kernel import in_threads, kernel
+from relume.image.kernel import kernel
 from relume.image.primaries import REC709, Primaries, between, mixed
 
 _ROWS = 64  # of a picture at a time

@@ -14,6 +14,7 @@ import os
 import numpy as np
 from PIL import Image
 
+from relume.image.bands import in_threads
 from relume.image.colour import luminance, triple
 from relume.image.files.gain_map import applying as gain_map_applying
 from relume.image.files.gain_map import layout as gain_map_layout
@@ -23,7 +24,6 @@ from relume.image.files.gain_map.metadata import GainMapMetadata, rounded
 from relume.image.files.metadata import icc_profile, xmp
 from relume.image.files.metadata.icc_profile import screen_profile
 from relume.image.files.photographs import jpeg_segments as jpeg
-from relume.image.kernel import in_threads
 from relume.image.primaries import REC709
 
 _OFFSET = 1 / 64  # of Ultra HDR 1.1: keeps the gains of dark pixels small

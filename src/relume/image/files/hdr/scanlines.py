@@ -12,6 +12,7 @@ import os
 import numpy as np
 
 from relume.errors import FormatError
+from relume.image.bands import in_threads
 from relume.image.files.hdr.header import FORMAT
 from relume.image.files.read_options import OR_SALVAGE
 from relume.image.primaries import mixed
@@ -55,7 +56,6 @@ def decode(
     Raises FormatError with the line and byte where the file breaks its format.
     """
     from relume.image.files.hdr.kernels import decode_lines, find_lines
-    from relume.image.kernel import in_threads
 
     view = along(radiance, axes)
     lines, length, _ = view.shape
@@ -89,7 +89,6 @@ def encoded(
     compressed : by new runs, in lines of 8 to 32767 pixels; others are flat
     """
     from relume.image.files.hdr.kernels import encode_lines
-    from relume.image.kernel import in_threads
 
     lines, length, _ = radiance.shape
     steps = np.ldexp(1.0, 136 - np.arange(256))

@@ -15,6 +15,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from relume.errors import FormatError, UnreadableFile
+from relume.image.bands import in_threads
 from relume.image.files.logluv.codes import CODES
 from relume.image.files.read_options import OR_SALVAGE, ReadOptions, refuse_absurd_amount
 from relume.image.files.tiff.directories import Folder
@@ -156,7 +157,6 @@ class Rows:
         picture : (H, W, …)
         """
         from relume.image.files.logluv import kernels
-        from relume.image.kernel import in_threads
 
         blocks = self.blocks
         pieces = list(self._pieces(max(1, _WORDS // blocks.layout.block[0])))
@@ -225,7 +225,6 @@ def find(path: str | os.PathLike[str], blocks: Blocks, options: ReadOptions) -> 
 def packed(words: np.ndarray, bits: int, rows: int) -> list[memoryview]:
     """The strips of `rows` rows each that hold (H, W) uint32 words."""
     from relume.image.files.logluv import kernels
-    from relume.image.kernel import in_threads
 
     width = words.shape[1]
 

@@ -14,6 +14,7 @@ import os
 import numpy as np
 
 from relume.errors import UnreadableFile, warn
+from relume.image.bands import in_threads
 from relume.image.files.encodings import LogLuv
 from relume.image.files.logluv import blocks as logluv_blocks
 from relume.image.files.logluv import codes as logluv_codes
@@ -172,7 +173,6 @@ def _fitting_scale(radiance: np.ndarray) -> float:
 def _words(path: str | os.PathLike[str], radiance: np.ndarray, bits: int, scale: float) -> np.ndarray:
     """(H, W) uint32; raises ValueError for pixels that have none, and warns of those that lose something."""
     from relume.image.files.logluv import kernels
-    from relume.image.kernel import in_threads
 
     height, width = radiance.shape[:2]
     words = np.empty(height * width, np.uint32)

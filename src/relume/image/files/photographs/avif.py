@@ -6,6 +6,7 @@ import os
 
 import numpy as np
 
+from relume.image.bands import in_threads
 from relume.image.files.atomic import replacing
 from relume.image.files.signatures import one_line
 
@@ -55,8 +56,6 @@ def write_avif(path: str | os.PathLike[str], signal: np.ndarray, transfer: int) 
 
 def _ten_bits(signal: np.ndarray) -> np.ndarray:
     """uint16 codes 0 to 1023 of 0 to 65535, rounded."""
-    from relume.image.kernel import in_threads
-
     codes = np.empty_like(signal)
 
     def work(begin: int, end: int) -> None:

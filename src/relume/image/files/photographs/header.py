@@ -75,9 +75,13 @@ def form_of(path: str | os.PathLike[str], kind: str, options: ReadOptions) -> Fo
 
 
 def read_facts(path: str | os.PathLike[str], options: ReadOptions = ReadOptions()) -> Facts:
-    """The facts of a JPEG, PNG, TIFF, HEIF or camera raw; raises UnreadableFile for anything else.
+    """The facts of a JPEG, PNG, TIFF, HEIF or camera raw, from its header alone.
 
-    The size of a camera raw is that of its sensor's lit part, as it lies in the camera.
+    path : the file
+    options : limits
+
+    The size of a camera raw is that of its sensor's lit part, as it lies in the camera. Raises UnreadableFile for
+    anything else.
     """
     # Pillow and LibRaw are loaded here and not above: most who import this module's parent read no photograph.
     from relume.image.files.metadata import exif

@@ -20,6 +20,7 @@ import OpenImageIO as oiio
 from PIL import Image
 
 from relume.errors import FormatError, UnreadableFile, warn
+from relume.image.bands import in_threads
 from relume.image.files.atomic import replacing
 from relume.image.files.gain_map.gain_map import has_any as has_any_gain_map
 from relume.image.files.metadata import exif, exif_attributes, icc_profile
@@ -181,8 +182,6 @@ def write_tiff(path: str | os.PathLike[str], photograph: Photograph) -> None:
     Packed by ZIP with the horizontal predictor, which lose nothing.
     """
     import imagecodecs
-
-    from relume.image.kernel import in_threads
 
     pixels = _with_alpha(photograph)
     pixels = pixels.astype(pixels.dtype.newbyteorder("<"), copy=False)

@@ -11,6 +11,7 @@ import os
 import numpy as np
 
 from relume.errors import FormatError, UnreadableFile, warn
+from relume.image.bands import in_threads
 from relume.image.files.encodings import FloatTIFF
 from relume.image.files.metadata.attributes import scale_by, warn_of_losses
 from relume.image.files.read_options import OR_SALVAGE, ReadOptions
@@ -84,8 +85,6 @@ def write(path: str | os.PathLike[str], image: RadianceMap, encoding: FloatTIFF 
     Variance and the marks of clipped pixels are not kept, with a warning. Raises OutputNotWritten.
     """
     import imagecodecs
-
-    from relume.image.kernel import in_threads
 
     warn_of_losses(path, image, None)
     width, height = image.size

@@ -16,6 +16,7 @@ from typing import Any
 import numpy as np
 
 from relume.errors import FormatError
+from relume.image.bands import in_threads
 from relume.image.files.signatures import one_line
 from relume.image.files.tiff.layout import LZW, NONE, OLD_ZIP, PACKBITS, ZIP, Layout
 
@@ -42,8 +43,6 @@ def pieces(path: str | os.PathLike[str], order: str, layout: Layout, rows: int) 
 
     order : "<" or ">", the byte order of the file
     """
-    from relume.image.kernel import in_threads
-
     blocks = [index for index in range(len(layout.places)) if _place_of(layout, index)[1] < rows]
     each = layout.block[0] * layout.block[1] * 8 * (1 if layout.planar else layout.samples)
     together = max(1, _PIECE // each)

@@ -24,7 +24,7 @@ LEVELS, ANGLES = 128, 8192
 
 @dataclass(frozen=True)
 class CameraGlare(Relative):
-    """Glare of a camera.
+    """The glare of a camera: the star of its iris, and what lens and body scatter.
 
     blades : of the iris; six, as most lenses for 35 mm film have, unless given
     f_number : its f-number; stars grow with it
@@ -56,7 +56,10 @@ class CameraGlare(Relative):
             raise ValueError(f"halo_power is {self.halo_power}; expected more than 1, or the halo would have no end")
 
     def apply(self, radiance: np.ndarray, view: View) -> np.ndarray:
-        """Radiance (H, W, 3) float32 as it arrives on the sensor, in its unit. The star depends on no field of view."""
+        """Radiance (H, W, 3) float32 as it arrives on the sensor, in its unit. The star depends on no field of view.
+
+        radiance : (H, W, 3) float32 in the picture's unit
+        """
         height, width = radiance.shape[:2]
         arrived = spread_out(radiance, _last_point_spread(self, height, width), mirrored=self.mirrored)
         if self.veil:
@@ -64,7 +67,7 @@ class CameraGlare(Relative):
         return arrived
 
     def point_spread(self, height: int, width: int) -> PolarSpread:
-        """Where a point's light goes, without the veil, for a picture of that size."""
+        """Where a point's light goes, without the veil, for a picture of `height` × `width` pixels."""
         diagonal = float(np.hypot(height, width))
         order = WAVELENGTHS * 1e-6 * self.f_number * max(height, width) / self.sensor_width
         shares = channel_shares(WAVELENGTHS)

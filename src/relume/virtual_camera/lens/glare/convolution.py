@@ -16,7 +16,7 @@ from typing import Protocol
 
 import numpy as np
 
-from relume.image.kernel import in_threads
+from relume.image.bands import in_threads
 
 ROWS, COLUMNS = 48, 32
 """In a block: large enough for the calls' cost to vanish, small enough for the caches."""

@@ -90,7 +90,7 @@ ANGLES = 4096
 
 @dataclass(frozen=True)
 class EyeGlare:
-    """What an eye scatters.
+    """The glare of an eye: what it scatters (Spencer, Shirley, Zimmerman & Greenberg 1995).
 
     adaptation : cd/m² that the eye is used to; None for what it settled on over a sequence, or the picture's log mean,
         to 1 %
@@ -120,14 +120,17 @@ class EyeGlare:
         return self.adaptation is None
 
     def apply(self, radiance: np.ndarray, view: View) -> np.ndarray:
-        """Radiance (H, W, 3) float32 as it arrives on the retina, in its unit."""
+        """Radiance (H, W, 3) float32 as it arrives on the retina, in its unit.
+
+        radiance, view : (H, W, 3) float32 in the picture's unit, and the picture's view (`VirtualCamera.view`)
+        """
         adaptation = self.adaptation or _rounded(view.settled or seen_luminance(radiance, view))
         reach = float(np.hypot(*radiance.shape[:2]))
         spread = _last_point_spread(self, adaptation, view.focal_length, view.seed, reach)
         return spread_out(radiance, spread, mirrored=self.mirrored)
 
     def shares(self, adaptation: float) -> np.ndarray:
-        """(4,) of the light in f₀…f₃ at an adaptation in cd/m², interpolated in its logarithm."""
+        """The shares (4,) of the light in f₀…f₃ at an adaptation in cd/m², interpolated in its logarithm."""
         rows = np.array([SCOTOPIC, MESOPIC, PHOTOPIC])
         shares = np.array([np.interp(np.log(adaptation), np.log(ADAPTATIONS), column) for column in rows.T])
         pupil = self.pupil or pupil_diameter(adaptation)
@@ -135,7 +138,10 @@ class EyeGlare:
         return np.array([shares[0] + shares[3] - halo, shares[1], shares[2], halo])
 
     def point_spread(self, adaptation: float, view: View, reach: float) -> PolarSpread:
-        """The point spread at an adaptation in cd/m², for pixels up to `reach` away."""
+        """The point spread at an `adaptation` in cd/m², for pixels up to `reach` away.
+
+        view : of the picture, by `VirtualCamera.view`
+        """
         # Shares of the light, and the needles of the ciliary corona.
         shares = self.shares(adaptation)
         focal, reach = view.focal_length, max(reach, INTEGRATED * 2.0)

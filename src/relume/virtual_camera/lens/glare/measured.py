@@ -45,6 +45,8 @@ class MeasuredGlare(Relative):
     def of_lamp(picture: RadianceMap, *, mirrored: bool = False) -> MeasuredGlare:
         """The point spread that a picture of one small lamp in the dark shows, about its brightest pixel.
 
+        picture : of one small lamp in the dark
+        mirrored : as of the glare itself
         Raises ValueError for a picture in which nothing shines, or in which the lamp stands at the border.
         """
         light = picture.radiance.sum(2)
@@ -59,7 +61,10 @@ class MeasuredGlare(Relative):
         return MeasuredGlare(around / sums, mirrored)
 
     def apply(self, radiance: np.ndarray, view: View) -> np.ndarray:
-        """Radiance (H, W, 3) float32 as it arrives, in its unit."""
+        """Radiance (H, W, 3) float32 as it arrives, in its unit.
+
+        radiance, view : (H, W, 3) float32 in the picture's unit, and the picture's view (`VirtualCamera.view`)
+        """
         kernel = self.kernel.astype(np.float64)
         kernel = kernel / kernel.sum((0, 1))
         if kernel.ndim == 2:

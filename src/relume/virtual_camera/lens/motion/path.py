@@ -7,6 +7,7 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
+from relume.image.bands import in_threads
 from relume.virtual_camera.lens.motion.shutter import Shutter
 from relume.virtual_camera.protocols import Relative
 from relume.virtual_camera.view import View
@@ -37,12 +38,13 @@ class HomographyPath(Relative):
 
     Between key times a pixel goes straight and evenly. Along its path the bilinear interpolation of radiance is summed
     in steps of about half a pixel or less. Radiance stays the same along a ray, so its mean over time is what the
-    sensor gathers: even light stays even, and what is kept of a source is the sum of radiance × solid angle, not that
-    of pixel values, where homographies change the size of things: to 1e-4 for lights of a few pixels. A single point on
-    a line that a turn leaves in place may differ by its change of scale there, for so bilinear weights do. Pixels are
+    sensor gathers: even light stays even. Where homographies change the size of things, what is kept of a source is the
+    sum of radiance × solid angle, not that of pixel values: to 1e-4 for lights of a few pixels. A single point on a
+    line that a turn leaves in place may differ by its change of scale there, for so bilinear weights do. Pixels are
     averaged over the time for which the picture shows what they saw (`coverage`); those that never saw it are black.
-    Raises ValueError for matrices of another shape, not finite or singular, and for times that do not rise from
-    −½ to ½; when applied, for a path on which a corner of the picture is not before the camera at a key time.
+    Raises ValueError for matrices of another shape, not finite or singular, and for times that do not rise from −½ to
+    ½. When applied, raises ValueError for a path on which a corner of the picture is not before the camera at a key
+    time.
     """
 
     matrices: np.ndarray
@@ -65,16 +67,26 @@ class HomographyPath(Relative):
     def along(
         cls, matrix_at: Callable[[float], np.ndarray], keys: int, *, shutter: Shutter | None = None
     ) -> HomographyPath:
-        """The path that a function of the time, −½ to ½, gives as a (3, 3) matrix, sampled at `keys` even times."""
+        """The path that a function of the time, −½ to ½, gives as a (3, 3) matrix, sampled at `keys` even times.
+
+        matrix_at : (3, 3) at a time from −½ to ½
+        shutter : how the light is shared out over that time
+        """
         matrices = np.stack([np.asarray(matrix_at(float(time)), np.float64) for time in np.linspace(-0.5, 0.5, keys)])
         return cls(matrices, shutter=shutter or Shutter())
 
     def apply(self, radiance: np.ndarray, view: View) -> np.ndarray:
-        """Radiance (H, W, 3) float32 that the sensor gathers."""
+        """Radiance (H, W, 3) float32 that the sensor gathers.
+
+        radiance, view : (H, W, 3) float32 in the picture's unit, and the picture's view (`VirtualCamera.view`)
+        """
         return _along(self, radiance, np.empty((0, 0), np.float32))
 
     def coverage(self, shape: tuple[int, int], view: View) -> np.ndarray:
-        """The share (H, W) float32 of a pixel's light that a picture of that shape (rows, columns) shows."""
+        """The share (H, W) float32 of a pixel's light that a picture of that shape (rows, columns) shows.
+
+        view : the picture's view (`VirtualCamera.view`)
+        """
         known = np.empty(shape, np.float32)
         _along(self, np.zeros((*shape, 3), np.float32), known)
         return known
@@ -91,8 +103,8 @@ class TurningCamera(Relative):
 
     The picture given shows the middle of the exposure. Every pixel follows the arc that the view's focal length gives,
     about the picture's middle, to 0.02 pixels or better; for what is kept see HomographyPath, of which this is one.
-    Raises ValueError for an angle that is not finite, and for a turn of more than half a circle; when applied, for one
-    that takes a corner of the picture behind the camera, with the largest that does not.
+    Raises ValueError for an angle that is not finite, and for a turn of more than half a circle. When applied, raises
+    ValueError for a turn that takes a corner of the picture behind the camera, and names the largest that does not.
     """
 
     yaw: float
@@ -123,16 +135,21 @@ class TurningCamera(Relative):
         return HomographyPath.along(matrix_at, keys, shutter=self.shutter)
 
     def apply(self, radiance: np.ndarray, view: View) -> np.ndarray:
-        """Radiance (H, W, 3) float32 that the sensor gathers."""
+        """Radiance (H, W, 3) float32 that the sensor gathers.
+
+        radiance, view : (H, W, 3) float32 in the picture's unit, and the picture's view (`VirtualCamera.view`)
+        """
         return self.path((radiance.shape[0], radiance.shape[1]), view.focal_length).apply(radiance, view)
 
     def coverage(self, shape: tuple[int, int], view: View) -> np.ndarray:
-        """The share (H, W) float32 of a pixel's light that a picture of that shape (rows, columns) shows."""
+        """The share (H, W) float32 of a pixel's light that a picture of that shape (rows, columns) shows.
+
+        view : the picture's view (`VirtualCamera.view`)
+        """
         return self.path(shape, view.focal_length).coverage(shape, view)
 
 
 def _along(path: HomographyPath, radiance: np.ndarray, known: np.ndarray) -> np.ndarray:
-    from relume.image.kernel import in_threads
     from relume.virtual_camera.lens.motion.kernels import along_paths
 
     height, width = radiance.shape[:2]

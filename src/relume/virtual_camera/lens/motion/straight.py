@@ -6,6 +6,7 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
+from relume.image.bands import in_threads
 from relume.image.blurring import line_weights
 from relume.virtual_camera.lens.motion.shutter import Shutter
 from relume.virtual_camera.protocols import Relative
@@ -41,8 +42,10 @@ class StraightMotion(Relative):
             raise ValueError(f"the motion is ({self.dx}, {self.dy}); expected at most 65536 pixels right and down")
 
     def apply(self, radiance: np.ndarray, view: View) -> np.ndarray:
-        """Radiance (H, W, 3) float32 that the sensor gathers."""
-        from relume.image.kernel import in_threads
+        """Radiance (H, W, 3) float32 that the sensor gathers.
+
+        radiance, view : (H, W, 3) float32 in the picture's unit, and the picture's view (`VirtualCamera.view`)
+        """
         from relume.virtual_camera.lens.motion.kernels import gathered, level_sums, upright_sums
 
         rows, columns, weights = self._weights()
@@ -63,7 +66,10 @@ class StraightMotion(Relative):
         return result
 
     def coverage(self, shape: tuple[int, int], view: View) -> np.ndarray:
-        """The share (H, W) float32 of a pixel's light that a picture of that shape (rows, columns) shows."""
+        """The share (H, W) float32 of a pixel's light that a picture of that shape (rows, columns) shows.
+
+        view : the picture's view (`VirtualCamera.view`)
+        """
         height, width = shape
         steps = np.zeros((height + 1, width + 1))
         for row, column, weight in zip(*self._weights(), strict=True):

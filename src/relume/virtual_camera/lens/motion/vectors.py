@@ -6,6 +6,7 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
+from relume.image.bands import in_threads
 from relume.virtual_camera.lens.motion.shutter import Shutter
 from relume.virtual_camera.protocols import Relative
 from relume.virtual_camera.view import View
@@ -32,16 +33,21 @@ class MotionVectors(Relative):
     shutter: Shutter = field(default_factory=Shutter)
 
     def apply(self, radiance: np.ndarray, view: View) -> np.ndarray:
-        """Radiance (H, W, 3) float32 that the sensor gathers."""
+        """Radiance (H, W, 3) float32 that the sensor gathers.
+
+        radiance, view : (H, W, 3) float32 in the picture's unit, and the picture's view (`VirtualCamera.view`)
+        """
         return _carried(self.shutter, radiance, view)[0]
 
     def coverage(self, shape: tuple[int, int], view: View) -> np.ndarray:
-        """The share (H, W) float32 of a pixel's light that a picture of that shape shows, without guesses."""
+        """The share (H, W) float32 of a pixel's light that a picture of that shape shows, without guesses.
+
+        view : the picture's view (`VirtualCamera.view`)
+        """
         return _carried(self.shutter, np.zeros((*shape, 3), np.float32), view)[1]
 
 
 def _carried(shutter: Shutter, radiance: np.ndarray, view: View) -> tuple[np.ndarray, np.ndarray]:
-    from relume.image.kernel import in_threads
     from relume.virtual_camera.lens.motion.splats import TILE, carried_tile, reaches
 
     height, width = radiance.shape[:2]

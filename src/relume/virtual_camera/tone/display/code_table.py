@@ -12,6 +12,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from relume.image.bands import in_threads
+
 Three = tuple[float, float, float]
 
 
@@ -173,7 +175,6 @@ def coded(
     """
     if values.ndim != 3 or values.shape[2] != 3 or values.dtype != np.float32:
         raise ValueError(f"values are {values.shape} {values.dtype}; expected (H, W, 3) float32")
-    from relume.image.kernel import in_threads
     from relume.virtual_camera.tone.display.code_table_kernels import lookup
 
     height, width = values.shape[:2]

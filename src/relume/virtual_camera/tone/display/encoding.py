@@ -9,6 +9,7 @@ from typing import Literal
 
 import numpy as np
 
+from relume.image.bands import in_threads
 from relume.image.colour import PQ_PEAK, encode_hlg, encode_pq, encode_srgb, hlg_gamma, hlg_scene
 from relume.image.primaries import BT2020, P3, REC709, between
 from relume.virtual_camera.tone.display.code_table import Clipping, CodeTable, code_table, coded
@@ -173,8 +174,6 @@ def _banded(
     further: Callable[[np.ndarray], np.ndarray] | None = None,
 ) -> np.ndarray:
     """The values times gain in other primaries, some rows at a time, and each band taken further by `further`."""
-    from relume.image.kernel import in_threads
-
     if values.ndim != 3 or values.shape[2] != 3 or values.dtype != np.float32:
         raise ValueError(f"values are {values.shape} {values.dtype}; expected (H, W, 3) float32")
     if not (np.isfinite(gain) and gain > 0):

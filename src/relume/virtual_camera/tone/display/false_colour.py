@@ -31,7 +31,7 @@ def false_colour(
 
     low, high : luminance at both ends, in the picture's unit; what is beyond has the colour of its end. None takes
         the luminance that 0.1 % of the lit pixels are below, and that of the brightest pixel
-    colours : a colour map of matplotlib; "turbo" has many hues, so that a colour is found again on the scale, "inferno"
+    colours : a colour map of matplotlib. "turbo" has many hues, so that a colour is found again on the scale; "inferno"
         is the glow of a hot body, which stays in order when it is printed in grey
     contours : luminances along which a white line is drawn
 

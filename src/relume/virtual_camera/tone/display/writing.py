@@ -9,6 +9,7 @@ from pathlib import Path
 import numpy as np
 
 from relume.image import files
+from relume.image.bands import in_threads
 from relume.image.photograph import Photograph
 from relume.image.primaries import P3, REC709
 from relume.virtual_camera.tone.display.code_table import Clipping, clipping_of
@@ -46,7 +47,7 @@ def write_display(
         ICC profile; .avif for `PQ` and `HLG`; .jpg for `HdrGainMap`
     values : (H, W, 3) float32, linear Rec. 709, 1 = white; in PQ, HLG and gain maps what is above 1 stays brighter
     gain : what values are multiplied by first; of radiance it is an exposure
-    through : what makes display values of `values` before that, as of `encoded_and_clipped`
+    through : makes display values of `values` before that; nothing is done unless given
     returns : the share of pixels that the file cannot hold as they are, for the caller to report
     Raises ValueError for NaN, another suffix or shape, and where the part that writes AVIF is missing;
     OutputNotWritten.
@@ -87,7 +88,6 @@ def profile_of(display: Srgb | DisplayP3) -> bytes:
 
 def _write_gain_map(path: str | os.PathLike[str], values: np.ndarray, display: HdrGainMap) -> Clipping:
     from relume.image.files.gain_map import gain_map
-    from relume.image.kernel import in_threads
 
     base, dark = encoded_and_clipped(values, display)
     brightest = np.float32(2.0**display.headroom)

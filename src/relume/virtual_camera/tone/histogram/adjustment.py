@@ -7,8 +7,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from relume.image.bands import in_threads
 from relume.image.colour import LUMINANCE_WEIGHTS, luminance
-from relume.image.kernel import in_threads
 from relume.virtual_camera.protocols import Adaptation
 from relume.virtual_camera.tone.display_range import DisplayRange
 from relume.virtual_camera.tone.histogram.curve import (
@@ -51,8 +51,8 @@ class HistogramAdjustment:
     colour : whether colours are lost in the dark (`-c`)
     centre_weighted : whether samples count less, the farther they are from the middle (`-w`)
 
-    Half of the histogram is of foveal samples, a degree wide, and half of all pixels; `pcond` draws pixels for the
-    second half, 16 to a foveal sample, and differs by what it happens to draw.
+    Source: Ward Larson, Rushmeier & Piatko 1997. Half of the histogram is of foveal samples, a degree wide, and half of
+    all pixels; `pcond` draws pixels for the second half, 16 to a foveal sample, and differs by what it happens to draw.
     A scene that fits on the screen is exposed in proportion: there the curve gives way to a plain factor at once.
     """
 
@@ -65,7 +65,7 @@ class HistogramAdjustment:
 
     @staticmethod
     def human(screen: DisplayRange = DisplayRange()) -> HistogramAdjustment:
-        """With all that the paper models of the eye, as `pcond -h`."""
+        """With all that the paper models of the eye, as `pcond -h`, for a `screen`."""
         return HistogramAdjustment(screen, HumanContrast(), veil=True, acuity=True, colour=True)
 
     @property
@@ -76,6 +76,8 @@ class HistogramAdjustment:
     def adapt(self, radiance: np.ndarray, view: View) -> Adaptation:
         """Logarithms of the luminance that counts as 1 (cd/m²), and by it of the mean, the least and the greatest of
         all samples; then the share of every bin of the fine histogram.
+
+        radiance, view : (H, W, 3) float32 in the picture's unit, and the picture's view (`VirtualCamera.view`)
 
         1 is the picture's log mean, or, where the contrast is of an eye, 1 cd/m². What is below 1e-7 of it
         counts as black, and is no sample; what is above 1e7 is shown as that.
@@ -105,7 +107,11 @@ class HistogramAdjustment:
         return Adaptation(np.concatenate([[np.log(unit), mean], np.log(np.clip(extremes, DARKEST, BRIGHTEST)), kept]))
 
     def display_values(self, radiance: np.ndarray, view: View, adaptation: Adaptation) -> np.ndarray:
-        """Linear display values: the eye's losses where they are asked for, then the curve, a factor to each pixel."""
+        """Linear display values: the eye's losses where they are asked for, then the curve, a factor to each pixel.
+
+        radiance, view, adaptation : (H, W, 3) float32 in the picture's unit, the picture's view (`VirtualCamera.view`),
+            and what `adapt` returned
+        """
         unit, mean, darkest, brightest, *_ = adaptation.values
         scale = float(view.luminance_scale / np.exp(unit))
         if self.veil or self.acuity or self.colour:

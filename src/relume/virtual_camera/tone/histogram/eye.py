@@ -5,7 +5,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from relume.image.kernel import in_threads
+from relume.image.bands import in_threads
 from relume.image.primaries import REC709
 from relume.virtual_camera.tone.histogram.fovea import (
     FOVEA,

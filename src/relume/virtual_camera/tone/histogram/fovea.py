@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from relume.image.kernel import in_threads
+from relume.image.bands import in_threads
 from relume.virtual_camera.tone.histogram.kernels import averaged
 from relume.virtual_camera.view import View
 

@@ -10,7 +10,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from relume.image.kernel import in_threads
+from relume.image.bands import in_threads
 from relume.image.primaries import REC709
 from relume.virtual_camera.protocols import Absolute, Adaptation
 from relume.virtual_camera.tone.display_range import DisplayRange
@@ -41,8 +41,8 @@ class Pattanaik(Absolute):
 
     Everything is in cd/m² and degrees: a night scene comes out dark, grey and without fine detail, an unseen contrast
     of the scene unseen on the screen. Around lights much brighter than their surroundings the model makes dark halos.
-    The eye's optics are left out: who looks at the screen brings them, and `EyeGlare` adds what a
-    screen is too dim for.
+    Source: Pattanaik, Ferwerda, Fairchild & Greenberg 1998. The eye's optics are left out: who looks at the screen
+    brings them, and `EyeGlare` adds what a screen is too dim for.
     """
 
     screen: DisplayRange = DisplayRange()
@@ -54,12 +54,19 @@ class Pattanaik(Absolute):
             raise ValueError(f"screen_adaptation is {adapted}; expected a positive luminance in cd/m², or None")
 
     def adapt(self, radiance: np.ndarray, view: View) -> Adaptation:
-        """values (0,): every part of the model is adapted to its own surroundings in the picture, none to all of it."""
+        """Values (0,): every part of the model is adapted to its own surroundings in the picture, none to all of it.
+
+        radiance, view : (H, W, 3) float32 in the picture's unit, and the picture's view (`VirtualCamera.view`)
+        """
         return Adaptation(np.empty(0))
 
     def display_values(self, radiance: np.ndarray, view: View, adaptation: Adaptation) -> np.ndarray:
         """Linear display values (H, W, 3) float32: light is never negative, and what is darker than the
-        screen's black is below 0 by that at most."""
+        screen's black is below 0 by that at most.
+
+        radiance, view, adaptation : (H, W, 3) float32 in the picture's unit, the picture's view (`VirtualCamera.view`),
+            and what `adapt` returned
+        """
         adapted = self.screen_adaptation or MEAN_OF_A_SCREEN * self.screen.white
         eye = Eye(signals_of_rgb() * view.luminance_scale, light_of_signals(adapted))
         radiance = np.ascontiguousarray(without_overflow(radiance, view.luminance_scale), np.float32)

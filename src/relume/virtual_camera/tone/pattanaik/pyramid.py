@@ -6,7 +6,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from relume.image.kernel import in_threads, kernel
+from relume.image.bands import in_threads
+from relume.image.kernel import kernel
 
 PEAKS = (16.0, 8.0, 4.0, 2.0, 1.0, 0.5)
 """Cycles per degree that the six bands see best (Pattanaik et al. 1998)."""
