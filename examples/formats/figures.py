@@ -1,4 +1,4 @@
-"""The picture of docs/how-to/formats.md: the scan lines of 24-bit LogLuv.
+"""The picture of docs/reference/formats.md: the scan lines of 24-bit LogLuv.
 
 python examples/formats/figures.py docs/images
 """

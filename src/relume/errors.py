@@ -91,16 +91,23 @@ class BallNotFound(RelumeError):
 
     candidates : (x, y, radius) of what is round in it, pixels, the likeliest first; each can be picked
     radiance : (H, W, 3) in which they were sought, or None
+    remedy : the end of the message, which says by options of `relume probe` how the ball is picked; "" where none does
     """
 
     def __init__(
-        self, message: str, candidates: tuple[tuple[float, float, float], ...] = (), radiance: object | None = None
-    ) -> None:
-        super().__init__(message)
-        self.candidates, self.radiance = candidates, radiance
+        self, message: str, candidates: tuple[tuple[float, float, float], ...] = (), radiance: object | None = None,
+        remedy: str = "",
+    ) -> None:  # fmt: skip
+        super().__init__(f"{message}; {remedy}" if remedy else message)
+        self.candidates, self.radiance, self.remedy = candidates, radiance, remedy
+
+    @property
+    def found(self) -> str:
+        """The message without its remedy."""
+        return str(self).removesuffix(f"; {self.remedy}")
 
     def __reduce__(self) -> tuple[type, tuple[object, ...]]:
-        return BallNotFound, (str(self), self.candidates, self.radiance)
+        return BallNotFound, (self.found, self.candidates, self.radiance, self.remedy)
 
 
 class NotAPanorama(RelumeError):

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+from dataclasses import replace
 from importlib import import_module
 from pathlib import Path
 
@@ -12,7 +13,8 @@ import pytest
 import relume as rl
 from command_line import printed, refused, reported
 from relume.cli.console import OutputOptions, finish, progress
-from relume.errors import Doubt, DoubtfulResult, ranked
+from relume.errors import BallNotFound, Doubt, DoubtfulResult, ranked
+from relume.image.files import read_photograph
 from relume.project.shot_file.shot import read_shot
 
 ROOM = Path(__file__).parents[2] / "examples" / "room"
@@ -162,7 +164,7 @@ def test_stages_are_printed_with_their_seconds(capsys):
 def test_a_rim_that_is_given_is_not_sought(monkeypatch):
     import relume.report.shot_check as shot_check
 
-    def sought(photographs):
+    def sought(photographs, index):
         raise AssertionError("the ball was sought")
 
     monkeypatch.setattr(shot_check, "_any_ball", sought)
@@ -172,6 +174,19 @@ def test_a_rim_that_is_given_is_not_sought(monkeypatch):
     picked = shot.model_copy(update={"light": shot.light.model_copy(update={"balls": balls})})
     found = shot_check.check_shot(picked).facts["balls"]
     assert [each["ball"] for each in found] == [{"x": 400.0, "y": 300.0, "radius": 296.0, "from": "the shot file"}] * 2  # pyright: ignore
+
+
+def test_a_ball_that_is_not_seen_is_named_by_the_pixels_of_its_photograph():
+    import relume.report.shot_check as shot_check
+
+    whole = read_photograph(ROOM / "ball_0/IMG_0005.jpg")
+    half = np.ascontiguousarray(whole.pixels[:, 160:].repeat(2, 0).repeat(2, 1))  # larger than what is made small
+    cut = replace(whole, pixels=half, focal_length=None)
+    with pytest.raises(BallNotFound, match="cuts off") as refused:
+        shot_check._any_ball([cut], 1)
+    said = re.search(r"light\.balls\.1: pick = \[(.*)\]; `relume probe", str(refused.value))
+    assert said is not None and "--pick" not in str(refused.value)
+    assert [float(value) for value in said[1].split(", ")] == pytest.approx([320, 640, 592.5], abs=6)
 
 
 def test_force_replaces_a_shot_file_that_is_written_and_none_that_is_given(tmp_path, capsys):

@@ -16,6 +16,9 @@ from relume.export.shot_files import complete_folder
 from relume.image.files.atomic import replacing
 from relume.probe.video.map_files import appearing
 from relume.renderers.progressive.checkpoint import Checkpoint, previous, read_checkpoint, write_checkpoint
+from relume.studio.shots.bundles import Bundle, Listed
+from relume.studio.shots.document import Document
+from relume.studio.shots.folder import Folder
 
 
 class Scanner:
@@ -68,6 +71,26 @@ def test_folders_are_put_in_their_places(tmp_path, scanner):
         (folder / "shot.py").write_bytes(b"x")
     assert (tmp_path / "maps" / "map.exr").exists() and (tmp_path / "shot" / "shot.py").exists()
     assert len(scanner.asked) == 2
+
+
+def test_the_studio_waits_as_well(tmp_path, scanner):
+    bundle = Bundle(Folder(tmp_path), [Listed("chair.obj", 0)])
+    (next((tmp_path / "objects").iterdir()) / "chair.obj").write_text("v 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 3\n")
+    assert bundle.settled()["meshes"] == ["objects/chair/chair.obj"]
+    document = Document(tmp_path / "shot.toml")
+    document.edit([{"set": ["plate", "photographs"], "value": ["a.jpg"]}], revision=0, unfinished=True)
+    document.undo(1)
+    assert not (tmp_path / "shot.toml").exists()
+    assert list(scanner.asked.values()) == [3, 3]
+
+
+def test_a_shot_file_that_stays_open_is_no_fault_of_the_studio(tmp_path, scanner, monkeypatch):
+    document = Document(tmp_path / "shot.toml")
+    document.edit([{"set": ["plate", "photographs"], "value": ["a.jpg"]}], revision=0, unfinished=True)
+    monkeypatch.setattr(os, "unlink", Scanner(os.unlink, times=9))
+    with pytest.raises(OutputNotWritten, match=r"^shot\.toml: cannot be removed"):
+        document.undo(1)
+    assert document.text
 
 
 def test_what_went_wrong_is_said_though_the_new_file_cannot_be_cleared_away(tmp_path, scanner, monkeypatch):

@@ -70,7 +70,10 @@ def test_a_picture_so_dim_that_halves_lose_it_is_float(tmp_path, dim, kind):
         write(tmp_path / "a.exr", RadianceMap(pixels), HALF)
     assert kinds(tmp_path / "a.exr") == [kind]
     lost = f"{dim} of its 150 values other than 0 are so small that halves lose more than 1/2048 of them"
-    texts = [f"stored as half, though {lost}; store float to keep them", f"stored as float, not half: {lost}"]
+    texts = [
+        f"stored as half, though {lost}; float keeps them (leave out --half, in Python half=True)",
+        f"stored as float, not half: {lost}",
+    ]
     assert [str(warning.message) for warning in said] == [
         f"{tmp_path}/a.exr: radiance is {t}" for t in texts[dim - 1 : dim] if dim
     ]
@@ -79,7 +82,7 @@ def test_a_picture_so_dim_that_halves_lose_it_is_float(tmp_path, dim, kind):
 def test_values_that_half_makes_0_are_counted(tmp_path):
     pixels = np.ones((20, 20, 3), np.float32)
     pixels[5, 5] = 1e-9, 2e-8, 1e-6
-    with pytest.warns(UserWarning, match="half, though 3 of its 1200 values .* 1/2048 of them, and 2 become 0; store"):
+    with pytest.warns(UserWarning, match="half, though 3 of its 1200 values .* 1/2048 of them, and 2 become 0; float"):
         write(tmp_path / "a.exr", RadianceMap(pixels), HALF)
     found = read_radiance(tmp_path / "a.exr").radiance
     assert (np.count_nonzero(found == 0), kinds(tmp_path / "a.exr")) == (2, ["float16"])

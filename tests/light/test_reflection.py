@@ -5,7 +5,9 @@ import pytest
 
 import naive
 from lights import constant, lone, of_directions, spiky, spread
+from relume.errors import OutputNotWritten
 from relume.light.reflection.convolution import TOLERANCE, convolved, cut_up
+from relume.light.reflection.files import ReflectionFiles, write_reflection_maps
 from relume.light.reflection.lobes import VARNISH, Cosine, GGXLobe, Lambert, Mirror, Phong, SelfLuminous, WardLobe
 from relume.light.reflection.reflection_map import Normalisation, reflection_map, reflection_maps, rows_for
 from relume.sphere.directions import normalised
@@ -369,3 +371,12 @@ def test_a_lobe_narrower_than_any_pixel_is_a_mirror_and_that_is_reported(n):
 def test_a_varnish_is_not_added_to_sums():
     with pytest.raises(ValueError, match="adds a mirror's radiance to sums"):
         reflection_map(constant(8), Phong(50, varnish=0.5), 8, Normalisation.SUM)
+
+
+def test_the_folder_of_the_files_is_made_and_one_that_cannot_be_is_named(tmp_path):
+    wanted = ReflectionFiles({"diffuse": Lambert()}, rows=4)
+    made = write_reflection_maps(constant(8), tmp_path / "new" / "maps", wanted)
+    assert all(path.is_file() for path in made.paths) and len(made.paths) == 2
+    (tmp_path / "file").write_text("")
+    with pytest.raises(OutputNotWritten, match=r"file: cannot be made a folder .*; choose another$"):
+        write_reflection_maps(constant(8), tmp_path / "file", wanted)

@@ -233,6 +233,8 @@ def test_fruit_is_refused_and_offered_as_a_pick():
     assert caught.value.candidates[0] == pytest.approx((170, 120, 70), abs=1)
     again = pickle.loads(pickle.dumps(caught.value))
     assert again.candidates == caught.value.candidates and str(again) == str(caught.value)
+    assert again.remedy == "round things that may be picked are 1: --pick 170,120,70; --picture draws them"
+    assert again.found == str(again).partition("; round things")[0] != str(again)
 
 
 def test_the_ball_is_taken_and_not_the_larger_fruit_beside_it():

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 import shutil
 import warnings
 from collections.abc import Mapping
@@ -15,7 +16,8 @@ from dng_files import sensed, write_dng
 from relume.capture.brackets.result import MergedBracket, MergedCamera
 from relume.capture.lens.vignetting import Vignetting
 from relume.capture.response.camera_profile import CameraProfile, write_profile
-from relume.errors import InvalidShot, NotABracket, UnreadableFile
+from relume.errors import BallNotFound, InvalidShot, NotABracket, UnreadableFile
+from relume.image.radiance import RadianceMap
 from relume.probe.ball.blending import Probe
 from relume.project.insertion.ball_light import blended
 from relume.project.insertion.photographs import Calibrated, calibrate, read_photographs
@@ -138,6 +140,22 @@ def test_the_rim_of_a_ball_may_be_picked_or_given_in_the_shot_file(
     light = changed(shot, {}, {"rim": RIM}).light.model_copy(update={"ball": chrome})
     brighter = blended(shot.model_copy(update={"light": light}), balls, None).light.radiance / given.light.radiance
     assert brighter.max() == pytest.approx(1 / 0.550, rel=0.02) and brighter.min() >= 0.999
+
+
+def test_a_ball_that_is_not_found_is_given_by_a_key_of_the_shot_file(
+    shot: Shot, merged: tuple[list[MergedBracket], MergedCamera]
+) -> None:
+    ((bracket,), _) = merged
+    cut = RadianceMap(np.ascontiguousarray(bracket.picture.radiance[:, 160:]))
+    with pytest.raises(BallNotFound, match="cuts off") as refused:
+        blended(changed(shot, {}, {}), [replace(bracket, picture=cut)], None)
+    said = re.fullmatch(
+        r".*; take it whole; or write the ball's rim into light\.balls\.0: pick = \[(.*)\]; `relume probe.*",
+        str(refused.value),
+    )
+    assert said is not None and "--pick " not in said[0]
+    given = [float(value) for value in said[1].split(", ")]
+    assert given == pytest.approx([RIM[0] - 160, *RIM[1:]], abs=3)
 
 
 def test_a_coloured_ball_whose_reflectance_is_given_is_no_doubt(

@@ -174,7 +174,7 @@ def test_a_stop_at_a_noise_is_resumed_with_what_was_confirmed(tmp_path):
 @pytest.mark.parametrize(
     ("change", "words"),
     [
-        ({"samples": "256"}, r"another samples \(64, now 256\); give restart=True \(--restart\) to"),
+        ({"samples": "256"}, r"another samples \(64, now 256\); give restart=True to begin anew"),
         ({"scene": "c" * 64}, "another scene; give restart"),
         ({"scene": "c" * 64, "relume": "d" * 64}, "another scene, relume; give"),
         ({"noise": "0.1"}, r"another noise \(none, now 0.1\)"),

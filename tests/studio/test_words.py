@@ -82,10 +82,14 @@ def test_the_keys_of_shots_are_known():
     [
         ("view 1: at 3,4,5; look at it with --picture and choose it with --pick",
          "view 1: at 3,4,5; look at it under Light, and drag the rim to the right one"),
-        ("no ball in a.jpg; round things that may be picked are 1: --pick 1,2,3, 2: --pick 4,5,6 (in a shot file "
-         "pick = [1, 2, 3]); --picture draws them", "no ball in a.jpg; lay the rim on it by its handles, under Light"),
-        ("cut off; take it whole, or pick its rim with --pick 10,20,30, and what is cut off is filled in",
-         "cut off; take it whole, or lay its rim on it under Light, and what is cut off is filled in"),
+        ("no ball in a.jpg; round things that may be picked are 1: --pick 1,2,3, 2: --pick 4,5,6; --picture draws "
+         "them", "no ball in a.jpg; lay the rim on it by its handles, under Light"),
+        ("no ball in a.jpg; or write the ball's rim into light.balls.0: pick = [1, 2, 3]; `relume probe --picture` "
+         "draws what is round", "no ball in a.jpg; lay the rim on it by its handles, under Light"),
+        ("a.jpg: it was taken as it is; `relume probe --picture` draws it",
+         "a.jpg: it was taken as it is; look at it under Light"),
+        ("cut off; take it whole; or pick its rim with --pick 10,20,30, and what is cut off is filled in",
+         "cut off; take it whole; or lay its rim on it under Light, and what is cut off is filled in"),
         ("20 are taken for a camera; give --radius and --distance, metres",
          "20 are taken for a camera; give the ball's radius (under Light) and the camera's place, metres"),
         ("a.hdr: 3 pixels were negative; they are set to 0 (--clamp)",

@@ -76,7 +76,10 @@ class NewShot:
     ] = None
     times: Annotated[
         Seconds | None,
-        Parameter(help="Exposure time of each photograph of the ball, or of the plate and then the ball."),
+        Parameter(
+            help="Exposure times: of the ball's photographs, as they are given, a folder's by name, 9 before 10; or of "
+            "the plate's and then the ball's."
+        ),
     ] = None
     times_from_names: TimesFromNames = False
     force: Annotated[bool, Parameter(negative="", help="Replace another shot.toml, or with --job another job.")] = False

@@ -20,14 +20,20 @@ T = TypeVar("T")
 def put_in_place(source: str | os.PathLike[str], target: str | os.PathLike[str]) -> None:
     """Give a file or a folder another name, in the place of the file that has it; raises OSError as `os.replace`.
 
+    source : its name now
+    target : its new name, in a folder of the same file system
+
     On Windows a refusal is tried again for a second, since scanners keep a new file open for a moment.
     """
     patiently(lambda: os.replace(source, target))
 
 
-def remove(path: Path) -> None:
-    """Remove a file if it is there, as patiently; raises OSError."""
-    patiently(lambda: path.unlink(missing_ok=True))
+def remove(path: str | os.PathLike[str]) -> None:
+    """Remove a file if it is there, as patiently; raises OSError.
+
+    path : of the file
+    """
+    patiently(lambda: Path(path).unlink(missing_ok=True))
 
 
 def patiently(act: Callable[[], T]) -> T:

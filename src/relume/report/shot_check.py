@@ -8,6 +8,7 @@ none, so what is found is said to be of one photograph.
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
+from contextlib import suppress
 from dataclasses import dataclass, replace
 from pathlib import Path
 
@@ -30,6 +31,7 @@ from relume.project.insertion.ball_camera import camera_of_ball
 from relume.project.insertion.frame_shots import at_frame, frames_of
 from relume.project.insertion.photographs import read_photographs
 from relume.project.shot_file.camera_table import camera_fit
+from relume.project.shot_file.light_table import picked_by_key
 from relume.project.shot_file.objects import doubts_about, placed_meshes
 from relume.project.shot_file.sequence_table import frames_as_text
 from relume.project.shot_file.shot import Shot
@@ -88,8 +90,8 @@ def check_shot(shot: Shot, *, progress: Callable[[str, float], None] = lambda st
         # A rim that is given is not sought: where it is, the ball may be one that is not found.
         given = [table.outline() for table in shot.light.balls or ()]
         found_in = [
-            _any_ball(each) if known is None else _Seen(known, "the shot file")
-            for each, known in zip(seen, given, strict=True)
+            _any_ball(each, index) if known is None else _Seen(known, "the shot file")
+            for index, (each, known) in enumerate(zip(seen, given, strict=True))
         ]
         outlines = [each and each.outline for each in found_in]
         facts["balls"] = [
@@ -179,22 +181,29 @@ class _Seen:
         return {"x": round(x, 1), "y": round(y, 1), "radius": round(radius, 1), "from": self.where}
 
 
-def _any_ball(photographs: Sequence[Photograph]) -> _Seen | None:
-    """The ball in the first photograph that shows one; None without photographs, else raises BallNotFound."""
-    for number, photograph in enumerate(photographs, 1):
-        try:
-            return _Seen(_ball(photograph), f"{Path(photograph.name).name} alone")
-        except BallNotFound:
-            if number == len(photographs):
-                raise
-    return None
+def _any_ball(photographs: Sequence[Photograph], index: int) -> _Seen | None:
+    """The ball in the first photograph that shows one; None without photographs, else raises BallNotFound.
+
+    index : of their table in light.balls
+    """
+    for photograph in photographs:
+        with suppress(BallNotFound):
+            return _Seen(_ball(photograph, SIDE), f"{Path(photograph.name).name} alone")
+    if not photographs:
+        return None
+    # Refused by the whole picture: what is round in a small one is not where the shot file would name it.
+    with picked_by_key(f"light.balls.{index}"):
+        return _Seen(_ball(photographs[-1], max(photographs[-1].size)), f"{Path(photographs[-1].name).name} alone")
 
 
-def _ball(photograph: Photograph) -> Outline:
-    """The ball's outline, sought in the photograph made small and followed in the whole; raises BallNotFound."""
+def _ball(photograph: Photograph, side: int) -> Outline:
+    """The ball's outline, sought in the photograph made small and followed in the whole; raises BallNotFound.
+
+    side : its longer side where it is made small, pixels
+    """
     import cv2
 
-    scale = min(1.0, SIDE / max(photograph.size))
+    scale = min(1.0, side / max(photograph.size))
     focal_length, whole = photograph.focal_length, photograph
     if scale < 1:
         pixels = cv2.resize(photograph.pixels, None, fx=scale, fy=scale, interpolation=cv2.INTER_AREA)

@@ -9,16 +9,18 @@ import re
 
 OFFERED = (
     # The rim of a ball.
-    (r"; round things that may be picked are .*?; --picture draws them",
-     "; lay the rim on it by its handles, under Light"),
+    (r"(; |^)round things that may be picked are .*?; --picture draws them",
+     r"\1lay the rim on it by its handles, under Light"),
     (r"look at it with --picture and choose it with --pick",
      "look at it under Light, and drag the rim to the right one"),
-    (r"look at it with --picture", "look at it under Light"),
+    (r"; or write the ball's rim into (light\.balls\.\d+|camera\.ball): .*",
+     "; lay the rim on it by its handles, under Light"),
     (r"pick (its|the) rim( in the first)? with --pick [^\s;]*[^\s;,]", r"lay \1 rim\2 on it under Light"),
     (r"choose it with --pick", "lay the rim on it under Light"),
     (r"; or the rim was missed: `relume probe --picture` draws it, and light\.balls\.pick or rim gives it",
      "; or the rim was missed: lay it on the ball under Light"),
     (r"`relume probe --picture` draws it; choose it with light\.balls\.pick", "look at it and lay it anew under Light"),
+    (r"`relume probe --picture` draws it", "look at it under Light"),
     # Exposures.
     (r"take those with --times-from-names, or", "give those as “times” in the shot file, or"),
     (r"if they are, give --times-from-names", "if they are, give them as “times” in the shot file"),
@@ -26,7 +28,7 @@ OFFERED = (
     (r"leave them out with --ignore .*", "leave them out of the photographs"),
     (r" by relume merge --spot where they are merged", " where they are merged"),
     # Measures.
-    (r"give --radius and --distance by tape measure",
+    (r"give the ball's radius and distance by tape measure \(.*?\)",
      "give the ball's radius (under Light) and the camera's place by tape measure"),
     (r"give --radius and --distance, metres", "give the ball's radius (under Light) and the camera's place, metres"),
     (r"was the camera's height given \(--camera X,Y,Z with Y up\)\? .*", "was the camera's height given under Light?"),

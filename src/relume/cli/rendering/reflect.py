@@ -9,7 +9,7 @@ from typing import Annotated, Literal
 from cyclopts import Parameter
 
 import relume as rl
-from relume.cli.arguments import ClusterWord, DryRun, MapsOptions, made_folder, require_files, require_output_folder
+from relume.cli.arguments import ClusterWord, DryRun, MapsOptions, require_files, require_output_folder
 from relume.cli.console import (
     OutputOptions,
     finish_each,
@@ -156,7 +156,6 @@ def reflect(
             return
 
         # The maps, their balls and what came of them.
-        made_folder(out)
         with progress(output) as report:
             made = rl.light.write_reflection_maps(light, out, wanted, report)
             if picture is not None:

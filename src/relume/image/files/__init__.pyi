@@ -1,4 +1,6 @@
 from . import encodings as encodings
+from .atomic import put_in_place as put_in_place
+from .atomic import remove as remove
 from .atomic import replacing as replacing
 from .atomic import write_text as write_text
 from .encodings import PFM as PFM

@@ -64,6 +64,16 @@ def write_text(path: str | os.PathLike[str], text: str) -> None:
         temporary.write_bytes(text.encode("utf-8"))
 
 
+def made_folder(path: str | os.PathLike[str]) -> Path:
+    """The folder, made where it is missing; raises OutputNotWritten."""
+    folder = Path(path)
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+    except OSError as error:
+        raise OutputNotWritten(f"{folder}: cannot be made a folder ({error.strerror}); choose another") from None
+    return folder
+
+
 def relative_name(path: str | os.PathLike[str], folder: str | os.PathLike[str]) -> str:
     """How a file beside others in `folder` may name `path`, with /; the whole path where it is on another drive."""
     try:

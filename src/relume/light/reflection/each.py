@@ -54,7 +54,6 @@ def _reflected(task: FileTask) -> dict[str, Any]:
     wanted, share, mapping, clamp = task.value
     light = LightSequence(task.sources, 1.0, "linear", mapping, clamp).at(share)
     folder = task.targets[0].parent
-    folder.mkdir(parents=True, exist_ok=True)
     made = write_reflection_maps(light, folder, wanted)
     for line in made.notes:
         warn(line)

@@ -14,6 +14,7 @@ from typing import Literal
 import numpy as np
 
 from relume.image import files
+from relume.image.files.atomic import made_folder
 from relume.image.files.textures import ktx2
 from relume.light.harmonics.spherical_harmonics import project_sh
 from relume.light.reflection.brdf import Reflectance
@@ -115,11 +116,12 @@ def write_reflection_maps(
     """Write an environment map convolved with what surfaces do to light (Miller & Hoffman 1984).
 
     light : in any mapping
-    folder : exists
+    folder : made where it is missing
     wanted : the paper's two tables unless given; nine spherical harmonics always go to harmonics.json
     progress : called with the name of each step and the share of it that is done, 0 to 1
+    Raises OutputNotWritten.
     """
-    folder = Path(folder)
+    folder = made_folder(folder)
     wanted = wanted or ReflectionFiles()
     notes = []
     if wanted.glossy and wanted.normalisation is not Normalisation.RADIOMETRIC:

@@ -292,7 +292,7 @@ def _coded(pictures: np.ndarray, kind: np.dtype, names: tuple[str, ...]) -> tupl
             if least < -0.5 * steps[index]:
                 raise ValueError(
                     f'the picture of the light "{name}" reaches {least:g}, below 0, which 8 bits cannot hold; '
-                    "choose float16"
+                    "keep it as half floats (--dtype half, in Python half or np.float16)"
                 )
             coded[index] = np.clip(np.rint(picture * np.float32(1 / steps[index])), 0, 255)
         else:
@@ -317,6 +317,7 @@ def _rounding(path: Path | str, root: Any) -> list[float]:
     if constant**0.5 > COARSE * mean.mean():
         warn(
             f"{path}: 8 bits are coarse here: they round by {100 * constant**0.5 / mean.mean():.0f} % of the mean "
-            "value, for the brightest pixels stand far above it; build it with float16"
+            "value, for the brightest pixels stand far above it; keep it as half floats (--dtype half, "
+            "in Python half or np.float16)"
         )
     return [constant, 0.0]

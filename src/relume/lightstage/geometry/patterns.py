@@ -16,9 +16,10 @@ from pathlib import Path
 
 import numpy as np
 
-from relume.errors import OutputNotWritten, UnreadableFile
+from relume.errors import UnreadableFile
 from relume.image import files
 from relume.image.colour import encode_srgb
+from relume.image.files.atomic import made_folder
 from relume.image.photograph import Photograph
 from relume.lightstage.matting.gray_code import gray_stripes
 
@@ -98,11 +99,7 @@ def write_patterns(folder: str | os.PathLike[str], patterns: ProjectorPatterns) 
 
     Codes are sRGB's, as projectors show pictures. Returns the files. Raises OutputNotWritten.
     """
-    place = Path(folder)
-    try:
-        place.mkdir(parents=True, exist_ok=True)
-    except OSError as error:
-        raise OutputNotWritten(f"{place}: cannot be made a folder ({error.strerror}); choose another") from None
+    place = made_folder(folder)
     written = []
     for name, light in patterns.pictures():
         codes = np.rint(255 * encode_srgb(light)).astype(np.uint8)

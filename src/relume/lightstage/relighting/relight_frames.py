@@ -7,6 +7,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 
+from relume.image.files.atomic import made_folder
 from relume.lightstage.blocks import Cluster, spread
 from relume.lightstage.field.field import ReflectanceField
 from relume.lightstage.relighting.relight import prepared, relight_sequence
@@ -14,7 +15,7 @@ from relume.lightstage.relighting.relight_in_bands import pictures_in_bands
 from relume.lightstage.relighting.relight_settings import RelightSettings
 from relume.lightstage.relighting.relighting import Progress, within
 from relume.lightstage.relighting.relit_bands import Frames
-from relume.lightstage.relighting.relit_files import film_for, made_folder, write_frame, write_frames
+from relume.lightstage.relighting.relit_files import film_for, write_frame, write_frames
 from relume.lightstage.relighting.specular_spikes import share_below, warn_below
 from relume.lightstage.relighting.stage_lighting import StageLighting
 from relume.sphere.environment_map import EnvironmentMap

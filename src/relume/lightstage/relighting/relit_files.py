@@ -8,8 +8,8 @@ from pathlib import Path
 
 import numpy as np
 
-from relume.errors import OutputNotWritten
 from relume.image import files
+from relume.image.files.atomic import made_folder
 from relume.image.files.video import Movie
 from relume.image.radiance import RadianceMap
 from relume.virtual_camera.developing import develop
@@ -68,12 +68,3 @@ def write_frame(folder: Path, number: int, picture: RadianceMap, film: Film) -> 
     """Write frame_0001.exr and .png of a frame into a folder, each whole or not at all."""
     files.write(folder / f"frame_{number:04d}.exr", picture)
     files.write(folder / f"frame_{number:04d}.png", develop(picture.radiance, film))
-
-
-def made_folder(folder: Path) -> Path:
-    """The folder, made where it is missing; raises OutputNotWritten."""
-    try:
-        folder.mkdir(parents=True, exist_ok=True)
-    except OSError as error:
-        raise OutputNotWritten(f"{folder}: cannot be made a folder ({error.strerror}); choose another") from None
-    return folder

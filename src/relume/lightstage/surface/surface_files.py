@@ -16,9 +16,10 @@ import numpy as np
 from scipy import ndimage
 
 from relume.composite.surface.projection import projected
-from relume.errors import OutputNotWritten, warn
+from relume.errors import warn
 from relume.image import files
 from relume.image.colour import encode_srgb
+from relume.image.files.atomic import made_folder
 from relume.image.photograph import Photograph
 from relume.lightstage.blocks import Cluster, scratch_if
 from relume.lightstage.field.field import ReflectanceField
@@ -101,13 +102,9 @@ def write_surface(
     camera : that the maps were taken with; needed with meshes
     Returns the files. Raises ValueError where no mesh has anything of the maps, OutputNotWritten.
     """
-    place = Path(folder)
     if meshes and camera is None:
         raise ValueError("the mesh needs the stage's camera; give it in stage.json")
-    try:
-        place.mkdir(parents=True, exist_ok=True)
-    except OSError as error:
-        raise OutputNotWritten(f"{place}: cannot be made a folder ({error.strerror}); choose another") from None
+    place = made_folder(folder)
     files.write_layers(place / "maps.exr", {name: getattr(maps, name) for name in MAPS})
     for name, picture in maps.pictures().items():
         # Albedo as the eye expects it; numbers of directions and shares as they are.

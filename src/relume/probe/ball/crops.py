@@ -75,9 +75,8 @@ def _outlines(photographs: Sequence[Photograph], picked: Outline | None) -> list
     if not seen:
         assert refusal is not None
         raise BallNotFound(
-            f"{photographs[0].name}: no mirrored ball found in it, nor in the others; crop them alike, or pick its rim "
-            "in the first with --pick X,Y,RADIUS",
-            refusal.candidates, refusal.radiance,
+            f"{photographs[0].name}: no mirrored ball found in it, nor in the others; crop them alike",
+            refusal.candidates, refusal.radiance, "or pick its rim in the first with --pick X,Y,RADIUS",
         )  # fmt: skip
     usual = float(np.median([outline.radius for outline in seen]))
     if picked is not None and found[0] is not None:
@@ -107,7 +106,8 @@ def _require_one_ball(photographs: Sequence[Photograph], outlines: Sequence[Outl
         if np.corrcoef(edges[one], edges[other])[0, 1] < SAME_BALL:
             raise NotABracket(
                 f"{photographs[one].name} does not show the same ball and place as {photographs[other].name}; give "
-                "crops of one bracket, or pick the rim in the first with --pick X,Y,RADIUS if it was missed"
+                "crops of one bracket, or pick the rim in the first (--pick X,Y,RADIUS, in a shot file pick = [x, y, "
+                "radius]) if it was missed"
             )
 
 

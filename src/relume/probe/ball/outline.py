@@ -139,13 +139,11 @@ def _roughly(
 def refusal(words: str, found: Sequence[Candidate], radiance: np.ndarray, offered: bool = True) -> BallNotFound:
     """The refusal, with what is round; `offered` as picks to copy."""
     circles = tuple([each.circle for each in found if each.outline.coverage > LEAST_OFFERED][:OFFERED])
-    if circles and offered:
-        picks = ", ".join(f"{number}: --pick {shown(circle)}" for number, circle in enumerate(circles, 1))
-        first = ", ".join(shown(circles[0]).split(","))
-        words += (
-            f"; round things that may be picked are {picks} (in a shot file pick = [{first}]); --picture draws them"
-        )
-    return BallNotFound(words, circles, radiance)
+    if not circles or not offered:
+        return BallNotFound(words, circles, radiance)
+    picks = ", ".join(f"{number}: --pick {shown(circle)}" for number, circle in enumerate(circles, 1))
+    remedy = f"round things that may be picked are {picks}; --picture draws them"
+    return BallNotFound(words, circles, radiance, remedy)
 
 
 def shown(circle: Circle) -> str:

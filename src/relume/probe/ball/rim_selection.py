@@ -115,7 +115,7 @@ def picked_rim(
             return placed_rim(radiance, _finely(pyramid, found), (focal,))
     warn(
         f"{name}: no rim is seen near what was picked, x,y,radius {x:.0f},{y:.0f},{radius:.0f}, so it was taken as it "
-        "is; look at it with --picture"
+        "is; `relume probe --picture` draws it"
     )
     return outline
 

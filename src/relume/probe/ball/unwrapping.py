@@ -247,9 +247,8 @@ def unwrap_ball(
         if cut > MOST_CUT:
             circle = (*found.centre, found.radius)
             raise BallNotFound(
-                f"{name}: the picture's edge cuts off {100 * cut:.0f} % of the ball; take it whole, or pick its rim "
-                f"with --pick {shown(circle)}, and what is cut off is filled in",
-                (circle,), shown_light,
+                f"{name}: the picture's edge cuts off {100 * cut:.0f} % of the ball; take it whole", (circle,),
+                shown_light, f"or pick its rim with --pick {shown(circle)}, and what is cut off is filled in",
             )  # fmt: skip
     focal_length = lenses[0]
     assert focal_length is not None
@@ -305,8 +304,9 @@ def _fitted_lens(light: np.ndarray, found: Outline, focal_length: float, name: s
     if turn > TURNED:
         warn(
             f"{name}: no focal length in its EXIF, and the shape of the ball gives {lens:.0f} pixels to "
-            f"{100 * unsure:.0f} % only, which turns what it shows by up to {np.degrees(turn):.1f}°; give --radius and "
-            "--distance by tape measure",
+            f"{100 * unsure:.0f} % only, which turns what it shows by up to {np.degrees(turn):.1f}°; give the "
+            "ball's radius and distance by tape measure (--radius and --distance, in a shot file light.ball.radius "
+            "and the camera of light.balls)",
             effect=turn,
         )
     return lens

@@ -23,6 +23,7 @@ from relume.probe.ball.unwrapping import CAMERA_FROM_PIXELS, BallView, unwrap_ba
 from relume.probe.clipped_light import linear
 from relume.project.shot_file.ball_table import GUESSED_PLACE, GUESSED_SIZE, BallOnTable
 from relume.project.shot_file.camera_table import CameraTable
+from relume.project.shot_file.light_table import picked_by_key
 from relume.project.shot_file.shot import Shot
 from relume.scene.cameras.camera import Camera
 from relume.scene.cameras.distortion import Distortion
@@ -101,10 +102,12 @@ def camera_of_ball(
                 f"{plate.size[0]}×{plate.size[1]}; photograph the ball with the plate's camera from its place"
             )
         name, picture = photograph.name, linear(photograph)
-        rim = _seen(picture, lens, name).outline.points
+        with picked_by_key("camera.ball", "rim"):
+            rim = _seen(picture, lens, name).outline.points
     elif balls[0][1].size == plate.size:
         name, picture = balls[0]
-        found = outline or _seen(picture, lens, name).outline
+        with picked_by_key("light.balls.0"):
+            found = outline or _seen(picture, lens, name).outline
         rim = found.points
     else:
         rim, picture = _guessed_rim(plate, *balls[0]), None

@@ -21,7 +21,7 @@ from relume.probe.ball.silhouette import Outline
 from relume.probe.ball.unwrapping import BallView, unwrap_ball
 from relume.project.insertion.ball_camera import BallCamera
 from relume.project.insertion.slips import held_to_tape
-from relume.project.shot_file.light_table import Ball, BallPhotographs
+from relume.project.shot_file.light_table import Ball, BallPhotographs, picked_by_key
 from relume.project.shot_file.shot import Shot
 
 FEWEST = 0.01
@@ -80,12 +80,13 @@ def _view(
         outline = stood.outline if index == 0 and stood.outline is not None else outline
         if index == 0:
             focal_length = table.focal_length if stood.outline is None else stood.fit.camera.focal_length
-    view = unwrap_ball(
-        picture, camera=np.array(place), centre=np.array(centre), focal_length=focal_length,
-        radius=ball.radius, outline=outline, name=bracket.name,
-        reflectance=_reflectance(ball.reflectance),
-        measured=table.camera is not None and ball.centre is not None,
-    )  # fmt: skip
+    with picked_by_key(f"light.balls.{index}"):
+        view = unwrap_ball(
+            picture, camera=np.array(place), centre=np.array(centre), focal_length=focal_length,
+            radius=ball.radius, outline=outline, name=bracket.name,
+            reflectance=_reflectance(ball.reflectance),
+            measured=table.camera is not None and ball.centre is not None,
+        )  # fmt: skip
     remedy = "`relume probe --picture` draws it; choose it with light.balls.pick"
     for doubt in rim_doubts(view, bracket.name, remedy, picked=outline is not None):
         warn(doubt.line, doubt.effect)

@@ -23,14 +23,13 @@ from relume.image.radiance import RadianceMap
 from relume.image.response import Response
 from relume.probe.ball.blending import Probe
 from relume.probe.ball.crops import on_one_frame
-from relume.probe.ball.silhouette import Outline
 from relume.project.insertion.ball_camera import BallCamera, camera_of_ball
 from relume.project.insertion.ball_light import blended, picked_outline
 from relume.project.insertion.slips import CHANGED, other_time_or_place, require_measures
 from relume.project.merging.merged_photographs import FirstFacts, Photographs, first_facts, merged_brackets
 from relume.project.merging.single_plate import is_single, read_single, why_untied
 from relume.project.place_tables import distant_scene
-from relume.project.shot_file.light_table import MergeTable
+from relume.project.shot_file.light_table import BallPhotographs, MergeTable, picked_by_key
 from relume.project.shot_file.objects import placed_meshes
 from relume.project.shot_file.shot import Shot
 from relume.project.stages import Steps
@@ -120,9 +119,7 @@ def read_photographs(shot: Shot) -> Photographs:
         plate = read_single(paths[0], shot.plate.times)
     else:
         plate = _source(paths, shot.plate.times)
-    balls = tuple(
-        _ball_source(shot.files(ball.photographs), ball.times, ball.outline()) for ball in shot.light.balls or ()
-    )
+    balls = tuple(_ball_source(shot, index, ball) for index, ball in enumerate(shot.light.balls or ()))
     # A single photograph may be off the scale of the others: it is found from what both show.
     taken = [*balls] if isinstance(plate, RadianceMap) or is_single(plate) else [plate, *balls]
     require_known_exposures(each for each in taken if isinstance(each, Bracket))
@@ -293,12 +290,15 @@ def _source(paths: Sequence[Path], times: Sequence[float] | None) -> BracketSour
     return tuple(paths)
 
 
-def _ball_source(paths: Sequence[Path], times: Sequence[float] | None, picked: Outline | None = None) -> BracketSource:
+def _ball_source(shot: Shot, index: int, ball: BallPhotographs) -> BracketSource:
     """The same of a ball, whose photographs may be crops of different sizes: these are laid on one another by it."""
+    paths, times = shot.files(ball.photographs), ball.times
     if kind_of(paths[0]) == "RAW" or len({files.read_facts(path).size for path in paths}) == 1:
         return _source(paths, times)
     warn(f"{paths[0]} … {paths[-1].name}: of different sizes, so taken for crops and laid on one another by the ball")
-    return Bracket(on_one_frame(exposed([files.read_photograph(path) for path in paths], times=times), picked))
+    crops = exposed([files.read_photograph(path) for path in paths], times=times)
+    with picked_by_key(f"light.balls.{index}"):
+        return Bracket(on_one_frame(crops, ball.outline()))
 
 
 def _require_one_scale(brackets: Sequence[FirstFacts]) -> None:

@@ -309,7 +309,7 @@ def _movie(out: Path, made: Sequence[FrameMade], rate: float, doubts: list[Doubt
     from relume.image.files.video import Movie
 
     try:
-        record.unlink(missing_ok=True)
+        remove(record)
         with Movie(path, rate) as movie:
             for picture in pictures:
                 movie.add(files.read_photograph(picture).pixels)

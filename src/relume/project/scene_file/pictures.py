@@ -20,6 +20,7 @@ from relume.cluster.renaming import remove
 from relume.cluster.tasks import run_tasks
 from relume.errors import CannotResume, OutputNotWritten, naming, warn
 from relume.image import files
+from relume.image.files.atomic import made_folder
 from relume.image.radiance import RadianceMap
 from relume.project.forecast import memory_for
 from relume.project.scene_file.frame_plan import PREVIEW, FramePlan
@@ -153,10 +154,7 @@ def make_frames(
     """
     plan = pictures.plan
     assert plan is not None  # of frames
-    try:
-        folder.mkdir(parents=True, exist_ok=True)
-    except OSError as error:
-        raise OutputNotWritten(f"{folder}: cannot be made a folder ({error.strerror}); choose another") from None
+    made_folder(folder)
     work = _Work(folder.absolute(), pictures, suffix, film, unit)
     if cluster is not None:
         return _spread(work, cluster, report)

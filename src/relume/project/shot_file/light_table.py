@@ -2,12 +2,15 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
+from contextlib import contextmanager
 from typing import Annotated, Literal
 
 import numpy as np
 from pydantic import Field, model_validator
 
 from relume.capture.brackets.settings import RESPONSE_METHODS, MergeSettings
+from relume.errors import BallNotFound
 from relume.probe.ball.silhouette import Outline, outline_of_circle, outline_through
 from relume.project.finished_light import FinishedLight
 from relume.project.place_tables import DistantTable
@@ -76,6 +79,23 @@ class BallPhotographs(MergeTable):
         if len(numbers) < 6 or len(numbers) % 2:
             raise ValueError("a rim is [x, y, radius], or three points or more [x, y, x, y, x, y], in pixels")
         return outline_through(np.reshape(numbers, (-1, 2)))
+
+
+@contextmanager
+def picked_by_key(table: str, key: str = "pick") -> Iterator[None]:
+    """A ball that is not found in the block is refused by the key that picks it, in place of options of `probe`.
+
+    table : of the shot file, which takes the key, as "light.balls.0"
+    """
+    try:
+        yield
+    except BallNotFound as error:
+        if not error.remedy:
+            raise
+        rims = [f"{key} = [{', '.join(f'{value:.1f}' for value in circle)}]" for circle in error.candidates]
+        remedy = f"or write the ball's rim into {table}: {' or '.join(rims) or f'{key} = [x, y, radius]'}"
+        drawn = "; `relume probe --picture` draws what is round" if rims else ""
+        raise BallNotFound(error.found, error.candidates, error.radiance, remedy + drawn) from None
 
 
 class Ball(Table):

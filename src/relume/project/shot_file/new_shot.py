@@ -26,6 +26,8 @@ NEW_RENDER = {"samples": 64, "denoise": True}
 """[render] of a new shot, here and in the studio: minutes on two cores, and what noise is left is taken out."""
 GUESSED_RADIUS = 0.05
 """Metres, where no radius is given: between balls of bearings and garden globes."""
+NAMED = 6
+"""The most photographs of which a refusal gives the order."""
 LARGEST_RADIUS = 0.5
 """Metres: nobody carries a larger mirrored ball, and a radius in centimetres is above it."""
 PLACE_GUESSED = 0.2
@@ -158,9 +160,12 @@ class NewShot:
             return [], [[] for _ in views]
         of_balls = sum(len(view) for view in views)
         if len(self.times) not in (of_balls, of_balls + len(self.plate)):
+            order = ", ".join([path.name for view in views for path in view][:NAMED])
+            order += ", …" if of_balls > NAMED else ""
             raise NotABracket(
                 f"{len(self.times)} times were given for {of_balls} photographs of the ball and {len(self.plate)} of "
-                "the plate; give one for each of the ball's, or of the plate's first and then the ball's"
+                f"the plate; give one for each of the ball's, in this order: {order}; or the plate's first and then "
+                "these"
             )
         rest = iter(self.times)
         plate = list(islice(rest, len(self.times) - of_balls))

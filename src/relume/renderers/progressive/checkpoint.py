@@ -88,7 +88,7 @@ def read_checkpoint(path: Path, key: Mapping[str, str]) -> Checkpoint | None:
     if whole:
         raise CannotResume(
             f"{path}: was begun with another {', '.join(_differences(whole[0].key, key))}; give restart=True "
-            "(--restart) to begin anew, or put back what it was begun with"
+            "to begin anew, or put back what it was begun with"
         )
     return None
 

@@ -108,7 +108,7 @@ class Bundle:
             target = self._place.with_name(f"{stem}-{number}")
         with _written(f"objects/{target.name}"):
             os.chmod(self._place, 0o755)
-            self._place.rename(target)
+            rl.files.put_in_place(self._place, target)
         return {
             "meshes": [self._folder.name(target / name) for name in sorted(roots or meshes)],
             "left_out": [each.name for each in self._files if each.name not in there],

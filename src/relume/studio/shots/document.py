@@ -131,7 +131,11 @@ class Document:
                 with rl.files.replacing(self.path) as temporary:
                     temporary.write_bytes(_bytes(self._texts[place]))
             else:
-                self.path.unlink(missing_ok=True)
+                try:
+                    rl.files.remove(self.path)
+                except OSError as error:
+                    why = error.strerror or error
+                    raise rl.errors.OutputNotWritten(f"{self.path.name}: cannot be removed ({why})") from None
             self._stamp = self._stamp_now()
             self._place = place
             self.revision += 1

@@ -32,7 +32,10 @@ def holds(path: str | os.PathLike[str], name: str, layer: np.ndarray) -> bool:
         warn(f"{path}: {name} is stored as float, not half: {what}")
         return False
     nothing = f", and {black} become 0" if black else ""
-    warn(f"{path}: {name} is stored as half, though {what}{nothing}; store float to keep them")
+    warn(
+        f"{path}: {name} is stored as half, though {what}{nothing}; float keeps them (leave out --half, in Python "
+        "half=True)"
+    )
     return True
 
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from contextlib import suppress
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
@@ -71,7 +72,8 @@ class LightAnswers:
             changes = pointed_at(table, self.folder.name(path), photograph)
             self.document.edit(changes, revision=revision, unfinished=self.document.fault is not None)
         except (rl.RelumeError, ValueError):
-            path.unlink(missing_ok=True)
+            with suppress(OSError):  # why the edit was refused is what is said
+                rl.files.remove(path)
             raise
         return in_json({"state": self.state(), "facts": facts})
 
