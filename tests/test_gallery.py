@@ -84,3 +84,10 @@ def test_where_the_probe_was_the_model_of_the_room_is_the_map():
     place = script("debevec_1998_figures").room_of_the_map(scene, above)[1, 1]
     way = np.array([0.3, -0.05, 0.2]) / np.linalg.norm([0.3, -0.05, 0.2])
     np.testing.assert_allclose(place, light.lookup(way), atol=0.02)
+    # And a place of the wall behind the table what the probe saw towards it: 0.5 m aside and 0.25 m up, 2 m away.
+    ahead = rl.Camera.looking_at(
+        np.array([0.0, 0.6, 1.0]), np.array([0.5, 0.3, -2.0]), width=3, height=3, focal_length=300.0
+    )
+    place = script("debevec_1998_figures").room_of_the_map(scene, ahead)[1, 1]
+    way = np.array([0.5, 0.25, -2.0]) / np.linalg.norm([0.5, 0.25, -2.0])
+    np.testing.assert_allclose(place, light.lookup(way), atol=0.02)

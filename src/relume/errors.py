@@ -91,7 +91,8 @@ class BallNotFound(RelumeError):
 
     candidates : (x, y, radius) of what is round in it, pixels, the likeliest first; each can be picked
     radiance : (H, W, 3) in which they were sought, or None
-    remedy : the end of the message, which says by options of `relume probe` how the ball is picked; "" where none does
+    remedy : the end of the message: how the ball is picked, by options of `relume probe` or keys of the shot file; ""
+        where none does
     """
 
     def __init__(

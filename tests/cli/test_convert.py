@@ -63,6 +63,12 @@ def test_faces_for_engines_that_negate_an_axis_show_the_same_light(tmp_path, cap
     made([*three, "-o", out, "--to", "latlong", "--size", "48", "--mirror", "x"], capsys)
     made([*plain, "-o", str(tmp_path / "plain.exr"), "--to", "latlong", "--size", "48"], capsys)
     np.testing.assert_array_equal(read_radiance(out).radiance, read_radiance(tmp_path / "plain.exr").radiance)
+    # Files that know their axis need no option, and one that is given counts more than what they know.
+    made([*three, "-o", out, "--to", "latlong", "--size", "48"], capsys)
+    known = read_radiance(out).radiance
+    np.testing.assert_array_equal(known, read_radiance(tmp_path / "plain.exr").radiance)
+    made([*three, "-o", out, "--to", "latlong", "--size", "48", "--mirror", "z"], capsys)
+    assert not np.allclose(read_radiance(out).radiance, known, rtol=0.1)
     assert "--mirror is for six faces" in refused(["convert", source, "-o", out, "--mirror", "x"], capsys)
 
 

@@ -86,7 +86,8 @@ def paragraphs(page: str) -> Iterator[str]:
 
 
 def syllables(word: str) -> int:
-    """How many syllables an English word has, by its groups of vowels; of 100 words of our pages 99 come out right."""
+    """How many syllables an English word has, by its groups of vowels; of 100 running words of our pages 99
+    come out right."""
     small = re.sub(r"['’]\w*$", "", word.lower())
     count = len(VOWELS.findall(SILENT.sub("", small)))
     return max(1, count + len(SPOKEN.findall(small)) + len(APART.findall(small)))

@@ -7,6 +7,7 @@ import OpenEXR
 import pytest
 
 from other_programs import by_openimageio
+from relume.image import bands
 from relume.image.files import encodings, read_radiance, write
 from relume.image.radiance import RadianceMap
 
@@ -100,3 +101,19 @@ def test_each_plane_is_judged_on_its_own_and_marks_are_exact(tmp_path):
     assert image.variance is not None
     np.testing.assert_array_equal(image.variance, pixels * np.float32(1e-6))
     np.testing.assert_array_equal(image.clipped, clipped)
+
+
+def test_bands_of_a_picture_are_all_stored_and_counted(monkeypatch, tmp_path):
+    """Q4 and the count of what is lost, where every band holds some of it; and what lies the other way in memory."""
+    monkeypatch.setattr(bands, "BAND", 100)
+    pixels = np.random.default_rng(5).uniform(0.5, 2, (40, 30, 3)).astype(np.float32)
+    pixels[::2, 0, 0] = 1.2345e-6
+    with pytest.warns(UserWarning, match="though 20 of its 3600 values"):
+        write(tmp_path / "a.exr", RadianceMap(pixels), HALF)
+    np.testing.assert_array_equal(
+        read_radiance(tmp_path / "a.exr").radiance, pixels.astype(np.float16).astype(np.float32)
+    )
+    pixels[39, 29, 2] = 1e6
+    with pytest.warns(UserWarning, match="1 values are beyond 65504"):
+        write(tmp_path / "b.exr", RadianceMap(pixels[::-1, ::-1]), HALF)
+    np.testing.assert_array_equal(read_radiance(tmp_path / "b.exr").radiance, pixels[::-1, ::-1])

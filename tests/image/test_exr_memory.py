@@ -1,4 +1,4 @@
-"""What reading and writing an EXR take of memory: at most twice its pixels as float32."""
+"""What reading and writing an EXR take of memory: at most its pixels as float32 and twice them."""
 
 import subprocess
 import sys
@@ -32,12 +32,13 @@ print(peak() - before)
 
 @pytest.mark.slow
 @pytest.mark.parametrize("kind", ["float", "half"])
-def test_six_million_pixels_take_at_most_twice_their_size(tmp_path, kind):
+def test_six_million_pixels_take_at_most_once_and_twice_their_size(tmp_path, kind):
     if not sys.platform.startswith("linux"):
         pytest.skip("the peak of memory is read as Linux states it")
     size = 2000 * 3000 * 12 / 1024  # KiB, as Linux says
     for step in ("write", "read"):
         command = [sys.executable, "-c", SCRIPT, step, str(tmp_path / "a.exr"), kind]
         said = subprocess.run(command, capture_output=True, text=True, check=True).stdout
-        assert int(said) <= 2 * size, step
-        assert int(said) >= 0.3 * size, step  # else nothing was measured
+        # A picture is written from where it lies, or from halves of it in a file.
+        assert int(said) <= {"write": 1, "read": 2}[step] * size, step
+        assert int(said) >= {"write": 0.02, "read": 0.3}[step] * size, step  # else nothing was measured

@@ -154,7 +154,8 @@ def test_times_are_of_the_ball_or_of_plate_and_ball_or_in_the_names(place: Path)
     assert times(read_shot(place / "s.toml")) == [None, [0.1, 0.2], [0.4]]
     assert times(new(place, None, times=[1 / 3, 0.1, 0.2, 0.4])) == [[1 / 3], [0.1, 0.2], [0.4]]
     with pytest.raises(
-        NotABracket, match=r"^2 times were given for 3 photographs of the ball and 1 of the plate; .*order: a\.jpg, b"
+        NotABracket,
+        match=r"^2 times were given for 3 photographs of the ball and 1 of the plate; .*: ball \[1\]/a\.jpg, ball",
     ):
         new(place, None, times=[0.1, 0.2])
     with pytest.raises(ValueError, match="choose one of the two"):

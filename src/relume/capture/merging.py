@@ -114,9 +114,9 @@ def merge(
 
     The variance plane carries the response's noise through the average. A channel that no photograph measured keeps a
     bound, has infinite variance, and marks its pixel in the `clipped` mask; nothing is invented there. The bound of
-    white is what its value shows in the shortest exposure, less two deviations of its noise; that of black what it
-    shows in the longest, and as much more. A pixel outside every photograph has radiance 0, infinite variance and its
-    own mark.
+    white is what its value shows in the shortest exposure that shows it white, less two deviations of its noise; that
+    of black what it shows in the longest that shows it black, and as much more. A pixel outside every photograph has
+    radiance 0, infinite variance and its own mark.
     Raises NotABracket when hardly any pixel is measured.
     """
     from relume.capture.merge_kernel import BESIDE, finish, merge_stretch

@@ -29,7 +29,7 @@ def put_in_place(source: str | os.PathLike[str], target: str | os.PathLike[str])
 
 
 def remove(path: str | os.PathLike[str]) -> None:
-    """Remove a file if it is there, as patiently; raises OSError.
+    """Remove a file if it is there; on Windows a refusal is tried again for a second. Raises OSError.
 
     path : of the file
     """

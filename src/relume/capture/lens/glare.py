@@ -171,7 +171,7 @@ def _report(picture: RadianceMap, bounded: np.ndarray) -> None:
     if bounded.any():
         warn(
             f"in {100 * bounded.mean():.2g} % of the picture more glare was reckoned than light was seen; they are "
-            "black now; give a place that is really black (--glare), or in Python a Glare of smaller share",
+            "black now; give a place that is really black (--glare), or a smaller share (in Python, Glare)",
             float(bounded.mean()),
         )
     if picture.clipped is not None and (picture.clipped == SATURATED).any():

@@ -92,7 +92,8 @@ def merge_raw(
     times : exposure time of each in seconds, in place of the whole EXIF exposure
     calibration : what `calibrate_raw` found of the same photographs, where it has been asked before
     balance : multipliers of red, green and blue; the camera's for daylight unless given, so that every bracket of a
-        camera is on one scale and lamplight keeps its colour. `RawPhotograph.as_shot` gives the camera's own choice
+        camera is on one scale and lamplight keeps its colour. A raw that is read holds the camera's own
+        choice as `as_shot`
 
     Values below black stay negative, and so may the darkest radiance. The variance holds through interpolation and
     colour matrix. Where a nearest sample of a pixel is saturated in all photographs its variance is infinite and its

@@ -34,8 +34,8 @@ class DebevecMalik:
         should. False is the paper's own term
     difference : which difference of g is kept small; 2 is the paper's g″. Curves bend slowly over their whole range.
         Exposures one step apart cannot see a ripple of that step (g + p(g), p periodic), which bends within the step.
-        The third difference separates the two better: of 201 curves the worst twentieth is 0.48 % off, not 0.57 %, and
-        the median 0.07 %, not 0.06 %. Of five real brackets two ripple half as much, one a little more
+        The third difference separates the two better: of 201 curves the worst twentieth is 0.48 % off, not 0.57 %,
+        though the median is 0.07 %, not 0.06 %. Of five real brackets two ripple half as much, one a little more
     steepness : once the curve is known, weigh a value less where the curve is steeper than a power law. Film's base fog
         and a camera's toe give the same few values whatever the exposure, and eq. 4 knows of neither
     monotone : where the curve does not rise by itself, solve again for increments that are not negative, as §2.1

@@ -145,7 +145,7 @@ def _decoded(path: str | os.PathLike[str], module: str, options: ReadOptions) ->
 
 
 def read_raw(path: str | os.PathLike[str], options: ReadOptions = ReadOptions()) -> RawPhotograph:
-    """What the sensor read, from a camera raw file (DNG, NEF, CR2, CR3, ARW, …); see `RawPhotograph`.
+    """What the sensor read, from a camera raw file (DNG, NEF, CR2, CR3, ARW, …).
 
     path : a camera raw file
     options : limits

@@ -172,7 +172,7 @@ def read_cube_faces(
 
     paths : six, in that order
     mirror : "x" or "z" for files of an engine that negates that axis before it looks a cube up; as the files store it
-        unless given
+        unless given, and against what they store where it is
     clamp, options : as `read_environment`
 
     Raises UnreadableFile for files that are not six squares of one size and unit.
@@ -194,7 +194,7 @@ def read_cube_faces(
         empty = np.zeros((side, side), np.uint8)
         clipped = np.concatenate([empty if p.clipped is None else p.clipped for p in pictures], axis=1)
     radiance = np.concatenate([picture.radiance for picture in pictures], axis=1)
-    attributes = {**({"mirror": mirror} if mirror else {}), **first.attributes, "mapping": "strip"}
+    attributes = {**first.attributes, **({"mirror": mirror} if mirror else {}), "mapping": "strip"}
     return as_environment(RadianceMap(radiance, None, clipped, first.unit, attributes))
 
 

@@ -104,7 +104,7 @@ def separate_patch(samples: PatchSamples, light: tuple[float, float, float] = (1
 
     samples : of the patch at many angles, as `read_patch` reads them
     light : colour of the lamp beside its irradiance, linear Rec. 709; white unless given
-    Source: Debevec et al. 2000, §4.2, eq. 6, 7.
+    Source: Debevec et al. 2000, §4.1, eq. 6, 7, and §4.2.
     """
     colour = unit_chromaticity(np.asarray(light, np.float64))
     values = samples.values[:, None]
@@ -129,7 +129,7 @@ def fit_patch(samples: PatchSamples, light: tuple[float, float, float] = (1.0, 1
     light : colour of the lamp beside its irradiance, linear Rec. 709; white unless given
     Skin's index of refraction is taken as 1.4: only its share of facets depends on it. Raises ValueError where the
     samples show no lobe that ends, as where all are taken far from the mirror angle. Source: Debevec et al. 2000, §4.1,
-    eq. 6 to 8.
+    eq. 6, 7, and §4.3, eq. 8.
     """
     colour = unit_chromaticity(np.asarray(light, np.float64))
     # A start: the separated parts, one after the other.

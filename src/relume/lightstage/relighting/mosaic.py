@@ -61,7 +61,7 @@ def mosaic(
     """The reflectance functions of an even sampling of pixels, `down` × `across` of them.
 
     field : whose functions are drawn
-    down, across : how many pixels are sampled each way; the paper samples 15 × 44 of 480 × 720 (Fig. 3)
+    down, across : how many pixels are sampled each way; the paper samples 44 rows of 15 from 720 rows of 480 (Fig. 3)
     mask : (H, W) bool, the subject: its bounding box is what is sampled; all of the picture unless given
     size : rows of a function; unless given, those of the stage's grid, or about one pixel a light
     gap : black pixels between functions

@@ -48,8 +48,8 @@ class DevelopSettings:
     preset : lens, film or tone operator, and display
     field_of_view : horizontal, radians; the preset's unless given
     luminance : cd/m² per unit of a relative map; the preset's unless given
-    depth, depth_along : an EXR with a layer of metres, and what they are along; see `read_depth`
-    vectors : an EXR of motion in pixels; see `read_motion`
+    depth, depth_along : an EXR with a layer of metres, and what they are along: the ray or the axis
+    vectors : an EXR of motion in pixels, right and down
     seed : of grain and needles; the preset's unless given
     response : a camera's profile or response, in place of a tone operator
     exposure : per unit of radiance on that response, seconds × ISO/100 / N²; metered unless given

@@ -160,7 +160,10 @@ class NewShot:
             return [], [[] for _ in views]
         of_balls = sum(len(view) for view in views)
         if len(self.times) not in (of_balls, of_balls + len(self.plate)):
-            order = ", ".join([path.name for view in views for path in view][:NAMED])
+            names = [
+                f"{path.parent.name}/{path.name}" if len(views) > 1 else path.name for view in views for path in view
+            ]
+            order = ", ".join(names[:NAMED])
             order += ", …" if of_balls > NAMED else ""
             raise NotABracket(
                 f"{len(self.times)} times were given for {of_balls} photographs of the ball and {len(self.plate)} of "

@@ -74,7 +74,7 @@ def interpolate_probes(
 ) -> InterpolatedLight:
     """Join the maps of several probes of one place to the light that a probe at `at` would see.
 
-    probes : two or more, in one unit and one world
+    probes : one or more, in one unit and one world
     at : metres, world; the middle of the probes unless given. For a scene at infinity, where the objects stand
     distant : the shape of the place. Each point of it takes its radiance from the maps that show it, each looked up
         from its own position. A map counts by how finely it shows the point (cos θ / distance²) and how near its view

@@ -83,7 +83,8 @@ class Camera:
         return replace(self, distortion=None, rolling=None)
 
     def resized(self, width: int, height: int) -> Camera:
-        """The same field of view across, in `width` × `height` pixels; another aspect crops or extends it evenly."""
+        """The same field of view across, in `width` × `height` pixels; another aspect crops or adds
+        above and below alike."""
         scale, centre = width / self.width, None
         if self.centre is not None:
             x, y = self.centre

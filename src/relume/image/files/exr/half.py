@@ -18,9 +18,10 @@ _DIM = 0.01  # the share of values that halves may lose; a photograph's darkest 
 def holds(path: str | os.PathLike[str], name: str, layer: np.ndarray) -> bool:
     """Whether a layer is to be stored as half; warns where it is not, and of the values that halves lose where it is.
 
-    layer : any shape, any float; a value is lost where half differs from it by more than 1/2048 of it
+    layer : (H, W) or (H, W, 3), any float; a value is lost where half differs from it by more than 1/2048 of it
     """
-    beyond, lit, lost, black = np.sum(in_bands(*layer.shape[:2], lambda rows: _counts(layer[rows])), 0).tolist()
+    counts = in_bands(layer.shape[0], layer.shape[1], lambda rows: _counts(layer[rows]))
+    beyond, lit, lost, black = np.sum(counts, axis=0).tolist() if counts else (0, 0, 0, 0)
     if beyond:
         reason = f"{beyond} values are beyond {_LARGEST}, the largest half"
         warn(f"{path}: {name} is stored as float, not half: {reason}")
@@ -39,7 +40,7 @@ def holds(path: str | os.PathLike[str], name: str, layer: np.ndarray) -> bool:
     return True
 
 
-def _counts(rows: np.ndarray) -> tuple[int, int, int, int]:
+def _counts(rows: np.ndarray) -> tuple[int, ...]:
     """How many finite values are beyond halves, are not 0, are too dim for halves, and become 0 in them."""
     sizes = np.abs(rows)
     if sizes.size and sizes.min() >= _SMALLEST and sizes.max() <= _LARGEST:  # of most rows; of none with a NaN
@@ -49,4 +50,5 @@ def _counts(rows: np.ndarray) -> tuple[int, int, int, int]:
     dim = sizes[(sizes < _SMALLEST) & (sizes > 0)]
     stored = dim.astype(np.float16).astype(np.float32)
     lost = np.count_nonzero(np.abs(stored - dim) > dim * _STEP)
-    return np.count_nonzero(sizes > _LARGEST), np.count_nonzero(sizes), lost, np.count_nonzero(stored == 0)
+    counts = np.count_nonzero(sizes > _LARGEST), np.count_nonzero(sizes), lost, np.count_nonzero(stored == 0)
+    return tuple(int(count) for count in counts)

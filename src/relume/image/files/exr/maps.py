@@ -188,12 +188,12 @@ def _in_rec709(image: RadianceMap, given: Primaries, header: Mapping[str, Any]) 
 
 
 def _pixels(name: str, layer: np.ndarray, kind: type, folder: Path, mapped: Mapped) -> dict[str, np.ndarray]:
-    """A layer as it is stored, itself where it is of that kind; a large copy lies in a nameless file of that folder."""
+    """A layer as it is stored, itself where it lies so; a large copy is in a nameless file of that folder."""
     layer = np.asarray(layer)
     if layer.ndim != 2 and (layer.ndim != 3 or layer.shape[2] != 3):
         raise ValueError(f'layer "{name}" is {layer.shape}; expected (H, W, 3) or (H, W)')
     channels = "Y" if layer.ndim == 2 else "RGB"
-    if layer.dtype == kind:
+    if layer.dtype == kind and layer.flags.c_contiguous:
         return {channels: layer}
     if layer.size * np.dtype(kind).itemsize >= mapped_arrays.LARGE:
         (stored,) = mapped.zeros(folder, [layer.shape], kind)
@@ -203,9 +203,9 @@ def _pixels(name: str, layer: np.ndarray, kind: type, folder: Path, mapped: Mapp
     def fill(rows: slice) -> int:
         with np.errstate(over="ignore"):
             stored[rows] = layer[rows]
-        return 0 if kind is np.float16 else np.count_nonzero(np.isinf(stored[rows]) & np.isfinite(layer[rows]))
+        return 0 if kind is np.float16 else int(np.count_nonzero(np.isinf(stored[rows]) & np.isfinite(layer[rows])))
 
-    beyond = sum(in_bands(*layer.shape[:2], fill))
+    beyond = sum(in_bands(layer.shape[0], layer.shape[1], fill))
     mapped.release()
     if beyond:
         raise ValueError(f'layer "{name}" has {beyond} values beyond float32, 3.4e38; scale it down first')
