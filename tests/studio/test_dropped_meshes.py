@@ -17,11 +17,12 @@ import pytest
 
 import relume as rl
 from browsing import Tab, opened
+from one_studio import OneStudio
 from relume.studio.shots import bundles
 from relume.studio.shots.bundles import Bundle, Listed
 from relume.studio.shots.folder import Folder
 from serving import Server, serving
-from small_shot import TEXT, camera, write_small_shot
+from small_shot import TEXT, camera
 from studio_page import looked_at
 
 for needed in ("uvicorn", "tomlkit"):
@@ -55,14 +56,13 @@ OBJ = (
 
 
 @pytest.fixture(scope="module")
-def small(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    return write_small_shot(tmp_path_factory.mktemp("dropped")).parent
+def small(looked_studio: OneStudio) -> Path:
+    return looked_studio.folder
 
 
 @pytest.fixture(scope="module")
-def small_server(small: Path) -> Iterator[Server]:
-    with serving([small / "shot.toml"], "studio") as running:
-        yield running
+def small_server(looked_studio: OneStudio) -> Server:
+    return looked_studio.server
 
 
 @pytest.fixture

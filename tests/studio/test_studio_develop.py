@@ -14,10 +14,10 @@ import pytest
 
 import relume as rl
 from browsing import Tab, opened
+from one_studio import OneStudio
 from relume.cli import main
 from relume.studio.shots.camera_parameters import parameters
-from serving import Server, serving
-from small_shot import write_small_shot
+from serving import Server
 from studio_page import looked_at, serious_faults
 
 for needed in ("uvicorn", "tomlkit"):
@@ -30,14 +30,13 @@ KINDS_LEFT_OUT = {"glare.measured", "vignetting.measured", "motion.vectors", "to
 
 
 @pytest.fixture(scope="module")
-def small(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    return write_small_shot(tmp_path_factory.mktemp("develop")).parent
+def small(looked_studio: OneStudio) -> Path:
+    return looked_studio.folder
 
 
 @pytest.fixture(scope="module")
-def server(small: Path) -> Iterator[Server]:
-    with serving([small / "shot.toml"], "studio") as running:
-        yield running
+def server(looked_studio: OneStudio) -> Server:
+    return looked_studio.server
 
 
 @pytest.fixture

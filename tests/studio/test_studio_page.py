@@ -14,6 +14,7 @@ import pytest
 
 import relume as rl
 from browsing import Tab, opened
+from one_studio import OneStudio
 from serving import Server, serving
 from small_shot import TEXT, camera, write_small_shot
 from studio_page import done, looked_at, serious_faults
@@ -52,14 +53,13 @@ def room_page(browser: Any, room: Path, room_server: Server) -> Iterator[Tab]:
 
 
 @pytest.fixture(scope="module")
-def small(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    return write_small_shot(tmp_path_factory.mktemp("small")).parent
+def small(looked_studio: OneStudio) -> Path:
+    return looked_studio.folder
 
 
 @pytest.fixture(scope="module")
-def small_server(small: Path) -> Iterator[Server]:
-    with serving([small / "shot.toml"], "studio") as running:
-        yield running
+def small_server(looked_studio: OneStudio) -> Server:
+    return looked_studio.server
 
 
 @pytest.fixture
