@@ -34,7 +34,7 @@ def lamp_at(k: int) -> np.ndarray:
 
 @pytest.fixture(scope="module")
 def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    place = tmp_path_factory.mktemp("film")
+    place = tmp_path_factory.mktemp("film") / "shot"
     write_small_shot(place)
     (place / "film").mkdir()
     store = MapStore.begun(place / "film.zarr", COUNT, ROWS)
@@ -100,17 +100,21 @@ def test_a_store_is_shown_frame_by_frame_as_a_folder_is(server: Server, folder: 
         server.post("/shot/undo", {"by": 1})
 
 
-def test_maps_elsewhere_and_light_that_is_none_are_refused(tmp_path: Path):
-    place = tmp_path / "shot"
-    write_small_shot(place)
-    shutil.copy(place / "light.exr", tmp_path / "outside_1.exr")
-    with serving([place / "shot.toml"], "studio") as server:
-        status, found = server.post("/light/frame", {"frame": 1})
-        assert status == 422 and "no maps that follow one another" in found["error"]
-        (place / "shot.toml").write_text(MAPS.replace("film/*.exr", "../outside_1.exr"), encoding="utf-8")
-        server.json("/shot")
-        status, found = server.post("/light/frame", {"frame": 1})
-        assert status == 422 and "is not below" in found["error"]
+def test_maps_elsewhere_and_light_that_is_none_are_refused(server: Server, folder: Path):
+    shot = folder / "shot.toml"
+    shutil.copy(folder / "light.exr", folder.parent / "outside_1.exr")
+    try:
+        for text, line in (
+            (TEXT, "no maps that follow one another"),
+            (MAPS.replace("film/*.exr", "../outside_1.exr"), "is not below"),
+        ):
+            shot.write_text(text, encoding="utf-8")
+            server.json("/shot")
+            status, found = server.post("/light/frame", {"frame": 1})
+            assert status == 422 and line in found["error"]
+    finally:
+        server.post("/shot/undo", {"by": 10_000})
+    assert shot.read_text(encoding="utf-8") == MAPS
 
 
 def ball_at(page: Tab, x: float, y: float) -> list[int]:
