@@ -41,7 +41,7 @@ def browser(started_browser: tuple[Any, asyncio.AbstractEventLoop]) -> Iterator[
 @pytest.fixture(scope="session")
 def begun_studio(tmp_path_factory: pytest.TempPathFactory) -> Iterator[OneStudio]:
     """The studio of the small shot that the files share; what kills or stops a server begins its own."""
-    shot = write_small_shot(tmp_path_factory.mktemp("shot"))
+    shot = write_small_shot(tmp_path_factory.mktemp("studio") / "shot")
     with serving([shot], "studio") as running:
         yield OneStudio(shot.parent, running)
 

@@ -21,9 +21,9 @@ from one_studio import OneStudio
 from relume.studio.shots import bundles
 from relume.studio.shots.bundles import Bundle, Listed
 from relume.studio.shots.folder import Folder
-from serving import Server, serving
+from relume.studio.shots.studio import _application
+from serving import Server
 from small_shot import TEXT, camera
-from studio_page import looked_at
 
 for needed in ("uvicorn", "tomlkit"):
     pytest.importorskip(needed, reason="the extra studio is not installed")
@@ -70,7 +70,6 @@ def page(browser: Any, small: Path, small_server: Server) -> Iterator[Tab]:
     small_server.post("/shot/undo", {"by": 10_000})
     assert (small / "shot.toml").read_text(encoding="utf-8") == TEXT
     with opened(browser, small_server.address, refusals=True) as tab:
-        looked_at(tab, small_server)
         tab.press("Alt+6")
         tab.until(lambda: tab.tab.locator("#overlay path").count() > 0, "the object")
         tab.tab.locator("#objects-look").uncheck()
@@ -335,6 +334,6 @@ def test_what_a_killed_server_left_of_a_drop_goes_when_the_studio_starts(tmp_pat
     (tmp_path / "objects/kept").mkdir()
     two_hours_ago = time.time() - 7200
     os.utime(old, (two_hours_ago, two_hours_ago))
-    with serving([tmp_path], "studio") as server:
-        assert server.json("/shot")["name"] == "shot.toml"
+    with _application(tmp_path / "shot.toml", tmp_path / "out") as begun:
+        begun()
         assert sorted(each.name for each in (tmp_path / "objects").iterdir()) == [".dropped-coming", "kept"]

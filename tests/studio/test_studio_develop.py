@@ -17,8 +17,9 @@ from browsing import Tab, opened
 from one_studio import OneStudio
 from relume.cli import main
 from relume.studio.shots.camera_parameters import parameters
+from relume.studio.shots.developed import developed
 from serving import Server
-from studio_page import looked_at, serious_faults
+from studio_page import serious_faults
 
 for needed in ("uvicorn", "tomlkit"):
     pytest.importorskip(needed, reason="the extra studio is not installed")
@@ -49,7 +50,6 @@ def page(browser: Any, server: Server) -> Iterator[Tab]:
 def test_two_ways_to_develop_stand_side_by_side_and_the_kept_one_is_the_commands(
     page: Tab, small: Path, server: Server, monkeypatch: pytest.MonkeyPatch
 ):
-    looked_at(page, server)
     page.press("Alt+7")
     page.until(lambda: page.tab.locator("#develop-left").count() == 1, "the ways")
     page.tab.locator("#develop-left").select_option("tone reinhard")
@@ -86,6 +86,29 @@ def test_two_ways_to_develop_stand_side_by_side_and_the_kept_one_is_the_commands
     assert (small / "out" / "developed_slide.png").read_bytes() == (small / "typed.png").read_bytes()
 
 
+def test_a_side_that_was_not_changed_is_not_developed_again(tmp_path: Path):
+    written: list[float] = []
+
+    def shown(value: float, **way: Any) -> tuple[int, np.ndarray, list[str]]:
+        if value not in written:
+            rl.write(tmp_path / "composite.exr", rl.RadianceMap(np.full((8, 12, 3), value, np.float32)))
+            written.append(value)
+        body = {"of": "composite.exr", **way}
+        found = developed(body, results=tmp_path, named="out", scratch=tmp_path / "scratch", camera=None)
+        path = tmp_path / "scratch" / found["path"]
+        return path.stat().st_mtime_ns, rl.read_photograph(path).pixels[4, 6], found["doubts"]
+
+    (tmp_path / "scratch").mkdir()
+    first, other = shown(0.25, tone="ferwerda"), shown(0.25, tone="exposure")
+    assert shown(0.25, tone="ferwerda")[0] == first[0] and shown(0.25, tone="ferwerda")[2] == first[2] != []
+    # Another exposure, another composite, and a file that is gone are made.
+    assert shown(0.25, tone="exposure", exposure=1)[1].mean() > other[1].mean()
+    again = shown(0.5, tone="exposure")
+    assert again[0] > other[0]
+    (tmp_path / "scratch" / "developed_exposure.png").unlink()
+    assert (shown(0.5, tone="exposure")[1] == again[1]).all()
+
+
 def test_every_key_of_a_camera_is_offered_with_its_default_or_named_as_left_out():
     offered = set()
     for part in parameters(depth=True):
@@ -110,7 +133,6 @@ def test_every_key_of_a_camera_is_offered_with_its_default_or_named_as_left_out(
 def test_a_lens_a_film_and_a_display_are_set_by_sliders_and_the_command_says_them(
     page: Tab, small: Path, server: Server, monkeypatch: pytest.MonkeyPatch
 ):
-    looked_at(page, server)
     page.press("Alt+7")
     page.until(lambda: page.tab.locator("#develop-left").count() == 1, "the ways")
 
@@ -189,7 +211,6 @@ def test_a_lens_a_film_and_a_display_are_set_by_sliders_and_the_command_says_the
 
 
 def test_axe_finds_nothing_serious_among_the_numbers_of_a_camera(page: Tab, server: Server):
-    looked_at(page, server)
     page.press("Alt+7")
     page.until(lambda: page.tab.locator("#right-glare").count() == 1, "the parts")
     for part, kind in (("glare", "camera"), ("tone", "darkroom"), ("motion", "turn"), ("geometry", "")):

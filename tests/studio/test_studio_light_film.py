@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import shutil
-from collections.abc import Iterator
 from itertools import pairwise
 from pathlib import Path
 from typing import Any
@@ -13,9 +12,10 @@ import pytest
 
 import relume as rl
 from browsing import Tab, encoded, opened
+from one_studio import OneStudio
 from relume.sphere.map_store import MapStore
-from serving import Server, serving
-from small_shot import TEXT, write_small_shot
+from serving import Server
+from small_shot import TEXT
 from studio_page import serious_faults
 
 for needed in ("starlette", "uvicorn", "tomlkit", "zarr"):
@@ -33,9 +33,8 @@ def lamp_at(k: int) -> np.ndarray:
 
 
 @pytest.fixture(scope="module")
-def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    place = tmp_path_factory.mktemp("film") / "shot"
-    write_small_shot(place)
+def folder(studio: OneStudio) -> Path:
+    place = studio.folder
     (place / "film").mkdir()
     store = MapStore.begun(place / "film.zarr", COUNT, ROWS)
     for k in range(COUNT):
@@ -47,9 +46,8 @@ def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 
 @pytest.fixture(scope="module")
-def server(folder: Path) -> Iterator[Server]:
-    with serving([folder / "shot.toml"], "studio") as running:
-        yield running
+def server(folder: Path, studio: OneStudio) -> Server:
+    return studio.server
 
 
 def test_a_frame_is_its_file_its_lights_and_what_a_ball_gets(server: Server):
@@ -113,8 +111,7 @@ def test_maps_elsewhere_and_light_that_is_none_are_refused(server: Server, folde
             status, found = server.post("/light/frame", {"frame": 1})
             assert status == 422 and line in found["error"]
     finally:
-        server.post("/shot/undo", {"by": 10_000})
-    assert shot.read_text(encoding="utf-8") == MAPS
+        shot.write_text(MAPS, encoding="utf-8")
 
 
 def ball_at(page: Tab, x: float, y: float) -> list[int]:

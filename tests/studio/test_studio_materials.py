@@ -15,6 +15,7 @@ from browsing import Tab, opened
 from one_studio import OneStudio
 from serving import Server
 from small_shot import TEXT
+from studio_page import serious_faults
 
 for needed in ("uvicorn", "tomlkit"):
     pytest.importorskip(needed, reason="the extra studio is not installed")
@@ -123,6 +124,4 @@ def test_balls_are_kept_with_the_shots_stages(page: Tab, server: Server, small: 
 
 
 def test_axe_finds_nothing_serious_in_the_strip(page: Tab):
-    axe = pytest.importorskip("axe_playwright_python.sync_playwright", reason="axe-playwright-python is not installed")
-    found = axe.Axe().run(page.tab, context="#pane").response["violations"]
-    assert [each["id"] for each in found if each["impact"] in ("serious", "critical")] == []
+    assert serious_faults(page, "#pane") == []

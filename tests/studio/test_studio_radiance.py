@@ -13,7 +13,8 @@ import pytest
 
 import relume as rl
 from browsing import Tab, opened
-from serving import Server, serving
+from one_studio import OneStudio
+from serving import Server
 from studio_page import done
 
 for needed in ("uvicorn", "tomlkit"):
@@ -28,30 +29,28 @@ photographs = ["plate/*.jpg"]
 grid = { photograph = "plate_grid.jpg", squares = [9, 6], square = 0.03 }
 
 [light]
-map = "light.exr"
+map = "even.exr"
 """
 WEIGHTS = np.array([0.2126, 0.7152, 0.0722])
 
 
 @pytest.fixture(scope="module")
-def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    place = tmp_path_factory.mktemp("radiance")
+def folder(studio: OneStudio) -> Path:
+    place = studio.folder
     shutil.copytree(ROOM / "plate", place / "plate")
     shutil.copy(ROOM / "plate_grid.jpg", place)
-    rl.write(place / "light.exr", rl.as_radiance_map(rl.EnvironmentMap(np.full((16, 32, 3), 0.3, np.float32))))
+    rl.write(place / "even.exr", rl.as_radiance_map(rl.EnvironmentMap(np.full((16, 32, 3), 0.3, np.float32))))
     (place / "shot.toml").write_text(TEXT, encoding="utf-8")
     return place
 
 
 @pytest.fixture(scope="module")
-def server(folder: Path) -> Iterator[Server]:
-    with serving([folder], "studio") as running:
-        yield running
+def server(folder: Path, studio: OneStudio) -> Server:
+    return studio.server
 
 
 @pytest.fixture
 def page(browser: Any, server: Server) -> Iterator[Tab]:
-    server.post("/shot/undo", {"by": 10_000})
     with opened(browser, server.address, refusals=True) as tab:
         yield tab
 

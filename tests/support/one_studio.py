@@ -29,7 +29,7 @@ class OneStudio:
         for within in (self.folder, self.folder / "objects", self.folder / "out"):
             for path in list(within.iterdir()) if within.is_dir() else ():
                 if path.relative_to(self.folder).as_posix() not in OWN:
-                    shutil.rmtree(path) if path.is_dir() else path.unlink()
+                    shutil.rmtree(path) if path.is_dir() and not path.is_symlink() else path.unlink()
         if text != TEXT:
             (self.folder / "shot.toml").write_text(text, encoding="utf-8")
         assert (self.folder / "shot.toml").read_text(encoding="utf-8") == text
