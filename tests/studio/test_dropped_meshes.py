@@ -18,7 +18,7 @@ import pytest
 import relume as rl
 from browsing import Tab, opened
 from one_studio import OneStudio
-from relume.studio.shots import bundles
+from relume.studio.shots import bundles, studio
 from relume.studio.shots.bundles import Bundle, Listed
 from relume.studio.shots.folder import Folder
 from relume.studio.shots.studio import _application
@@ -337,3 +337,14 @@ def test_what_a_killed_server_left_of_a_drop_goes_when_the_studio_starts(tmp_pat
     with _application(tmp_path / "shot.toml", tmp_path / "out") as begun:
         begun()
         assert sorted(each.name for each in (tmp_path / "objects").iterdir()) == [".dropped-coming", "kept"]
+
+
+def test_usd_is_loaded_before_there_are_threads_that_could_wait_for_each_other(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+):
+    pytest.importorskip("pxr", reason="usd-core is not installed")
+    loaded: list[str] = []
+    monkeypatch.setattr(studio, "import_module", loaded.append)
+    monkeypatch.setattr(studio, "serve", lambda *_, **__: loaded.append("served"))
+    rl.open_studio(tmp_path, open_browser=False)
+    assert loaded == ["pxr.Tf", "served"]

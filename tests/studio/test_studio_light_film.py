@@ -42,6 +42,7 @@ def folder(studio: OneStudio) -> Path:
         rl.write(place / "film" / f"map_{k + 1:06d}.exr", picture)
         store.write(k, picture)
     (place / "shot.toml").write_text(MAPS, encoding="utf-8")
+    assert studio.server.json("/shot")["fault"] is None
     return place
 
 
@@ -112,6 +113,7 @@ def test_maps_elsewhere_and_light_that_is_none_are_refused(server: Server, folde
             assert status == 422 and line in found["error"]
     finally:
         shot.write_text(MAPS, encoding="utf-8")
+        assert server.json("/shot")["fault"] is None
 
 
 def ball_at(page: Tab, x: float, y: float) -> list[int]:
