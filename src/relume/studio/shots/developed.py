@@ -169,7 +169,7 @@ def developed(
 
 
 def _stamps(results: Path, source: str) -> list[tuple[int, int]]:
-    """What tells one result and its layers from the next of the same name: size and time of writing."""
+    """By what one result and its layers differ from the next of the same name: size and time of writing."""
     there = [path.stat() for path in (results / source, results / LAYERS) if path.is_file()]
     return [(each.st_size, each.st_mtime_ns) for each in there]
 
