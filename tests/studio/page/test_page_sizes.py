@@ -4,13 +4,14 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from contextlib import contextmanager
+from pathlib import Path
 from typing import Any
 
 import pytest
 
 from browsing import Tab
-from one_studio import OneStudio
 from serving import Server, serving
+from small_shot import write_small_shot
 
 for needed in ("uvicorn", "tomlkit"):
     pytest.importorskip(needed, reason="the extra studio is not installed")
@@ -51,8 +52,20 @@ FAULTS = """() => {
 
 
 @pytest.fixture(scope="module")
-def viewer(studio: OneStudio) -> Iterator[Server]:
-    with serving([studio.folder / "plate.exr", studio.folder / "light.exr"]) as running:
+def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    return write_small_shot(tmp_path_factory.mktemp("sizes")).parent
+
+
+@pytest.fixture(scope="module")
+def unlooked(folder: Path) -> Iterator[Server]:
+    """A studio that knows nothing of the light yet: balls of materials, once made, are one stop of Tab together."""
+    with serving([folder / "shot.toml"], "studio") as running:
+        yield running
+
+
+@pytest.fixture(scope="module")
+def viewer(folder: Path) -> Iterator[Server]:
+    with serving([folder / "plate.exr", folder / "light.exr"]) as running:
         yield running
 
 
@@ -75,8 +88,8 @@ def faults(page: Tab) -> list[str]:
 
 
 @pytest.mark.parametrize("size", WINDOWS)
-def test_every_pane_of_the_studio_is_whole_and_reached(browser: Any, studio: OneStudio, size: str):
-    with window(browser, studio.server, size) as page:
+def test_every_pane_of_the_studio_is_whole_and_reached(browser: Any, unlooked: Server, size: str):
+    with window(browser, unlooked, size) as page:
         found = {}
         for step in range(page.tab.evaluate("() => relume.studio.panes.length")):
             page.tab.evaluate("(step) => relume.studio.go(step)", step)
@@ -104,8 +117,8 @@ def test_the_viewer_is_whole_and_reached(browser: Any, viewer: Server, size: str
             page.press("Escape")
 
 
-def test_tab_goes_through_all_controls_of_a_pane_at_200_per_cent(browser: Any, studio: OneStudio):
-    with window(browser, studio.server, "1280x720 at 200 %") as page:
+def test_tab_goes_through_all_controls_of_a_pane_at_200_per_cent(browser: Any, unlooked: Server):
+    with window(browser, unlooked, "1280x720 at 200 %") as page:
         page.press("Alt+8")
         wanted = page.tab.evaluate(
             "() => { const found = [...document.querySelectorAll('button, input, select, summary, a[href], canvas')]"
