@@ -1,4 +1,4 @@
-"""What the tests of the pages share: one browser for each process of the suite."""
+"""What the tests of the pages share: one browser and one studio for each process of the suite."""
 
 from __future__ import annotations
 
@@ -9,6 +9,9 @@ from typing import Any
 import pytest
 
 from browsing import CHROMIUM, FLAGS
+from one_studio import OneStudio
+from serving import serving
+from small_shot import write_small_shot
 
 
 @pytest.fixture(scope="session")
@@ -33,3 +36,25 @@ def browser(started_browser: tuple[Any, asyncio.AbstractEventLoop]) -> Iterator[
     asyncio._set_running_loop(loop)
     yield running
     asyncio._set_running_loop(None)
+
+
+@pytest.fixture(scope="session")
+def begun_studio(tmp_path_factory: pytest.TempPathFactory) -> Iterator[OneStudio]:
+    """The studio of the small shot that the files share; what kills or stops a server begins its own."""
+    shot = write_small_shot(tmp_path_factory.mktemp("studio") / "shot")
+    with serving([shot], "studio") as running:
+        yield OneStudio(shot.parent, running)
+
+
+@pytest.fixture(scope="module")
+def studio(begun_studio: OneStudio) -> OneStudio:
+    """The same as it was begun, for one file of tests."""
+    begun_studio.as_begun()
+    return begun_studio
+
+
+@pytest.fixture(scope="module")
+def looked_studio(studio: OneStudio) -> OneStudio:
+    """The same whose camera and light are known."""
+    studio.look()
+    return studio

@@ -17,12 +17,13 @@ import pytest
 
 import relume as rl
 from browsing import Tab, opened
-from relume.studio.shots import bundles
+from one_studio import OneStudio
+from relume.studio.shots import bundles, studio
 from relume.studio.shots.bundles import Bundle, Listed
 from relume.studio.shots.folder import Folder
-from serving import Server, serving
-from small_shot import TEXT, camera, write_small_shot
-from studio_page import looked_at
+from relume.studio.shots.studio import _application
+from serving import Server
+from small_shot import TEXT, camera
 
 for needed in ("uvicorn", "tomlkit"):
     pytest.importorskip(needed, reason="the extra studio is not installed")
@@ -55,14 +56,13 @@ OBJ = (
 
 
 @pytest.fixture(scope="module")
-def small(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    return write_small_shot(tmp_path_factory.mktemp("dropped")).parent
+def small(looked_studio: OneStudio) -> Path:
+    return looked_studio.folder
 
 
 @pytest.fixture(scope="module")
-def small_server(small: Path) -> Iterator[Server]:
-    with serving([small / "shot.toml"], "studio") as running:
-        yield running
+def small_server(looked_studio: OneStudio) -> Server:
+    return looked_studio.server
 
 
 @pytest.fixture
@@ -70,7 +70,6 @@ def page(browser: Any, small: Path, small_server: Server) -> Iterator[Tab]:
     small_server.post("/shot/undo", {"by": 10_000})
     assert (small / "shot.toml").read_text(encoding="utf-8") == TEXT
     with opened(browser, small_server.address, refusals=True) as tab:
-        looked_at(tab, small_server)
         tab.press("Alt+6")
         tab.until(lambda: tab.tab.locator("#overlay path").count() > 0, "the object")
         tab.tab.locator("#objects-look").uncheck()
@@ -335,6 +334,17 @@ def test_what_a_killed_server_left_of_a_drop_goes_when_the_studio_starts(tmp_pat
     (tmp_path / "objects/kept").mkdir()
     two_hours_ago = time.time() - 7200
     os.utime(old, (two_hours_ago, two_hours_ago))
-    with serving([tmp_path], "studio") as server:
-        assert server.json("/shot")["name"] == "shot.toml"
+    with _application(tmp_path / "shot.toml", tmp_path / "out") as begun:
+        begun()
         assert sorted(each.name for each in (tmp_path / "objects").iterdir()) == [".dropped-coming", "kept"]
+
+
+def test_usd_is_loaded_before_there_are_threads_that_could_wait_for_each_other(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+):
+    pytest.importorskip("pxr", reason="usd-core is not installed")
+    loaded: list[str] = []
+    monkeypatch.setattr(studio, "import_module", loaded.append)
+    monkeypatch.setattr(studio, "serve", lambda *_, **__: loaded.append("served"))
+    rl.open_studio(tmp_path, open_browser=False)
+    assert loaded == ["pxr.Tf", "served"]

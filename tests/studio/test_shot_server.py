@@ -17,9 +17,10 @@ import numpy as np
 import pytest
 
 import relume as rl
+from one_studio import OneStudio
 from relume.studio.shots.ball import unwrapped
-from serving import Server, serving
-from small_shot import TEXT, write_small_shot
+from serving import Server
+from small_shot import TEXT
 
 for needed in ("starlette", "uvicorn", "tomlkit"):
     pytest.importorskip(needed, reason="the extra studio is not installed")
@@ -33,19 +34,19 @@ GETS = ["/", "/shot", "/brackets", "/thumbnail?path=plate.exr", "/objects", "/ob
 
 
 @pytest.fixture(scope="module")
-def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    place = tmp_path_factory.mktemp("studio") / "shot"
-    write_small_shot(place)
+def folder(studio: OneStudio) -> Iterator[Path]:
+    place = studio.folder
     (place.parent / "secret.jpg").write_bytes((ROOM / "plate_grid.jpg").read_bytes())
     (place / "link.jpg").symlink_to(place.parent / "secret.jpg")
     (place / "elsewhere").symlink_to(place.parent)
-    return place
+    yield place
+    for link in ("link.jpg", "elsewhere"):
+        (place / link).unlink()
 
 
 @pytest.fixture(scope="module")
-def server(folder: Path) -> Iterator[Server]:
-    with serving([folder], "studio") as running:
-        yield running
+def server(folder: Path, studio: OneStudio) -> Server:
+    return studio.server
 
 
 def until(holds: Callable[[], Any], what: str, seconds: float = 120) -> Any:

@@ -15,6 +15,7 @@ from browsing import Page, encoded, opened
 from relume.studio.stage.lighting import light_of
 from serving import Server, serving
 from small_stages import grid_directions, lit, write_stage
+from studio_page import serious_faults
 
 pytest.importorskip("uvicorn", reason="the extra studio is not installed")
 
@@ -208,9 +209,7 @@ def test_normals_and_albedo_are_layers(page: Page):
 
 
 def test_axe_finds_nothing_serious_in_the_stage(page: Page):
-    axe = pytest.importorskip("axe_playwright_python.sync_playwright", reason="axe-playwright-python is not installed")
-    found = axe.Axe().run(page.tab).response["violations"]
-    assert [(each["id"], each["nodes"][0]["html"]) for each in found if each["impact"] in ("serious", "critical")] == []
+    assert serious_faults(page) == []
     for size in ((1280, 720), (640, 360), (3840, 2160)):
         page.tab.set_viewport_size({"width": size[0], "height": size[1]})
         page.settle()

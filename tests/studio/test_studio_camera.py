@@ -13,8 +13,9 @@ import pytest
 
 import relume as rl
 from browsing import Tab, encoded, opened
-from serving import Server, serving
-from small_shot import camera, write_small_shot
+from one_studio import OneStudio
+from serving import Server
+from small_shot import camera
 from studio_page import done
 
 for needed in ("uvicorn", "tomlkit"):
@@ -22,14 +23,13 @@ for needed in ("uvicorn", "tomlkit"):
 
 
 @pytest.fixture(scope="module")
-def small(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    return write_small_shot(tmp_path_factory.mktemp("camera")).parent
+def small(studio: OneStudio) -> Path:
+    return studio.folder
 
 
 @pytest.fixture(scope="module")
-def server(small: Path) -> Iterator[Server]:
-    with serving([small / "shot.toml"], "studio") as running:
-        yield running
+def server(studio: OneStudio) -> Server:
+    return studio.server
 
 
 @pytest.fixture

@@ -19,6 +19,7 @@ import pytest
 
 import relume as rl
 from browsing import Tab, encoded
+from one_studio import OneStudio
 from serving import Server, serving, started
 from small_shot import TEXT, write_small_shot
 
@@ -198,9 +199,18 @@ def middle(page: Tab) -> float:
     return page.shown(96.5, 64.5)[0]
 
 
-def test_a_window_whose_connection_was_lost_for_long_is_at_the_truth_again(browser: Any, tmp_path: Path):
-    shot = write_small_shot(tmp_path / "shot")
-    with serving([shot], "studio") as server, window(browser, server) as page:
+@pytest.fixture
+def renewed(studio: OneStudio) -> Iterator[tuple[Path, Server]]:
+    """The shot and the server that the files share, as they were begun before and after."""
+    studio.as_begun()
+    plate = (studio.folder / "plate.exr").read_bytes()
+    yield studio.folder / "shot.toml", studio.server
+    (studio.folder / "plate.exr").write_bytes(plate)
+
+
+def test_a_window_whose_connection_was_lost_for_long_is_at_the_truth_again(browser: Any, renewed: tuple[Path, Server]):
+    shot, server = renewed
+    with window(browser, server) as page:
         page.tab.evaluate("() => relume.studio.show('plate.exr')")
         page.settle()
         page.tab.evaluate("() => { window.down = true; sockets.at(-1).close(); }")
@@ -221,9 +231,11 @@ def test_a_window_whose_connection_was_lost_for_long_is_at_the_truth_again(brows
         assert page.tab.evaluate("() => sockets.filter((each) => each.readyState === 1).length") == 1
 
 
-def test_a_window_says_that_its_server_sleeps_and_what_was_done_meanwhile_is_done_after(browser: Any, tmp_path: Path):
-    shot = write_small_shot(tmp_path / "shot")
-    with serving([shot], "studio") as server, window(browser, server) as page:
+def test_a_window_says_that_its_server_sleeps_and_what_was_done_meanwhile_is_done_after(
+    browser: Any, renewed: tuple[Path, Server]
+):
+    shot, server = renewed
+    with window(browser, server) as page:
         os.kill(server.process.pid, signal.SIGSTOP)
         try:
             page.until(lambda: "does not answer now" in page.text("#message"), "the line")

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import json
-import shutil
 import tomllib
 from collections.abc import Iterator
 from pathlib import Path
@@ -15,37 +14,24 @@ import pytest
 
 import relume as rl
 from browsing import Tab, opened
-from serving import Server, serving
-from small_shot import TEXT, write_small_shot
+from one_studio import OneStudio
+from serving import Server
+from small_shot import TEXT
 
 for needed in ("uvicorn", "tomlkit"):
     pytest.importorskip(needed, reason="the extra studio is not installed")
 
 
-@pytest.fixture(scope="module")
-def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    return write_small_shot(tmp_path_factory.mktemp("light")).parent
-
-
-@pytest.fixture(scope="module")
-def running(folder: Path) -> Iterator[Server]:
-    with serving([folder / "shot.toml"], "studio") as server:
-        yield server
-
-
 @pytest.fixture
-def small(folder: Path, running: Server) -> Path:
+def small(studio: OneStudio) -> Path:
     """The shot as it was: the names of what is written count up from what is there."""
-    running.post("/shot/undo", {"by": 10_000})
-    assert (folder / "shot.toml").read_text(encoding="utf-8") == TEXT
-    for made in ("lights", "paint"):
-        shutil.rmtree(folder / made, ignore_errors=True)
-    return folder
+    studio.as_begun()
+    return studio.folder
 
 
 @pytest.fixture
-def server(small: Path, running: Server) -> Server:
-    return running
+def server(small: Path, studio: OneStudio) -> Server:
+    return studio.server
 
 
 @pytest.fixture

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import shutil
-from collections.abc import Iterator
 from itertools import pairwise
 from pathlib import Path
 from typing import Any
@@ -13,9 +12,10 @@ import pytest
 
 import relume as rl
 from browsing import Tab, encoded, opened
+from one_studio import OneStudio
 from relume.sphere.map_store import MapStore
-from serving import Server, serving
-from small_shot import TEXT, write_small_shot
+from serving import Server
+from small_shot import TEXT
 from studio_page import serious_faults
 
 for needed in ("starlette", "uvicorn", "tomlkit", "zarr"):
@@ -33,9 +33,8 @@ def lamp_at(k: int) -> np.ndarray:
 
 
 @pytest.fixture(scope="module")
-def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    place = tmp_path_factory.mktemp("film")
-    write_small_shot(place)
+def folder(studio: OneStudio) -> Path:
+    place = studio.folder
     (place / "film").mkdir()
     store = MapStore.begun(place / "film.zarr", COUNT, ROWS)
     for k in range(COUNT):
@@ -43,13 +42,13 @@ def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
         rl.write(place / "film" / f"map_{k + 1:06d}.exr", picture)
         store.write(k, picture)
     (place / "shot.toml").write_text(MAPS, encoding="utf-8")
+    assert studio.server.json("/shot")["fault"] is None
     return place
 
 
 @pytest.fixture(scope="module")
-def server(folder: Path) -> Iterator[Server]:
-    with serving([folder / "shot.toml"], "studio") as running:
-        yield running
+def server(folder: Path, studio: OneStudio) -> Server:
+    return studio.server
 
 
 def test_a_frame_is_its_file_its_lights_and_what_a_ball_gets(server: Server):
@@ -100,17 +99,21 @@ def test_a_store_is_shown_frame_by_frame_as_a_folder_is(server: Server, folder: 
         server.post("/shot/undo", {"by": 1})
 
 
-def test_maps_elsewhere_and_light_that_is_none_are_refused(tmp_path: Path):
-    place = tmp_path / "shot"
-    write_small_shot(place)
-    shutil.copy(place / "light.exr", tmp_path / "outside_1.exr")
-    with serving([place / "shot.toml"], "studio") as server:
-        status, found = server.post("/light/frame", {"frame": 1})
-        assert status == 422 and "no maps that follow one another" in found["error"]
-        (place / "shot.toml").write_text(MAPS.replace("film/*.exr", "../outside_1.exr"), encoding="utf-8")
-        server.json("/shot")
-        status, found = server.post("/light/frame", {"frame": 1})
-        assert status == 422 and "is not below" in found["error"]
+def test_maps_elsewhere_and_light_that_is_none_are_refused(server: Server, folder: Path):
+    shot = folder / "shot.toml"
+    shutil.copy(folder / "light.exr", folder.parent / "outside_1.exr")
+    try:
+        for text, line in (
+            (TEXT, "no maps that follow one another"),
+            (MAPS.replace("film/*.exr", "../outside_1.exr"), "is not below"),
+        ):
+            shot.write_text(text, encoding="utf-8")
+            server.json("/shot")
+            status, found = server.post("/light/frame", {"frame": 1})
+            assert status == 422 and line in found["error"]
+    finally:
+        shot.write_text(MAPS, encoding="utf-8")
+        assert server.json("/shot")["fault"] is None
 
 
 def ball_at(page: Tab, x: float, y: float) -> list[int]:

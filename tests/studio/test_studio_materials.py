@@ -12,9 +12,10 @@ import pytest
 
 import relume as rl
 from browsing import Tab, opened
-from serving import Server, serving
-from small_shot import write_small_shot
-from studio_page import looked_at
+from one_studio import OneStudio
+from serving import Server
+from small_shot import TEXT
+from studio_page import serious_faults
 
 for needed in ("uvicorn", "tomlkit"):
     pytest.importorskip(needed, reason="the extra studio is not installed")
@@ -28,24 +29,20 @@ material = { base_color = [0.1, 0.2, 0.9] }
 
 
 @pytest.fixture(scope="module")
-def small(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    shot = write_small_shot(tmp_path_factory.mktemp("balls"))
-    shot.write_text(shot.read_text(encoding="utf-8").replace("\n[match]", SECOND + "\n[match]"), encoding="utf-8")
-    return shot.parent
-
-
-@pytest.fixture(scope="module")
-def server(small: Path) -> Iterator[Server]:
-    with serving([small / "shot.toml"], "studio") as running:
-        yield running
+def server(looked_studio: OneStudio) -> Server:
+    return looked_studio.server
 
 
 @pytest.fixture
-def page(browser: Any, server: Server) -> Iterator[Tab]:
-    server.post("/shot/undo", {"by": 10_000})
+def small(looked_studio: OneStudio) -> Path:
+    looked_studio.as_begun(TEXT.replace("\n[match]", SECOND + "\n[match]"))
+    return looked_studio.folder
+
+
+@pytest.fixture
+def page(browser: Any, server: Server, small: Path) -> Iterator[Tab]:
     with opened(browser, server.address) as tab:
         tab.press("Alt+6")
-        looked_at(tab, server)
         tab.until(lambda: tab.tab.locator(".balls button").count() > 30, "the balls")
         tab.tab.locator("#objects-look").uncheck()
         tab.tab.locator("#picture").focus()
@@ -127,6 +124,4 @@ def test_balls_are_kept_with_the_shots_stages(page: Tab, server: Server, small: 
 
 
 def test_axe_finds_nothing_serious_in_the_strip(page: Tab):
-    axe = pytest.importorskip("axe_playwright_python.sync_playwright", reason="axe-playwright-python is not installed")
-    found = axe.Axe().run(page.tab, context="#pane").response["violations"]
-    assert [each["id"] for each in found if each["impact"] in ("serious", "critical")] == []
+    assert serious_faults(page, "#pane") == []

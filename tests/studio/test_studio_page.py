@@ -14,8 +14,9 @@ import pytest
 
 import relume as rl
 from browsing import Tab, opened
+from one_studio import OneStudio
 from serving import Server, serving
-from small_shot import TEXT, camera, write_small_shot
+from small_shot import TEXT, camera
 from studio_page import done, looked_at, serious_faults
 
 for needed in ("uvicorn", "tomlkit"):
@@ -52,14 +53,13 @@ def room_page(browser: Any, room: Path, room_server: Server) -> Iterator[Tab]:
 
 
 @pytest.fixture(scope="module")
-def small(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    return write_small_shot(tmp_path_factory.mktemp("small")).parent
+def small(looked_studio: OneStudio) -> Path:
+    return looked_studio.folder
 
 
 @pytest.fixture(scope="module")
-def small_server(small: Path) -> Iterator[Server]:
-    with serving([small / "shot.toml"], "studio") as running:
-        yield running
+def small_server(looked_studio: OneStudio) -> Server:
+    return looked_studio.server
 
 
 @pytest.fixture
@@ -285,14 +285,30 @@ def test_an_object_is_dragged_on_the_table_by_what_the_pointer_moved_there(
     assert foot[:, 1].min() == pytest.approx(0, abs=1e-6)
 
 
-def test_a_look_of_a_larger_plate_is_dragged_on_and_stays_where_it_was_enlarged(browser: Any, tmp_path: Path):
-    shot = write_small_shot(tmp_path)
-    plate = np.repeat(np.repeat(rl.read_radiance(tmp_path / "plate.exr").radiance, 4, 0), 4, 1)
-    rl.write(tmp_path / "plate.exr", rl.RadianceMap(plate))
-    shot.write_text(TEXT.replace("focal_length = 200", "focal_length = 800"), encoding="utf-8")
+@pytest.fixture
+def larger(looked_studio: OneStudio) -> Iterator[OneStudio]:
+    """The studio over a plate of four times the width."""
+    folder = looked_studio.folder
+    looked_studio.as_begun(TEXT.replace("focal_length = 200", "focal_length = 800"))
+    before = (folder / "plate.exr").read_bytes()
+    plate = np.repeat(np.repeat(rl.read_radiance(folder / "plate.exr").radiance, 4, 0), 4, 1)
+    rl.write(folder / "plate.exr", rl.RadianceMap(plate))
+    looked_studio.look()
+    yield looked_studio
+    (folder / "plate.exr").write_bytes(before)
+    looked_studio.as_begun()
+    looked_studio.look()
+
+
+def test_a_look_of_a_larger_plate_is_dragged_on_and_stays_where_it_was_enlarged(browser: Any, larger: OneStudio):
+    server = larger.server
     # A look may be written anew while its tiles come: they are refused, and those of the new one come.
-    with serving([shot], "studio") as server, opened(browser, server.address, refusals=True) as tab:
-        looked_at(tab, server)
+    with opened(browser, server.address, refusals=True) as tab:
+        # Balls of materials, made anew for a camera, are the work of other tests.
+        tab.tab.evaluate(
+            "() => { const plain = fetch; window.fetch = async (address, given) => address === '/materials'"
+            " ? new Response(JSON.stringify({ error: 'not now' }), { status: 422 }) : plain(address, given); }"
+        )
         tab.press("Alt+6", "l")
         done(tab, server, "look")
         tab.until(lambda: tab.text("#caption") == "preview.exr", "the look")
@@ -307,11 +323,11 @@ def test_a_look_of_a_larger_plate_is_dragged_on_and_stays_where_it_was_enlarged(
         end = start + np.array([60.0, 20.0])
         tab.tab.locator("#objects-look").uncheck()
         tab.drag(tuple(start / 2), tuple(end / 2))
-        tab.until(lambda: "translate" in table(tmp_path)["objects"][0], "the edit")
+        tab.until(lambda: "translate" in table(larger.folder)["objects"][0], "the edit")
         lens = camera().resized(768, 512)
         rays = lens.rays_through(np.array([start, end]))
         hits = lens.position - rays * (lens.position[1] / rays[:, 1])[:, None]
-        assert table(tmp_path)["objects"][0]["translate"] == pytest.approx((hits[1] - hits[0]).tolist(), abs=2e-4)
+        assert table(larger.folder)["objects"][0]["translate"] == pytest.approx((hits[1] - hits[0]).tolist(), abs=2e-4)
         # The plate is there now, at the same place and as large.
         tab.until(lambda: tab.text("#caption") == "plate.exr", "the plate")
         assert tab.tab.evaluate("relume.canvas.view.zoom") == pytest.approx(zoom)

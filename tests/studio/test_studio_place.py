@@ -12,9 +12,9 @@ import pytest
 
 import relume as rl
 from browsing import Tab, opened
-from serving import Server, serving
-from small_shot import TEXT, camera, write_small_shot
-from studio_page import looked_at, serious_faults
+from one_studio import OneStudio
+from small_shot import TEXT, camera
+from studio_page import serious_faults
 
 for needed in ("uvicorn", "tomlkit"):
     pytest.importorskip(needed, reason="the extra studio is not installed")
@@ -25,23 +25,22 @@ RECOVERED = TEXT.replace("reflectance = [0.3, 0.3, 0.3]", 'reflectance = "recove
 
 
 @pytest.fixture(scope="module")
-def small(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    folder = write_small_shot(tmp_path_factory.mktemp("place")).parent
-    (folder / "shot.toml").write_text(RECOVERED, encoding="utf-8")
-    return folder
-
-
-@pytest.fixture(scope="module")
-def small_server(small: Path) -> Iterator[Server]:
-    with serving([small / "shot.toml"], "studio") as running:
-        yield running
+def recovering(studio: OneStudio) -> OneStudio:
+    """The studio with a look at what a surface's reflectance is found to be."""
+    studio.as_begun(RECOVERED)
+    studio.look()
+    return studio
 
 
 @pytest.fixture
-def page(browser: Any, small: Path, small_server: Server) -> Iterator[Tab]:
-    small_server.post("/shot/undo", {"by": 10_000})
-    with opened(browser, small_server.address, refusals=True) as tab:
-        looked_at(tab, small_server)
+def small(recovering: OneStudio) -> Path:
+    recovering.as_begun(RECOVERED)
+    return recovering.folder
+
+
+@pytest.fixture
+def page(browser: Any, small: Path, recovering: OneStudio) -> Iterator[Tab]:
+    with opened(browser, recovering.server.address, refusals=True) as tab:
         tab.press("Alt+5")
         yield tab
 
@@ -190,7 +189,7 @@ def test_axe_finds_nothing_serious_while_surfaces_are_drawn(page: Tab, small: Pa
     assert serious_faults(page) == []
 
 
-def test_what_was_found_of_a_surface_stands_on_it_with_its_errors(page: Tab, small: Path, small_server: Server):
+def test_what_was_found_of_a_surface_stands_on_it_with_its_errors(page: Tab, small: Path):
     result = rl.insert(rl.read_shot(small / "shot.toml"), small / "out", preview=True)
     recovered = result.place.recovered
     assert recovered is not None

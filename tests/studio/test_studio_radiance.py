@@ -5,15 +5,18 @@ from __future__ import annotations
 import shutil
 import tomllib
 from collections.abc import Iterator
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
+import cv2
 import numpy as np
 import pytest
 
 import relume as rl
 from browsing import Tab, opened
-from serving import Server, serving
+from one_studio import OneStudio
+from serving import Server
 from studio_page import done
 
 for needed in ("uvicorn", "tomlkit"):
@@ -28,30 +31,32 @@ photographs = ["plate/*.jpg"]
 grid = { photograph = "plate_grid.jpg", squares = [9, 6], square = 0.03 }
 
 [light]
-map = "light.exr"
+map = "even.exr"
 """
 WEIGHTS = np.array([0.2126, 0.7152, 0.0722])
 
 
 @pytest.fixture(scope="module")
-def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    place = tmp_path_factory.mktemp("radiance")
-    shutil.copytree(ROOM / "plate", place / "plate")
+def folder(studio: OneStudio) -> Path:
+    place = studio.folder
+    (place / "plate").mkdir()
+    for path in sorted((ROOM / "plate").glob("*.jpg")):  # at half the size: three merges are made of them
+        whole = rl.read_photograph(path)
+        pixels = cv2.resize(whole.pixels, None, fx=0.5, fy=0.5, interpolation=cv2.INTER_AREA)
+        rl.write(place / "plate" / path.name, replace(whole, pixels=pixels, name=path.name))
     shutil.copy(ROOM / "plate_grid.jpg", place)
-    rl.write(place / "light.exr", rl.as_radiance_map(rl.EnvironmentMap(np.full((16, 32, 3), 0.3, np.float32))))
+    rl.write(place / "even.exr", rl.as_radiance_map(rl.EnvironmentMap(np.full((16, 32, 3), 0.3, np.float32))))
     (place / "shot.toml").write_text(TEXT, encoding="utf-8")
     return place
 
 
 @pytest.fixture(scope="module")
-def server(folder: Path) -> Iterator[Server]:
-    with serving([folder], "studio") as running:
-        yield running
+def server(folder: Path, studio: OneStudio) -> Server:
+    return studio.server
 
 
 @pytest.fixture
 def page(browser: Any, server: Server) -> Iterator[Tab]:
-    server.post("/shot/undo", {"by": 10_000})
     with opened(browser, server.address, refusals=True) as tab:
         yield tab
 
@@ -84,7 +89,7 @@ def test_radiance_is_read_with_its_error_scaled_by_a_click_and_merged_anew_witho
     assert page.tab.locator("#pane svg.plot path").count() >= 6
 
     # A click reads a pixel: the file's own float32 and its error.
-    x, y = 300, 400
+    x, y = 150, 200
     page.tab.mouse.click(*page.point_at(x + 0.5, y + 0.5))
     page.until(lambda: page.tab.locator('[data-read="spot"]').count() == 1, "the reading")
     page.settle()
@@ -96,13 +101,13 @@ def test_radiance_is_read_with_its_error_scaled_by_a_click_and_merged_anew_witho
 
     # A region by Shift and the pointer.
     page.tab.keyboard.down("Shift")
-    page.drag((280, 380), (320, 410))
+    page.drag((140, 190), (160, 205))
     page.tab.keyboard.up("Shift")
     page.until(lambda: page.tab.locator('[data-read="region"]').count() == 1, "the region")
     rows = page.text('[data-read="region"] tbody tr >> nth=0').split()
-    assert "1200 pixels" in page.text('[data-read="region"] caption')
+    assert "300 pixels" in page.text('[data-read="region"] caption')
     assert [float(each) for each in rows[1:4]] == pytest.approx(
-        picture.radiance[380:410, 280:320].mean((0, 1)), rel=2e-3
+        picture.radiance[190:205, 140:160].mean((0, 1)), rel=2e-3
     )
 
     # What a meter showed there puts the plate in cd/m², in the file and in a new merge.

@@ -13,7 +13,7 @@ import pytest
 
 import relume as rl
 from browsing import Tab, opened
-from serving import Server, serving
+from one_studio import OneStudio
 from studio_page import serious_faults
 
 for needed in ("uvicorn", "tomlkit"):
@@ -36,9 +36,10 @@ ball = { centre = [0.0, 0.05, 0.0], radius = 0.05 }
 """
 
 
-@pytest.fixture(scope="module")
-def room(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    folder = tmp_path_factory.mktemp("views")
+@pytest.fixture
+def room(studio: OneStudio) -> Path:
+    studio.as_begun()
+    folder = studio.folder
     for name, frames in (("plate", (2, 3)), ("ball_0", (5, 7)), ("ball_90", (5, 7))):
         (folder / name).mkdir()
         for number in frames:
@@ -48,16 +49,9 @@ def room(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return folder
 
 
-@pytest.fixture(scope="module")
-def server(room: Path) -> Iterator[Server]:
-    with serving([room], "studio") as running:
-        yield running
-
-
 @pytest.fixture
-def page(browser: Any, server: Server) -> Iterator[Tab]:
-    server.post("/shot/undo", {"by": 10_000})
-    with opened(browser, server.address, refusals=True) as tab:
+def page(browser: Any, room: Path, studio: OneStudio) -> Iterator[Tab]:
+    with opened(browser, studio.server.address, refusals=True) as tab:
         tab.press("Alt+3")
         yield tab
 

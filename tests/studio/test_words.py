@@ -39,12 +39,16 @@ def messages(folder: Path) -> list[str]:
     """Every text in a folder's code that names an option, 7 in each gap; those that document are left out."""
     found = []
     for path in sorted(folder.rglob("*.py")):
-        tree = ast.parse(path.read_text("utf-8"))
+        source = path.read_text("utf-8")
+        if "--" not in source:
+            continue
+        tree = ast.parse(source)
+        nodes = list(ast.walk(tree))
         owners = (ast.Module, ast.ClassDef, ast.FunctionDef)
-        documents = {ast.get_docstring(each, clean=False) for each in ast.walk(tree) if isinstance(each, owners)}
-        parts = {id(part) for each in ast.walk(tree) if isinstance(each, ast.JoinedStr) for part in each.values}
-        alone = {id(each.value) for each in ast.walk(tree) if isinstance(each, ast.Expr)}
-        for each in ast.walk(tree):
+        documents = {ast.get_docstring(each, clean=False) for each in nodes if isinstance(each, owners)}
+        parts = {id(part) for each in nodes if isinstance(each, ast.JoinedStr) for part in each.values}
+        alone = {id(each.value) for each in nodes if isinstance(each, ast.Expr)}
+        for each in nodes:
             if isinstance(each, ast.JoinedStr):
                 text = "".join(str(p.value) if isinstance(p, ast.Constant) else "7" for p in each.values)
             elif isinstance(each, ast.Constant) and isinstance(each.value, str) and id(each) not in parts | alone:

@@ -27,10 +27,12 @@ class Tab:
 
     def until(self, holds: Callable[[], Any], what: str, seconds: float = 180) -> None:
         # The page's own rules forbid to evaluate texts, by which Playwright waits: it is asked again and again.
-        end = time.monotonic() + seconds
+        # To ask takes the processor from what is waited for: the longer that takes, the rarer.
+        end, wait = time.monotonic() + seconds, 0.01
         while not holds():
             assert time.monotonic() < end, f"never came: {what}; {self.text('#message')}"
-            time.sleep(0.03)
+            time.sleep(wait)
+            wait = min(1.3 * wait, 0.25)
 
     def settle(self) -> None:
         self.until(lambda: self.tab.evaluate("!!window.relume?.settled()"), "the picture")

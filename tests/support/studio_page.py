@@ -29,10 +29,16 @@ def looked_at(page: Tab, server: Server) -> None:
         page.until(lambda: page.tab.evaluate("() => relume.studio.measured !== null"), "what it measured")
 
 
-def serious_faults(page: Tab) -> list[tuple[str, str]]:
-    """What axe finds serious or worse in the page as it is, with every part of the pane open."""
+def serious_faults(page: Tab, within: str | None = None) -> list[tuple[str, str]]:
+    """What axe finds serious or worse in the page as it is, or in a part of it, with every part of the pane open."""
     axe: Any = pytest.importorskip("axe_playwright_python.sync_playwright", reason="axe-playwright-python is missing")
     while (closed := page.tab.locator("details:not([open]) > summary")).count():
         closed.first.click()
-    found = axe.Axe().run(page.tab).response["violations"]
-    return [(each["id"], each["nodes"][0]["html"]) for each in found if each["impact"] in ("serious", "critical")]
+    if not page.tab.evaluate("() => !!window.axe"):
+        page.tab.evaluate(axe.Axe().axe_script)
+    found = page.tab.evaluate(
+        "async (within) => (await axe.run(within ?? document, { resultTypes: ['violations'] })).violations"
+        ".filter((each) => ['serious', 'critical'].includes(each.impact)).map((each) => [each.id, each.nodes[0].html])",
+        within,
+    )
+    return [tuple(each) for each in found]

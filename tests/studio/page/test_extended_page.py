@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import base64
 from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
@@ -70,7 +71,7 @@ def switch(page: Tab) -> Any:
 
 def handed_over(page: Tab) -> np.ndarray:
     """What the screen's texture holds, (H, W, 4), the highest row first: copied to a buffer and read back."""
-    halves = page.tab.evaluate(
+    rows = page.tab.evaluate(
         """async () => {
           const { screen } = relume.canvas, { device, context, shown } = screen, { width, height } = shown;
           relume.canvas.drawNow();
@@ -81,13 +82,15 @@ def handed_over(page: Tab) -> np.ndarray:
           encoder.copyTextureToBuffer({ texture }, { buffer, bytesPerRow: row }, [width, height]);
           device.queue.submit([encoder.finish()]);
           await buffer.mapAsync(GPUMapMode.READ);
-          const found = new Uint16Array(buffer.getMappedRange()), rows = [];
+          const found = new Uint8Array(buffer.getMappedRange()), rows = [];
           const step = Math.max(1, Math.floor(height / 64));
-          for (let y = 0; y < height; y += step) rows.push([...found.slice(y * row / 2, y * row / 2 + 4 * width)]);
+          for (let y = 0; y < height; y += step)
+            rows.push(btoa(String.fromCharCode(...found.subarray(y * row, y * row + 8 * width))));
           return rows;
         }"""
     )
-    return np.array(halves, np.uint16).view(np.float16).astype(np.float32).reshape(len(halves), -1, 4)
+    bytes_of = b"".join(base64.b64decode(each) for each in rows)
+    return np.frombuffer(bytes_of, np.float16).astype(np.float32).reshape(len(rows), -1, 4)
 
 
 def decoded(codes: np.ndarray) -> np.ndarray:

@@ -11,8 +11,7 @@ import pytest
 
 import relume as rl
 from browsing import Tab, encoded, opened
-from serving import serving
-from small_shot import write_small_shot
+from one_studio import OneStudio
 
 for needed in ("uvicorn", "tomlkit"):
     pytest.importorskip(needed, reason="the extra studio is not installed")
@@ -37,20 +36,18 @@ def write_layers(folder: Path, value: float, error: float) -> None:
 
 
 @pytest.fixture
-def folder(tmp_path: Path) -> Path:
-    folder = write_small_shot(tmp_path / "shot").parent
-    (folder / "out").mkdir()
+def folder(studio: OneStudio) -> Path:
+    studio.as_begun()
+    folder = studio.folder
+    (folder / "out").mkdir(exist_ok=True)
     write_composite(folder, 0.2)
     write_layers(folder, 0.2, 0.0316)
     return folder
 
 
 @pytest.fixture
-def page(browser: Any, folder: Path) -> Iterator[Tab]:
-    with (
-        serving([folder / "shot.toml"], "studio") as server,
-        opened(browser, f"{server.address}#deliver", refusals=True) as tab,
-    ):
+def page(browser: Any, folder: Path, studio: OneStudio) -> Iterator[Tab]:
+    with opened(browser, f"{studio.server.address}#deliver", refusals=True) as tab:
         tab.tab.evaluate("() => relume.studio.show('composite.exr', 'results')")
         tab.settle()
         assert tab.tab.evaluate("() => relume.studio.shownPath") == "composite.exr"

@@ -8,6 +8,7 @@ from typing import Any
 import pytest
 
 from browsing import opened
+from one_studio import OneStudio
 from serving import serving
 from small_shot import write_small_shot
 from studio_page import done, looked_at
@@ -62,8 +63,6 @@ def test_a_look_begins_about_the_pointer_and_a_render_says_its_noise(browser: An
 
 
 @pytest.mark.parametrize("about", [[0.5], [0.5, 1.5], "here", [0.5, "a"], {"x": 1}])
-def test_a_place_that_is_none_is_refused_in_a_line(tmp_path: Path, about: Any):
-    shot = write_small_shot(tmp_path / "shot")
-    with serving([shot], "studio") as server:
-        status, said = server.post("/jobs/start", {"kind": "look", "about": about})
-        assert status == 422 and "shares of the picture's width and height" in said["error"]
+def test_a_place_that_is_none_is_refused_in_a_line(studio: OneStudio, about: Any):
+    status, said = studio.server.post("/jobs/start", {"kind": "look", "about": about})
+    assert status == 422 and "shares of the picture's width and height" in said["error"]

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -11,8 +10,8 @@ import pytest
 
 import relume as rl
 from browsing import Page, Tab, encoded, opened
+from one_studio import OneStudio
 from serving import Server, serving
-from small_shot import write_small_shot
 from studio_page import done
 
 for needed in ("uvicorn", "tomlkit"):
@@ -172,17 +171,10 @@ def test_a_picture_without_errors_says_so_in_one_line(page: Page):
     assert page.view("errors") is False
 
 
-@pytest.fixture(scope="module")
-def studio(tmp_path_factory: pytest.TempPathFactory) -> Iterator[tuple[Path, Server]]:
-    shot = write_small_shot(tmp_path_factory.mktemp("shot"))
-    with serving([shot], "studio") as running:
-        yield shot.parent, running
-
-
 def test_the_studio_compares_side_by_side_shows_errors_and_prints_numbers(
-    browser: Any, studio: tuple[Path, Server]
+    browser: Any, studio: OneStudio
 ):  # fmt: skip
-    folder, server = studio
+    folder, server = studio.folder, studio.server
     with opened(browser, f"{server.address}#deliver", refusals=True) as page:
         page.press("b")
         page.until(lambda: "no picture to compare yet" in page.text("#message"), "the line")

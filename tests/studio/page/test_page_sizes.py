@@ -57,7 +57,8 @@ def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 
 @pytest.fixture(scope="module")
-def studio(folder: Path) -> Iterator[Server]:
+def unlooked(folder: Path) -> Iterator[Server]:
+    """A studio that knows nothing of the light yet: balls of materials, once made, are one stop of Tab together."""
     with serving([folder / "shot.toml"], "studio") as running:
         yield running
 
@@ -87,8 +88,8 @@ def faults(page: Tab) -> list[str]:
 
 
 @pytest.mark.parametrize("size", WINDOWS)
-def test_every_pane_of_the_studio_is_whole_and_reached(browser: Any, studio: Server, size: str):
-    with window(browser, studio, size) as page:
+def test_every_pane_of_the_studio_is_whole_and_reached(browser: Any, unlooked: Server, size: str):
+    with window(browser, unlooked, size) as page:
         found = {}
         for step in range(page.tab.evaluate("() => relume.studio.panes.length")):
             page.tab.evaluate("(step) => relume.studio.go(step)", step)
@@ -116,8 +117,8 @@ def test_the_viewer_is_whole_and_reached(browser: Any, viewer: Server, size: str
             page.press("Escape")
 
 
-def test_tab_goes_through_all_controls_of_a_pane_at_200_per_cent(browser: Any, studio: Server):
-    with window(browser, studio, "1280x720 at 200 %") as page:
+def test_tab_goes_through_all_controls_of_a_pane_at_200_per_cent(browser: Any, unlooked: Server):
+    with window(browser, unlooked, "1280x720 at 200 %") as page:
         page.press("Alt+8")
         wanted = page.tab.evaluate(
             "() => { const found = [...document.querySelectorAll('button, input, select, summary, a[href], canvas')]"

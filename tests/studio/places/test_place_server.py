@@ -199,35 +199,51 @@ def test_a_photograph_is_left_out_with_its_marks_and_taken_in_again(server: Serv
     assert added in (folder / "chapel.toml").read_text(encoding="utf-8")
 
 
-def test_a_size_that_is_not_determined_is_one_line(tmp_path: Path):
+@pytest.fixture(scope="module")
+def sketching(tmp_path_factory: pytest.TempPathFactory) -> Iterator[tuple[Path, Server]]:
+    """A place file whose photographs are not there, and its server."""
+    path = tmp_path_factory.mktemp("sketch") / "place.toml"
+    path.write_text(place_shoot.toml(), encoding="utf-8")
+    with serving([path], "studio") as running:
+        yield path, running
+
+
+@pytest.fixture
+def sketch(sketching: tuple[Path, Server]) -> tuple[Path, Server]:
+    path, server = sketching
+    path.write_text(place_shoot.toml(), encoding="utf-8")
+    assert server.json("/place")["fault"] is None
+    return path, server
+
+
+def test_a_size_that_is_not_determined_is_one_line(sketch: tuple[Path, Server]):
+    path, server = sketch
     text = re.sub(r"(?m)^(front|back|left|right)_top = .*\n", "", place_shoot.toml())
     text = re.sub(r"(?m)^(front|back)_(left|right) = .*\n", "", text)
-    (tmp_path / "place.toml").write_text(text, encoding="utf-8")
-    with serving([tmp_path / "place.toml"], "studio") as server:
-        assert server.json("/place")["there"] == [False] * 5
-        assert server.ask("/photographs/0", **server.cookie)[0] == 404
-        job = solved(server)
-        assert job["status"] == "failed"
-        assert job["error"].startswith("height of block 'tower' is not determined: mark an edge at the top or bottom")
-        assert (tmp_path / "place.toml").read_text(encoding="utf-8") == text
-        # A file that others break is said to be broken, and nothing is solved.
-        (tmp_path / "place.toml").write_text(text + "\nbroken = [", encoding="utf-8")
-        state = server.json("/place")
-        assert "not valid TOML" in state["fault"] and list(state["bodies"]) == ["house", "roof", "tower", "annex"]
-        status, answer = server.post("/jobs/start")
-        assert status == 422 and "the place file is not sound" in answer["error"]
+    path.write_text(text, encoding="utf-8")
+    assert server.json("/place")["there"] == [False] * 5
+    assert server.ask("/photographs/0", **server.cookie)[0] == 404
+    job = solved(server)
+    assert job["status"] == "failed"
+    assert job["error"].startswith("height of block 'tower' is not determined: mark an edge at the top or bottom")
+    assert path.read_text(encoding="utf-8") == text
+    # A file that others break is said to be broken, and nothing is solved.
+    path.write_text(text + "\nbroken = [", encoding="utf-8")
+    state = server.json("/place")
+    assert "not valid TOML" in state["fault"] and list(state["bodies"]) == ["house", "roof", "tower", "annex"]
+    status, answer = server.post("/jobs/start")
+    assert status == 422 and "the place file is not sound" in answer["error"]
 
 
 @pytest.mark.parametrize("photographs", ["3", '"a.jpg"', '["a.jpg", 3]', "{ file = 3 }"])
-def test_photographs_that_are_no_tables_are_a_fault_and_the_page_goes_on(tmp_path: Path, photographs: str):
-    (tmp_path / "place.toml").write_text(place_shoot.toml(), encoding="utf-8")
-    with serving([tmp_path / "place.toml"], "studio") as server:
-        text = re.sub(r"(?ms)^\[\[photographs\]\].*?(?=^\[(?!\[photographs))", "", place_shoot.toml())
-        (tmp_path / "place.toml").write_text(f"photographs = {photographs}\n{text}", encoding="utf-8")
-        state = server.json("/place")
-        assert "photographs" in state["fault"] and not any(state["there"])
-        assert server.ask("/photographs/0", **server.cookie)[0] == 404
-        assert server.json("/photographs") == {"files": []}
+def test_photographs_that_are_no_tables_are_a_fault_and_the_page_goes_on(sketch: tuple[Path, Server], photographs: str):
+    path, server = sketch
+    text = re.sub(r"(?ms)^\[\[photographs\]\].*?(?=^\[(?!\[photographs))", "", place_shoot.toml())
+    path.write_text(f"photographs = {photographs}\n{text}", encoding="utf-8")
+    state = server.json("/place")
+    assert "photographs" in state["fault"] and not any(state["there"])
+    assert server.ask("/photographs/0", **server.cookie)[0] == 404
+    assert server.json("/photographs") == {"files": []}
 
 
 def test_what_is_no_place_to_mark_is_refused_before_a_page_opens(tmp_path: Path):

@@ -150,11 +150,34 @@ def developed(
         depth=results / LAYERS if "defocus" in way.settings else None,
     )  # fmt: skip
     keep = body.get("keep") is True
-    with warnings.catch_warnings(record=True) as said:
-        warnings.simplefilter("always")
-        rl.develop_file(results / str(source), (results if keep else scratch) / way.name, settings)
+    # The side that was not changed is there already: the page asks for both at each change of one.
+    made_of = f"{way} {degrees} {_stamps(results, str(source))}"
+    note = scratch / f"{way.name}.json"
+    doubts = None if keep else _doubts_of(note, made_of)
+    if doubts is None:
+        note.unlink(missing_ok=True)
+        with warnings.catch_warnings(record=True) as said:
+            warnings.simplefilter("always")
+            rl.develop_file(results / str(source), (results if keep else scratch) / way.name, settings)
+        doubts = [in_the_page(str(each.message)) for each in said]
+        if not keep:
+            note.write_text(json.dumps([made_of, doubts]), encoding="utf-8")
     return {
-        "path": way.name, "where": "results" if keep else "scratch",
-        "doubts": [in_the_page(str(each.message)) for each in said],
+        "path": way.name, "where": "results" if keep else "scratch", "doubts": doubts,
         "command": way.command(str(source), named, degrees), "python": way.python(str(source), named, degrees),
     }  # fmt: skip
+
+
+def _stamps(results: Path, source: str) -> list[tuple[int, int]]:
+    """By what one result and its layers differ from the next of the same name: size and time of writing."""
+    there = [path.stat() for path in (results / source, results / LAYERS) if path.is_file()]
+    return [(each.st_size, each.st_mtime_ns) for each in there]
+
+
+def _doubts_of(note: Path, made_of: str) -> list[str] | None:
+    """What was doubted of a picture that was made of just this; None where it has to be made."""
+    try:
+        known, doubts = json.loads(note.read_text(encoding="utf-8"))
+    except (OSError, ValueError):
+        return None
+    return doubts if known == made_of and note.with_suffix("").is_file() else None

@@ -5,7 +5,8 @@ from __future__ import annotations
 import os
 import tempfile
 from collections.abc import Callable
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
+from importlib import import_module
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -65,8 +66,19 @@ def open_studio(
         raise ValueError(f"{shot.name} is a place file, which holds what is found itself; leave the folder {out} out")
     require_host(host, allow_remote, f"edits this {'place' if place else 'shot'} and reads its folder")
     results = Path(out).resolve() if out is not None else shot.parent / RESULTS
+    _load_usd()
     with _place(shot) if place else _application(shot, results) as application:
         serve(application, host, port, allow_remote=allow_remote, open_browser=open_browser, say=say)
+
+
+def _load_usd() -> None:
+    """Load OpenUSD, where it is installed, while there is one thread.
+
+    While it is loaded it holds the loader's lock and waits for Python's; a thread that begins just then has Python's
+    and waits for the loader's. A mesh of USD that was dropped while material balls were made so ended all answers.
+    """
+    with suppress(ImportError):
+        import_module("pxr.Tf")
 
 
 @contextmanager

@@ -27,7 +27,9 @@ export function developments(studio) {
     const mine = ++turn;
     await studio.attempt(async () => {
       studio.say("developing …");
-      const [left, right] = [await ask(ways[0]), await ask(ways[1])];
+      const left = await ask(ways[0]);
+      if (mine !== turn) return;
+      const right = await ask(ways[1]);
       if (mine !== turn) return;
       lines = [right.command, right.python];
       doubts = [...new Set([...left.doubts, ...right.doubts])];
