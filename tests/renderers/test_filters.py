@@ -99,7 +99,7 @@ def test_pixels_of_a_sunset_are_the_mean_of_what_they_span(width, allowed):
 @pytest.fixture(scope="module")
 def many() -> list[tuple[np.ndarray, float]]:
     """Many pixels of three sizes, and the mean light in them."""
-    sizes = [around(spread(1500, seed=2), width, width, 0.4) for width in (0.1, 0.3, 1.0)]
+    sizes = [around(spread(600, seed=2), width, width, 0.4) for width in (0.1, 0.3, 1.0)]
     return [(quads, float(supersampled(spiky(64), quads).mean())) for quads in sizes]
 
 
