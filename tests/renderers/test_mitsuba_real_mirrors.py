@@ -29,7 +29,7 @@ POINT = PointLight((0.9, 1.4, 0.8), (6.0, 5.0, 4.0))
 SUN = DistantLight((0.5, 1.0, 0.8), (3.0, 3.0, 3.0))
 LAMP = SphereLight((0.9, 1.4, 0.8), 0.25, (30.0, 25.0, 20.0))
 CAMERA = Camera.looking_at(np.array([0.3, 1.5, 1.7]), np.array([0.1, 0.25, -0.4]), width=16, height=14, focal_length=22)
-PASSES = 12
+PASSES = 8
 
 
 def ball(material: AnyMaterial) -> Sphere:
@@ -82,7 +82,7 @@ class Compared:
             noise = np.sqrt(sum(p.var(0, ddof=1) / PASSES for p in pixels))
             noise = np.maximum(noise, 0.3 * noise.mean())
             gap = np.abs(pixels[0].mean(0) - pixels[1].mean(0)) / noise
-            # Of a dozen passes each, few of which hold what is rare.
+            # Of eight passes each, few of which hold what is rare.
             assert np.mean(gap < 3.5) > 0.97, gap
 
 
@@ -100,7 +100,7 @@ FAST = ("matte, point",)
 @pytest.mark.parametrize("name", [n if n in FAST else pytest.param(n, marks=pytest.mark.slow) for n in SCENES])
 def test_the_change_is_the_difference_of_whole_pictures(name):
     material, lamp = SCENES[name]
-    samples, error = ((96, 768), 0.04) if name in FAST else ((384, 2048), 0.03)
+    samples, error = ((96, 768), 0.04) if name in FAST else ((576, 3072), 0.03)
     both(Scene(BLACK, (FLOOR, WALL), (ball(material),), (lamp,)), *samples).require_alike(error)
 
 
@@ -108,7 +108,7 @@ def test_the_change_is_the_difference_of_whole_pictures(name):
 @pytest.mark.parametrize("material", [MATTE, GLASS], ids=["matte", "glass"])
 def test_of_a_lamp_with_a_size_it_is_what_paths_find_by_chance(material):
     scene = Scene(BLACK, (FLOOR, WALL), (ball(material),), (LAMP,))
-    both(scene, 1024, 8192, chance=True).require_alike(0.04)
+    both(scene, 1536, 12288, chance=True).require_alike(0.04)
 
 
 def test_real_glass_sends_light_on_too():
