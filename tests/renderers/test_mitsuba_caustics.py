@@ -67,9 +67,7 @@ SCENES = {
 }
 
 
-SOONER = (
-    *("glass, far lamp", "mirror, dome", "mirror, lamp", "frosted glass, lamp", "brushed metal beside a mirror"),
-)
+SOONER = ["glass, room", "mirror, dome", "mirror, lamp", "frosted glass, lamp", "brushed metal beside a mirror"]
 """Each surface and each kind of light once; the other scenes combine the same otherwise."""
 
 
