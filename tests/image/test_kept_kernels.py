@@ -68,14 +68,15 @@ def called() -> Iterator[Called]:
     usual.pop("PYTHONPATH", None)
     python = [sys.executable, "-c", SERVER]
     with subprocess.Popen(python, env=usual, stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True) as server:
-        assert server.stdin is not None and server.stdout is not None
+        questions, answers = server.stdin, server.stdout
+        assert questions is not None and answers is not None
 
         def call(
             site: Path, home: Path, numbers: str = "float32", before: str = "", **variables: str
         ) -> tuple[int, int, str]:
             chosen = {**usual, "HOME": str(home), **variables}
-            print(json.dumps([before + CALL, str(site), numbers, chosen]), file=server.stdin, flush=True)
-            return _counts(server.stdout.readline())
+            print(json.dumps([before + CALL, str(site), numbers, chosen]), file=questions, flush=True)
+            return _counts(answers.readline())
 
         yield call
 
