@@ -9,6 +9,7 @@ import shutil
 import subprocess
 import sys
 import zipfile
+from collections.abc import Callable, Iterator
 from pathlib import Path
 
 import pytest
@@ -31,15 +32,65 @@ print(json.dumps([sums, hits, misses, channel_sums.stats.cache_path]))
 SUMS = [3 + 6 + 9, 4 + 7 + 10, 5 + 8 + 11, 10]
 
 
-def called(
-    site: Path, home: Path, numbers: str = "float32", before: str = "", **variables: str
-) -> tuple[int, int, str]:
-    """How often a fresh process found a kernel that was kept, and did not, and where it looked; its sums are right."""
+# Numba is imported once, which takes half a second; each call is a process of its own, with variables of its own.
+SERVER = """
+import json, os, sys
+import numba, numpy
+from numba.core import config
+for line in sys.stdin:
+    call, site, numbers, variables = json.loads(line)
+    child = os.fork()
+    if child == 0:
+        os.environ.clear()
+        os.environ.update(variables)
+        config.reload_config()
+        sys.dont_write_bytecode = "PYTHONDONTWRITEBYTECODE" in variables
+        sys.path.insert(0, site)
+        sys.argv = ["-c", numbers]
+        try:
+            exec(call, {"__name__": "__main__"})
+            sys.stdout.flush()
+        except BaseException:
+            import traceback
+            traceback.print_exc()
+            os._exit(1)
+        os._exit(0)
+    if os.waitpid(child, 0)[1] != 0:
+        print("null", flush=True)
+"""
+Called = Callable[..., tuple[int, int, str]]
+
+
+@pytest.fixture(scope="module")
+def called() -> Iterator[Called]:
+    """How often a process found a kernel that was kept, and did not, and where it looked; its sums are right."""
+    usual = {name: value for name, value in os.environ.items() if not name.startswith("NUMBA_")}
+    usual.pop("PYTHONPATH", None)
+    python = [sys.executable, "-c", SERVER]
+    with subprocess.Popen(python, env=usual, stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True) as server:
+        questions, answers = server.stdin, server.stdout
+        assert questions is not None and answers is not None
+
+        def call(
+            site: Path, home: Path, numbers: str = "float32", before: str = "", **variables: str
+        ) -> tuple[int, int, str]:
+            chosen = {**usual, "HOME": str(home), **variables}
+            print(json.dumps([before + CALL, str(site), numbers, chosen]), file=questions, flush=True)
+            return _counts(answers.readline())
+
+        yield call
+
+
+def called_anew(site: Path, home: Path) -> tuple[int, int, str]:
+    """The same of a process that has imported nothing yet."""
     chosen = {name: value for name, value in os.environ.items() if not name.startswith("NUMBA_")}
-    chosen |= {"PYTHONPATH": str(site), "HOME": str(home), **variables}
-    done = subprocess.run([sys.executable, "-c", before + CALL, numbers], env=chosen, capture_output=True, text=True)
-    assert done.returncode == 0, done.stderr
-    sums, hits, misses, folder = json.loads(done.stdout)
+    chosen |= {"PYTHONPATH": str(site), "HOME": str(home)}
+    run = [sys.executable, "-c", CALL, "float32"]
+    return _counts(subprocess.run(run, env=chosen, stdout=subprocess.PIPE, text=True, check=True).stdout)
+
+
+def _counts(said: str) -> tuple[int, int, str]:
+    sums, hits, misses, folder = json.loads(said)
     assert sums == SUMS
     return hits, misses, folder
 
@@ -50,7 +101,7 @@ def times_in(folder: Path) -> dict[Path, int]:
 
 
 @pytest.fixture(scope="module")
-def brought(tmp_path_factory):
+def brought(called, tmp_path_factory):
     """The package as a wheel brings it, with one kernel for one kind of arrays."""
     site = tmp_path_factory.mktemp("built")
     shutil.copytree(Path(relume.__file__).parent, site / "relume", ignore=shutil.ignore_patterns("__pycache__"))
@@ -67,20 +118,20 @@ def site(brought, tmp_path):
 
 def test_kernels_that_a_package_brings_are_used_wherever_and_whenever_it_was_unpacked(site, tmp_path):
     before = times_in(site)
-    hits, misses, folder = called(site, tmp_path / "home")
+    hits, misses, folder = called_anew(site, tmp_path / "home")
     assert (hits, misses) == (1, 0)
     assert Path(folder).parent == site / "relume" / "kernels"
     assert before and times_in(site) == before
     assert not (tmp_path / "home").exists()
 
 
-def test_a_processor_that_they_are_not_for_compiles_its_own_and_keeps_them(site, tmp_path):
+def test_a_processor_that_they_are_not_for_compiles_its_own_and_keeps_them(called, site, tmp_path):
     for kept in (0, 1):
         assert called(site, tmp_path, NUMBA_CPU_NAME="generic")[:2] == (kept, 1 - kept)
     assert called(site, tmp_path)[:2] == (1, 0)  # and the package's are still there
 
 
-def test_another_version_of_numba_compiles_its_own_and_keeps_them(site, tmp_path):
+def test_another_version_of_numba_compiles_its_own_and_keeps_them(called, site, tmp_path):
     (index,) = (site / "relume" / "kernels").rglob("*.nbi")
     whole = index.read_bytes()
     own = pickle.loads(whole)
@@ -89,7 +140,7 @@ def test_another_version_of_numba_compiles_its_own_and_keeps_them(site, tmp_path
         assert called(site, tmp_path)[:2] == (kept, 1 - kept)
 
 
-def test_kernels_of_another_source_are_not_used(site, tmp_path):
+def test_kernels_of_another_source_are_not_used(called, site, tmp_path):
     """Not only of another file: of anything that the kernel's file imports."""
     with (site / "relume" / "image" / "kernel.py").open("a") as file:
         file.write("# changed\n")
@@ -101,7 +152,7 @@ def test_kernels_of_another_source_are_not_used(site, tmp_path):
     assert times_in(site / "relume" / "kernels") == before
 
 
-def test_in_a_write_protected_package_they_are_used_and_others_are_kept_with_the_user(site, tmp_path):
+def test_in_a_write_protected_package_they_are_used_and_others_are_kept_with_the_user(called, site, tmp_path):
     folders, home = [site, *(path for path in site.rglob("*") if path.is_dir())], tmp_path / "home"
     for each in folders:
         each.chmod(0o555)
@@ -121,7 +172,7 @@ def test_in_a_write_protected_package_they_are_used_and_others_are_kept_with_the
     assert list(Path(folder).parent.iterdir()) == [Path(folder)]  # nothing half-copied is left
 
 
-def test_they_are_copied_to_the_folder_that_the_user_chose(site, tmp_path):
+def test_they_are_copied_to_the_folder_that_the_user_chose(called, site, tmp_path):
     chosen = tmp_path / "chosen"
     hits, misses, folder = called(site, tmp_path / "home", NUMBA_CACHE_DIR=str(chosen))
     assert (hits, misses) == (1, 0)
@@ -180,4 +231,4 @@ def test_a_wheel_brings_kernels_and_says_so_in_its_name(brought, tmp_path):
     python = f"cp{sys.version_info.major}{sys.version_info.minor}"
     assert f"-{python}-{python}" in names[0] and "-any" not in names[0]
     assert names[1].endswith("-py3-none-any.whl")
-    assert called(tmp_path / "site", tmp_path / "home")[:2] == (1, 0)
+    assert called_anew(tmp_path / "site", tmp_path / "home")[:2] == (1, 0)

@@ -9,6 +9,7 @@ import pytest
 import naive
 from lights import constant, lone, spiky, spread, sunny
 from relume.image.files import read_radiance
+from relume.light.reflection import glossy
 from relume.light.reflection.brdf import GGX, PhongReflectance, Ward
 from relume.light.reflection.glossy import AZIMUTHS, VIEWS, albedo, glossy_map
 from relume.sphere.directions import normalised, rotation_about
@@ -123,6 +124,16 @@ def test_a_map_of_fewer_azimuths_is_a_part_of_one_of_more():
     more, fewer = (glossy_map(sunny(8), GGX(0.5), 8, views=3, azimuths=k) for k in (3, 1))
     np.testing.assert_allclose(fewer.tables, more.tables[..., :3, :], atol=1e-6)
     assert np.array_equal(fewer.tilts, more.tilts)
+
+
+def test_lobes_are_kept_for_the_next_light(monkeypatch):
+    brdf, made = GGX(0.4321), []
+    kernels = glossy._kernels
+    monkeypatch.setattr(glossy, "_kernels", lambda *given: made.append(1) or kernels(*given))
+    one = glossy_map(sunny(8), brdf, 8, views=3, azimuths=2)
+    other = glossy_map(EnvironmentMap(2 * sunny(8).radiance), brdf, 8, views=3, azimuths=2)
+    assert len(made) == 3
+    np.testing.assert_allclose(other.tables, 2 * one.tables, rtol=1e-5)
 
 
 def test_lobes_that_are_round_need_no_azimuths():

@@ -76,7 +76,7 @@ def test_the_normalisations_differ_by_their_named_divisors_and_nothing_else(lobe
 
 @pytest.mark.parametrize("n", [1, 10, 50, 200, 1000])
 def test_phongs_map_by_the_papers_constant_and_the_radiometric_one(n):
-    light = constant(512)
+    light = constant(256)
     paper, radiometric = (reflection_map(light, Phong(n), 9, norm).table for norm in (PAPER, RADIOMETRIC))
     np.testing.assert_allclose(paper, 1 / (2 * (n + 1)), rtol=2e-4)  # A7
     np.testing.assert_allclose(radiometric, 1, rtol=2e-4)
@@ -133,13 +133,16 @@ def test_on_the_edge_of_a_half_lit_sphere_a_highlight_is_half_as_bright(n):
 # --- the sums written out --------------------------------------------------------------------------------------------
 
 
-@pytest.mark.parametrize("rows", [5, 16, 36], ids=["5 rows", "16 rows", "36 rows"])
+# Neither 32 columns nor 72 divide the map's 30: of 36 rows all that holds of 16 is seen.
+@pytest.mark.parametrize(
+    "rows", [5, pytest.param(16, marks=pytest.mark.slow), 36], ids=["5 rows", "16 rows", "36 rows"]
+)
 @EVERY
 def test_a_table_is_the_sum_over_all_pixels(lobe, rows):
     # Of 10, 32 and 72 columns only the first divide the map's 30. No pixel lies on an entry's horizon, where steps are.
     light = cut_up(spiky(15), lobe.width)
-    # Of the largest table one column in seven, at all places within those of the map.
-    every = 7 if rows == 36 else 1
+    # Of larger tables one column in so many, at all places within those of the map.
+    every = {5: 1, 16: 3, 36: 7}[rows]
     slow = naive.reflection_sums(light.radiance, lobe, rows, every)
     table, bound = convolved(light, lobe, rows)
     error = np.abs(table[:, ::every] / slow - 1).max()
@@ -173,8 +176,8 @@ def test_a_light_alone_in_the_black_is_never_less_than_nothing(name):
     lobe = LOBES[name]
     for row in (0, 3, 7, 15):
         light = cut_up(lone(16, row, 5), lobe.width)
-        table = reflection_map(light, lobe, 16, SUM).table
-        slow = naive.reflection_sums(light.radiance, lobe, 16)
+        table = reflection_map(light, lobe, 8, SUM).table
+        slow = naive.reflection_sums(light.radiance, lobe, 8)
         assert table.min() >= 0
         np.testing.assert_allclose(table, slow, atol=1e-7 * slow.max())
 

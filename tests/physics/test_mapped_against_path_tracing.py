@@ -170,7 +170,8 @@ def test_a_ball_and_the_light_round_it_are_one_picture_with_path_tracings(sky):
 
 
 @pytest.mark.parametrize("sky", SKIES, indirect=True)
-@pytest.mark.parametrize("alpha", [0.1, 0.25, 0.5])
+# Between the two that stay the same code meets the same integral.
+@pytest.mark.parametrize("alpha", [0.1, pytest.param(0.25, marks=pytest.mark.slow), 0.5])
 def test_white_ggx_is_within_a_per_cent_of_path_tracing(sky, alpha, capsys):
     name, light = sky
     ours, flat = mapped(Reflective((Layer(GGX(alpha)),)), light), mapped(flat_ggx(alpha), light)
@@ -234,7 +235,8 @@ def test_the_papers_phong_table_is_within_a_per_cent_of_its_integral(sky, n, cap
     ("brdf", "lobe"),
     [
         (PhongReflectance(10), Phong(10)),
-        (PhongReflectance(50), Phong(50)),
+        # PhongReflectance(10) and Ward say as much in each run.
+        pytest.param(PhongReflectance(50), Phong(50), marks=pytest.mark.slow),
         pytest.param(PhongReflectance(200), Phong(200), marks=pytest.mark.slow),
         (Ward(0.2), WardLobe(0.2)),
     ],
@@ -242,7 +244,7 @@ def test_the_papers_phong_table_is_within_a_per_cent_of_its_integral(sky, n, cap
 )
 def test_the_three_dimensional_map_is_within_a_per_cent_of_the_integral(sky, brdf, lobe, capsys):
     name, light = sky
-    normals, eyes = seen_on_a_ball(250)
+    normals, eyes = seen_on_a_ball(120)
     directions, flux = pixels_of(light)
     truth = np.empty((len(normals), 3))
     for i, (normal, eye) in enumerate(zip(normals, eyes, strict=True)):

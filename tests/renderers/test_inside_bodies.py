@@ -74,7 +74,12 @@ SMALL = (
 )
 
 
-@pytest.mark.parametrize("medium", [None, Medium((0.5, 0.3, 0.1))], ids=["clear", "fog"])
+# Whatever lamp is dim without fog is so in it.
+@pytest.mark.parametrize(
+    "medium",
+    [pytest.param(None, marks=pytest.mark.slow), Medium((0.5, 0.3, 0.1))],
+    ids=["clear", "fog"],
+)
 @pytest.mark.parametrize("lamp", SMALL, ids=lambda lamp: type(lamp).__name__)
 def test_a_lamp_in_the_middle_of_a_glass_ball_lights_as_without_it(mi, lamp, medium):
     """From the middle no ray is bent; of what lights one half alone the other gets 4 %. In the ball there is no fog."""

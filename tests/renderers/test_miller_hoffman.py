@@ -409,7 +409,7 @@ def test_section_9_beyond_the_critical_angle_all_light_is_reflected():
 
 @pytest.mark.parametrize("brdf", [GGX(0.4), PhongReflectance(30)], ids=["GGX", "Phong"])
 def test_section_9_the_three_dimensional_map_gives_what_a_brdf_reflects_to_every_eye(brdf):
-    light, (N, E) = sunny(48), surfaces(60, least=0.1)
+    light, (N, E) = sunny(48), surfaces(20, least=0.1)
     directions, flux = naive.latlong_pixels(light.radiance)
     slow = naive.ggx if isinstance(brdf, GGX) else naive.phong
     width = brdf.alpha if isinstance(brdf, GGX) else brdf.n

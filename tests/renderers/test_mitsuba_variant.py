@@ -139,8 +139,18 @@ print(mitsuba.variant())
 
 
 @pytest.mark.skipif(sys.platform != "linux", reason="the folders and names are those of Linux")
-@pytest.mark.parametrize("version", [14, 15, 19])
-@pytest.mark.parametrize("by", ["folder", "environment"])
+# Of the others, tests above show that they are passed over and what is chosen then.
+@pytest.mark.parametrize(
+    ("version", "by"),
+    [
+        (15, "folder"),
+        (19, "environment"),
+        pytest.param(14, "folder", marks=pytest.mark.slow),
+        pytest.param(14, "environment", marks=pytest.mark.slow),
+        pytest.param(15, "environment", marks=pytest.mark.slow),
+        pytest.param(19, "folder", marks=pytest.mark.slow),
+    ],
+)
 def test_with_only_an_unusable_llvm_a_render_completes_by_the_scalar_variant(tmp_path, version, by):
     # The machine's own library where it has one, because a real 15 aborts the process where an empty file only fails
     # to load; version 19 is always a file that only bears the name.

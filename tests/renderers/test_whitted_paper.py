@@ -244,7 +244,7 @@ def agrees_with_twin(scene, method, count, seed=0) -> float:
 
 @pytest.mark.parametrize("seed", range(8))
 def test_section_2_equation_2_with_every_kind_of_surface_light_and_setting(seed):
-    assert agrees_with_twin(mixture(seed), ways_of_rendering(seed), 150) > 0.05
+    assert agrees_with_twin(mixture(seed), ways_of_rendering(seed), 100) > 0.05
 
 
 @pytest.mark.slow
@@ -467,12 +467,20 @@ def test_section_3_a_scene_of_nothing_shows_the_light():
         assert np.all(found.matte == 0) and np.all(found.depth == 0)
 
 
-@pytest.mark.parametrize(("subdivisions", "error"), [(0, 0.5), (2, 0.08), (4, 0.02), (6, 0.005)])
-def test_section_3_in_the_limit_it_is_area_sampling(subdivisions, error):
-    scene = Scene(DARKNESS, objects=(quad(WhittedMaterial(ambient=WHITE), 0.3),), lights=(EVEN,))
+SQUARE_ALONE = Scene(DARKNESS, objects=(quad(WhittedMaterial(ambient=WHITE), 0.3),), lights=(EVEN,))
+
+
+@pytest.fixture(scope="module")
+def area() -> np.ndarray:
+    """What each pixel shows of it on average."""
     fine = 64
     finer = Camera(32 * fine, 24 * fine, 40.0 * fine, FRONT.position, FRONT.rotation)
-    area = POINTS.render(scene, finer).radiance.reshape(24, fine, 32, fine, 3).mean((1, 3))
+    return POINTS.render(SQUARE_ALONE, finer).radiance.reshape(24, fine, 32, fine, 3).mean((1, 3))
+
+
+@pytest.mark.parametrize(("subdivisions", "error"), [(0, 0.5), (2, 0.08), (4, 0.02), (6, 0.005)])
+def test_section_3_in_the_limit_it_is_area_sampling(area, subdivisions, error):
+    scene = SQUARE_ALONE
     found = Whitted(antialiasing=Antialiasing(subdivisions), constellation=0).render(scene, FRONT)
     assert np.abs(found.radiance - area).max() < error
     np.testing.assert_allclose(found.matte, found.radiance[..., 0], atol=1e-6)

@@ -101,7 +101,7 @@ def test_marks_that_are_the_ends_of_their_edges_say_more():
     assert np.all(ends < 0.72 * lines)
     # The worst size, of the annex that stands apart: 0.19 % by where edges run, 0.11 % by where they end too.
     assert lines.max() == pytest.approx(0.0019, abs=5e-5) and ends.max() == pytest.approx(0.00106, abs=3e-5)
-    errors = np.array([size_errors(solved(place_shoot.tables(0.5, seed, ends=True), FACTS)) for seed in range(6)])
+    errors = np.array([size_errors(solved(place_shoot.tables(0.5, seed, ends=True), FACTS)) for seed in range(4)])
     assert np.abs(errors).max() < 0.004
     assert np.sqrt(np.mean((errors / ends) ** 2)) == pytest.approx(1, abs=0.25)
 

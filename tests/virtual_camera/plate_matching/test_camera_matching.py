@@ -36,10 +36,10 @@ def response() -> Response:
 @cache
 def board() -> np.ndarray:
     """A slanted chequered board (H, W, 3), 0.3 and 0.9, 160 × 220, by pixels as wide as they are."""
-    y, x = (np.mgrid[: 160 * 8, : 220 * 8] + 0.5) / 8
+    y, x = (np.mgrid[: 160 * 4, : 220 * 4] + 0.5) / 4
     across, down = x * np.cos(0.14) + y * np.sin(0.14), y * np.cos(0.14) - x * np.sin(0.14)
     light = 0.3 + 0.6 * ((across // 30 + down // 30) % 2)
-    return np.repeat(light.reshape(160, 8, 220, 8).mean((1, 3))[..., None], 3, axis=2).astype(np.float32)
+    return np.repeat(light.reshape(160, 4, 220, 4).mean((1, 3))[..., None], 3, axis=2).astype(np.float32)
 
 
 @cache

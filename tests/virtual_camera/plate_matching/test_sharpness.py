@@ -12,7 +12,7 @@ from relume.virtual_camera.plate_matching.sharpness import Sharpness, measured_s
 
 
 def board(
-    sigma: float, noise: float = 0.0, *, height: int = 140, width: int = 180, side: int = 30, finer: int = 8
+    sigma: float, noise: float = 0.0, *, height: int = 140, width: int = 180, side: int = 30, finer: int = 4
 ) -> np.ndarray:
     """A slanted chequered board seen through a lens of that spread by pixels as wide as they are, (H, W)."""
     y, x = (np.mgrid[: height * finer, : width * finer] + 0.5) / finer

@@ -47,7 +47,7 @@ def test_a_turn_is_the_mean_of_what_the_camera_sees(turn: tuple[float, float, fl
         u, v, w = np.moveaxis(ray @ rotation.T, -1, 0)
         return width / 2 + focal_length * u / -w, height / 2 - focal_length * v / -w
 
-    expected, known = averaged(picture, place_at, shutter.light, samples=300)
+    expected, known = averaged(picture, place_at, shutter.light, samples=200)
     camera = TurningCamera(*turn, shutter)
     seen, share = camera.apply(picture, View(focal_length)), camera.coverage((height, width), View(focal_length))
     np.testing.assert_allclose(share, known, atol=0.015)
