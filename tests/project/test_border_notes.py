@@ -48,7 +48,7 @@ def folder(tmp_path: Path) -> Path:
 
 @pytest.mark.filterwarnings("ignore::UserWarning")
 def test_a_table_that_ends_beside_a_cube_is_named_in_notes_and_report(folder):
-    renderer = Differential(samples=8, depth=3)
+    renderer = Differential(samples=32, depth=3)
     result = insert(shot_of(folder, SHOT + "[0.9, 1.2]\n"), folder / "short", renderer=renderer)
     lines = [line for line in result.notes if "border of local surface 1" in line]
     assert any("m wider there" in line and "[[local]]" in line for line in lines)
