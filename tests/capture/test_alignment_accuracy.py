@@ -24,13 +24,22 @@ def missed(held: HandHeld) -> tuple[float, float, Aligned]:
     return float(largest.max()), float(typical.max()), aligned
 
 
-def test_twelve_brackets_lie_within_a_quarter_pixel() -> None:
+def small_brackets_lie_within_a_quarter_pixel(count: int) -> None:
     corners = []
-    for seed in range(12):
+    for seed in range(count):
         corner, _, aligned = missed(stack(900 + seed, size=(420, 300), frames=3 + seed % 3))
         corners.append(corner)
         assert aligned.moved
     assert max(corners) < WITHIN and np.median(corners) < 0.06
+
+
+def test_four_brackets_lie_within_a_quarter_pixel() -> None:
+    small_brackets_lie_within_a_quarter_pixel(4)
+
+
+@pytest.mark.slow  # the first four are the test above
+def test_twelve_brackets_lie_within_a_quarter_pixel() -> None:
+    small_brackets_lie_within_a_quarter_pixel(12)
 
 
 @pytest.mark.slow

@@ -37,7 +37,7 @@ def test_the_curves_are_many_and_differ():
 
 @pytest.mark.parametrize("electrons, median", [(20_000.0, 0.005), (None, 0.002)], ids=["noise", "no noise"])
 def test_the_first_curves_are_recovered_within_the_goal(electrons, median):
-    found = errors(15, electrons)
+    found = errors(6, electrons)
     assert np.median(found) <= median and found.max() <= 0.015
 
 

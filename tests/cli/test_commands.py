@@ -50,6 +50,7 @@ def test_help_shows_options_and_the_forms_of_their_words(command, options, capsy
     assert [option for option in options if option not in text] == []
 
 
+@pytest.mark.slow  # a lone view's map, and two views: test_probe.py; these balls: tests/probe/test_outline.py
 def test_probe_finds_the_ball_and_writes_a_map_that_remembers_its_mapping(tmp_path, capsys):
     balls = [sorted((ROOM / f).glob("IMG_000[357].jpg")) for f in ("ball_0", "ball_90")]
     words = ["probe", *map(str, balls[0]), "--second", *map(str, balls[1]), "--camera", "0,0.12,1"]

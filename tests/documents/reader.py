@@ -44,7 +44,7 @@ def _made() -> Path:
         copy = examples / path.relative_to(ROOT / "examples")
         copy.parent.mkdir(parents=True, exist_ok=True)
         if path.suffix == ".jpg":
-            _smaller(path, copy)
+            smaller(path, copy)
         else:
             shutil.copyfile(path, copy)
     write_small_shot(examples / "room")
@@ -54,10 +54,10 @@ def _made() -> Path:
     return folder
 
 
-def _smaller(path: Path, copy: Path) -> None:
-    """A photograph of a quarter of the width, with what the camera wrote beside it."""
+def smaller(path: Path, copy: Path, times: int = 4) -> None:
+    """A photograph of so many times less width, with what the camera wrote beside it."""
     with Image.open(path) as picture:
-        size = (picture.width // 4, picture.height // 4)
+        size = (picture.width // times, picture.height // times)
         picture.resize(size, Image.Resampling.BOX).save(copy, exif=picture.info["exif"], quality=95)
 
 
@@ -98,7 +98,7 @@ def calibrate(path: Path) -> None:
 def _photograph(path: Path) -> None:
     # Several that lie beside each other are the exposures of a bracket.
     number = (3, 2, 4, 1)[len(list(path.parent.glob("*.jpg"))) % 4]
-    _smaller(ROOT / "examples" / "room" / "plate" / f"IMG_{number:04}.jpg", path)
+    smaller(ROOT / "examples" / "room" / "plate" / f"IMG_{number:04}.jpg", path)
 
 
 def _painting(path: Path) -> None:
@@ -221,7 +221,7 @@ def folders_and_files(words: list[str], folder: Path) -> list[str]:
         for name in FOLDERS.get(word.strip("/"), ()):
             (folder / word).mkdir(exist_ok=True)
             if name.endswith(".jpg"):
-                _smaller(ROOT / "examples" / "room" / "plate" / name, folder / word / name)
+                smaller(ROOT / "examples" / "room" / "plate" / name, folder / word / name)
             else:
                 provide(f"{word.strip('/')}/{name}", folder)
         if "*" in word:
@@ -245,7 +245,7 @@ def matching(pattern: str, folder: Path) -> list[str]:
         source = ROOT / "examples" / "room" / ("ball_0" if "ball" in place else "plate")
         for path in source.glob("*.jpg"):
             (folder / place).mkdir(parents=True, exist_ok=True)
-            _smaller(path, folder / place / path.name)
+            smaller(path, folder / place / path.name)
     else:
         for number in ("1", "2"):
             provide(pattern.replace("*", f"a_{number}"), folder)

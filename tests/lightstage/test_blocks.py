@@ -253,6 +253,7 @@ def test_rows_that_fail_are_named_and_nothing_is_left_behind(stage, banded, two,
     assert not list(tmp_path.iterdir())
 
 
+@pytest.mark.slow  # tests/cluster/test_lost_workers.py kills one under the same tasks; lights that fail: above
 def test_a_worker_that_is_killed_costs_its_own_lights_alone(tmp_path):
     pytest.importorskip("fcntl")
     seen = tmp_path / "seen"

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
@@ -49,20 +50,28 @@ FOG = "[medium]\nabsorption = 0.02\nscattering = [0.2, 0.25, 0.3]\nanisotropy = 
 
 @pytest.fixture
 def folder(tmp_path: Path) -> Path:
+    return with_ball_and_light(tmp_path)
+
+
+def with_ball_and_light(folder: Path) -> Path:
     ball = trimesh.creation.icosphere(3, 0.25).apply_translation([0, 0.26, 0])
-    (tmp_path / "ball.glb").write_bytes(bytes(ball.export(file_type="glb")))
+    (folder / "ball.glb").write_bytes(bytes(ball.export(file_type="glb")))
     towards = np.array([0.5, 0.7, 0.5]) / np.linalg.norm([0.5, 0.7, 0.5])
     lamp = pixel_directions(LatLong(), 32) @ towards > 0.95
     light = EnvironmentMap(np.where(lamp[..., None], 20.0, 0.3) * np.ones(3, np.float32))
-    write(tmp_path / "map.exr", as_radiance_map(light))
-    return tmp_path
+    write(folder / "map.exr", as_radiance_map(light))
+    return folder
+
+
+def with_known_floor(text: str) -> str:
+    """The shot with the floor's reflectance as it is, which nothing has to find then."""
+    return text.replace("size = [5.9, 5.9]\n", "size = [5.9, 5.9]\nreflectance = [0.6, 0.5, 0.4]\n")
 
 
 def plate_of(folder: Path, text: str) -> tuple[RadianceMap, RadianceMap]:
     """What the camera sees of the place without the objects and with them; the first is written as the plate."""
-    known = text.replace("size = [5.9, 5.9]\n", "size = [5.9, 5.9]\nreflectance = [0.6, 0.5, 0.4]\n")
     write(folder / "plate.exr", RadianceMap(np.ones((32, 48, 3), np.float32)))
-    shot = shot_of(folder, known.replace("samples = 128", "samples = 2"))
+    shot = shot_of(folder, with_known_floor(text).replace("samples = 128", "samples = 2"))
     place = insert(shot, folder / "known").place
     scene = place.relit(shot)
     pictures = [
@@ -73,16 +82,31 @@ def plate_of(folder: Path, text: str) -> tuple[RadianceMap, RadianceMap]:
     return RadianceMap(pictures[0]), RadianceMap(pictures[1])
 
 
+@dataclass(frozen=True)
+class Foggy:
+    """The place in fog, in a folder: as it is photographed without the objects, and what it is with them."""
+
+    folder: Path
+    plate: RadianceMap
+    whole: RadianceMap
+
+
+@pytest.fixture(scope="module")
+def foggy(tmp_path_factory: pytest.TempPathFactory) -> Foggy:
+    folder = with_ball_and_light(tmp_path_factory.mktemp("fog"))
+    return Foggy(folder, *plate_of(folder, FOG + SHOT))
+
+
 def blocks(picture: np.ndarray) -> np.ndarray:
     """Means of 8 × 8 pixels, in which little of the noise is left."""
     return picture.reshape(4, 8, 6, 8, 3).mean((1, 3))
 
 
-def test_a_composite_in_fog_is_the_picture_of_all_in_fog(folder: Path):
-    plate, whole = plate_of(folder, FOG + SHOT)
-    result = insert(shot_of(folder, FOG + SHOT), folder / "out")
+def test_a_composite_in_fog_is_the_picture_of_all_in_fog(foggy: Foggy, tmp_path: Path):
+    plate, whole = foggy.plate, foggy.whole
+    result = insert(shot_of(foggy.folder, FOG + SHOT), tmp_path)
     assert result.place.bare.medium == Medium((0.02, 0.02, 0.02), (0.2, 0.25, 0.3), 0.3)
-    composite = read_radiance(folder / "out" / "composite.exr").radiance
+    composite = read_radiance(tmp_path / "composite.exr").radiance
     change = np.abs(blocks(whole.radiance - plate.radiance)).mean()
     assert np.abs(blocks(composite - whole.radiance)).mean() < 0.2 * change
     np.testing.assert_allclose(composite.mean((0, 1)), whole.radiance.mean((0, 1)), rtol=0.01)
@@ -94,11 +118,10 @@ def test_a_composite_in_fog_is_the_picture_of_all_in_fog(folder: Path):
     np.testing.assert_allclose(floor, [0.6, 0.5, 0.4], rtol=0.05)
 
 
-def test_without_objects_the_plate_comes_back_to_the_bit(folder: Path):
-    plate, _ = plate_of(folder, FOG + SHOT)
+def test_without_objects_the_plate_comes_back_to_the_bit(foggy: Foggy, tmp_path: Path):
     bare = FOG + SHOT[: SHOT.index("[[objects]]")] + SHOT[SHOT.index("[match]") :]
-    insert(shot_of(folder, bare), folder / "bare")
-    np.testing.assert_array_equal(read_radiance(folder / "bare" / "composite.exr").radiance, plate.radiance)
+    insert(shot_of(foggy.folder, with_known_floor(bare)), tmp_path)
+    np.testing.assert_array_equal(read_radiance(tmp_path / "composite.exr").radiance, foggy.plate.radiance)
 
 
 def test_a_real_surface_that_shines_lights_the_object_and_stays_the_plates(folder: Path):
@@ -107,7 +130,7 @@ def test_a_real_surface_that_shines_lights_the_object_and_stays_the_plates(folde
     lit = SHOT.replace("[[objects]]", panel + "emission = [6, 5, 4]\n[[objects]]")
     plate, whole = plate_of(folder, lit)
     insert(shot_of(folder, lit), folder / "lit")
-    insert(shot_of(folder, dark), folder / "dark")
+    insert(shot_of(folder, with_known_floor(dark)), folder / "dark")
     found, without = (read_radiance(folder / name / "composite.exr").radiance for name in ("lit", "dark"))
     change = np.abs(blocks(whole.radiance - plate.radiance)).mean()
     wrong = np.abs(blocks(found - whole.radiance)).mean()

@@ -11,9 +11,10 @@ import pytest
 from command_line import printed, refused, reported
 from relume.lightstage.geometry.calibration import calibrate_rig
 from relume.lightstage.geometry.meshing import surface_normals
+from relume.lightstage.geometry.pattern_photographs import PatternPhotographs
 from relume.lightstage.geometry.patterns import ProjectorPatterns
 from relume.lightstage.geometry.rig import ScannerRig, write_rig
-from relume.lightstage.geometry.scan import scan
+from relume.lightstage.geometry.scan import Scan, scan
 from relume.renderers.raytrace.raycast import RayCaster
 from relume.renderers.raytrace.surface import Surfaces
 from relume.scene.shapes.meshes import read_meshes
@@ -46,9 +47,21 @@ def rms(values: np.ndarray) -> float:
     return 1e3 * float(np.sqrt(np.nanmean(values**2)))
 
 
+@pytest.fixture(scope="module")
+def photographs() -> PatternPhotographs:
+    """The head's."""
+    return photographed(head_of_stage(), RIG, PATTERNS, SHOOTING)
+
+
+@pytest.fixture(scope="module")
+def scanned(photographs: PatternPhotographs) -> Scan:
+    """The head, by the photographs alone."""
+    return scan(photographs, RIG)
+
+
 @needs_head
-def test_the_head_is_scanned_to_a_fifth_of_a_millimetre():
-    found = scan(photographed(head_of_stage(), RIG, PATTERNS, SHOOTING), RIG)
+def test_the_head_is_scanned_to_a_fifth_of_a_millimetre(scanned: Scan):
+    found = scanned
     off = departures(head_of_stage(), RIG.camera, found.points.points, found.kept)
     assert found.kept.sum() > 35_000 and np.isfinite(off).mean() > 0.998
     assert rms(off) < 0.1  # 0.06 mm measured; 0.2 mm asked
@@ -59,15 +72,14 @@ def test_the_head_is_scanned_to_a_fifth_of_a_millimetre():
 
 
 @needs_head
-def test_normals_make_the_head_finer():
-    photographs = photographed(head_of_stage(), RIG, PATTERNS, SHOOTING)
+def test_normals_make_the_head_finer(photographs: PatternPhotographs, scanned: Scan):
     rays = RIG.camera.rays().reshape(-1, 3)
     hits = RayCaster.of(head_of_stage()).nearest(RIG.camera.position, rays)
     true = Surfaces.of(head_of_stage()).at(RIG.camera.position, rays, hits).shading_normal.reshape(300, 400, 3)
     noisy = true + 0.03 * np.random.default_rng(1).standard_normal(true.shape)
     noisy /= np.linalg.norm(noisy, axis=-1, keepdims=True)
     given = np.where((hits.shape >= 0).reshape(300, 400, 1), noisy, 0)
-    plain, fused = scan(photographs, RIG), scan(photographs, RIG, normals=given)
+    plain, fused = scanned, scan(photographs, RIG, normals=given)
 
     def turn(found: np.ndarray) -> float:
         cosine = np.einsum("...k,...k->...", surface_normals(found, RIG.camera), true)
@@ -92,10 +104,10 @@ def test_normals_make_the_head_finer():
 
 @needs_head
 @pytest.mark.slow
-def test_the_head_through_a_rig_that_was_calibrated():
+def test_the_head_through_a_rig_that_was_calibrated(photographs: PatternPhotographs):
     seen = [as_photographs(each, PATTERNS) for each in boards(RIG, PATTERNS, np.zeros(3), 7, SHOOTING)]
     found = calibrate_rig(seen, squares=SQUARES, square=SQUARE)
-    scanned = scan(photographed(head_of_stage(), RIG, PATTERNS, SHOOTING), found, camera=RIG.camera)
+    scanned = scan(photographs, found, camera=RIG.camera)
     off = departures(head_of_stage(), RIG.camera, scanned.points.points, scanned.kept)
     # The rig as a whole stands some tenths of a millimetre beside, in 0.84 m, less than its focal length is known to,
     # for the corners of seven boards in 400 pixels; the shape is right to a fifteenth of a millimetre.

@@ -26,7 +26,7 @@ from relume.scene.shapes.meshes import read_meshes
 from relume.scene.shapes.shapes import Mesh, Sphere
 from small_stages import SeparatedPictures
 
-LIGHTS = StageLights.towards(even_directions(100))
+LIGHTS = StageLights.towards(even_directions(60))
 SIZE = 56
 ALBEDO = np.array([0.6, 0.4, 0.3])
 SUN = np.array([0.3, 0.5, 0.8])
@@ -126,7 +126,7 @@ def test_a_separation_that_took_too_much_leaves_no_colour_below_nothing() -> Non
 def test_two_cameras_together_see_more_and_blend_without_a_seam() -> None:
     left, right = source(-40), source(40)
     brighter = SourceView(
-        Pictures(right.field.block(slice(0, 100), slice(0, SIZE)) * np.float32(1.5), LIGHTS, camera(40))
+        Pictures(right.field.block(slice(0, len(LIGHTS)), slice(0, SIZE)) * np.float32(1.5), LIGHTS, camera(40))
     )
     both = measured_view([SourceView(left.field), brighter], sunlight(), camera(0), ball())
     alone = measured_view(SourceView(left.field), sunlight(), camera(0), ball())
@@ -227,14 +227,14 @@ def test_a_mesh_that_does_not_match_the_camera_is_refused() -> None:
 
 def test_wrong_calls_are_reported_in_a_line() -> None:
     field = source(0).field
-    with pytest.raises(ValueError, match=r"irradiances are \(3, 3\); expected 100 × 3"):
+    with pytest.raises(ValueError, match=r"irradiances are \(3, 3\); expected 60 × 3"):
         measured_view(SourceView(field), np.ones((3, 3)), camera(10), ball())
     with pytest.raises(ValueError, match="no source is given"):
         measured_view([], sunlight(), camera(10), ball())
     with pytest.raises(ValueError, match="irradiances for 1 sources, but there are 2"):
         measured_view([SourceView(field), SourceView(field)], [sunlight()], camera(10), ball())
     with pytest.raises(ValueError, match="give the field a camera"):
-        SourceView(Pictures(np.ones((100, 4, 4, 3), np.float32), LIGHTS))
+        SourceView(Pictures(np.ones((60, 4, 4, 3), np.float32), LIGHTS))
     with pytest.raises(ValueError, match=r"the map alpha is \(2, 2\); expected \(56, 56, 2\)"):
         SourceView(field, alpha=np.zeros((2, 2)))
 
