@@ -86,6 +86,25 @@ def test_what_lies_below_the_noise_is_not_named():
     assert changed_borders(field(0.0005, 3.0), plate(0.0001), CAMERA, [table()], [THING]) == ()
 
 
+def test_white_and_black_pixels_hide_nothing_and_refuse_nothing():
+    """A plate wider than borders are followed at: its pixels without a measured value leave the others' noise."""
+    wide = CAMERA.resized(960, 720)
+    change = field(0.006, 3.0)
+    larger = Change(
+        *(np.repeat(np.repeat(plane, 3, 0), 3, 1) for plane in vars(change).values() if isinstance(plane, np.ndarray))
+    )
+    variance = np.full((720, 960, 3), 0.01**2, np.float32)
+    variance[::7, ::5] = np.inf
+    clipped = RadianceMap(np.ones((720, 960, 3), np.float32), variance)
+    (left,) = changed_borders(larger, clipped, wide, [table()], [THING])
+    (same,) = changed_borders(change, plate(0.01), CAMERA, [table()], [THING])
+    assert (left.side, left.change) == ("left", pytest.approx(same.change, rel=0.1))
+    assert left.noise == pytest.approx(0.01, rel=1e-3)
+    # Where nothing was measured nothing can be said.
+    clipped = RadianceMap(np.ones((720, 960, 3), np.float32), np.full((720, 960, 3), np.inf, np.float32))
+    assert changed_borders(larger, clipped, wide, [table()], [THING]) == ()
+
+
 def test_noise_is_measured_where_no_variance_is_known():
     noisy = 1 + 0.1 * np.random.default_rng(0).normal(size=(CAMERA.height, CAMERA.width, 3)).astype(np.float32)
     assert changed_borders(field(0.006, 3.0), RadianceMap(noisy), CAMERA, [table()], [THING]) == ()

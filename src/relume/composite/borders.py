@@ -112,7 +112,7 @@ class _Small:
     camera : of that size
     difference, plate : (h, w) luminance
     clear : (h, w) bool, where no object covers the pixel or one beside it
-    noise : (h, w) of the plate's own pixels, as a share
+    noise : (h, w) of the plate's own pixels, as a share, of those that were measured; infinite where none was
     """
 
     camera: Camera
@@ -140,8 +140,13 @@ class _Small:
             return resized(wide, width, height).radiance[..., 0].astype(np.float64)
 
         covered = np.asarray(maximum_filter(shrunk(change.matte) > 1e-3, 3), bool)
+        # White and black pixels of a plate have a variance without bound.
+        measured = np.isfinite(noise)
+        share = shrunk(measured)
+        known = shrunk(np.where(measured, noise, 0))
+        mean = np.divide(known, share, where=share > 1e-3, out=np.full_like(share, np.inf))
         return _Small(
-            camera.resized(width, height), shrunk(luminance(change.difference)), shrunk(shown), ~covered, shrunk(noise)
+            camera.resized(width, height), shrunk(luminance(change.difference)), shrunk(shown), ~covered, mean
         )  # fmt: skip
 
 
