@@ -48,7 +48,9 @@ def model(
     scale: Annotated[float | None, Parameter(group=ELSEWHERE, help="Metres to a unit of its model.")] = None,
     between: Annotated[
         tuple[str, str] | None,
-        Parameter(group=ELSEWHERE, help="Two photographs, or two numbered points, whose distance --metres gives."),
+        Parameter(
+            group=ELSEWHERE, negative="", help="Two photographs, or two numbered points, whose distance --metres gives."
+        ),
     ] = None,
     metres: Annotated[float | None, Parameter(group=ELSEWHERE, help="Their distance, metres.")] = None,
     up: Annotated[

@@ -87,7 +87,7 @@ def _view(
             reflectance=_reflectance(ball.reflectance),
             measured=table.camera is not None and ball.centre is not None,
         )  # fmt: skip
-    remedy = "`relume probe --picture` draws it; choose it with light.balls.pick"
+    remedy = "`relume probe --picture` draws it; take it by pick = [x, y, radius] in that entry of light.balls"
     for doubt in rim_doubts(view, bracket.name, remedy, picked=outline is not None):
         warn(doubt.line, doubt.effect)
     if stood is not None and stood.outline is not None and outline is stood.outline:
