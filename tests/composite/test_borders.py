@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -90,9 +92,12 @@ def test_white_and_black_pixels_hide_nothing_and_refuse_nothing():
     """A plate wider than borders are followed at: its pixels without a measured value leave the others' noise."""
     wide = CAMERA.resized(960, 720)
     change = field(0.006, 3.0)
-    larger = Change(
-        *(np.repeat(np.repeat(plane, 3, 0), 3, 1) for plane in vars(change).values() if isinstance(plane, np.ndarray))
-    )
+    tripled = {
+        name: np.repeat(np.repeat(plane, 3, 0), 3, 1)
+        for name, plane in vars(change).items()
+        if isinstance(plane, np.ndarray)
+    }
+    larger = replace(change, **tripled)
     variance = np.full((720, 960, 3), 0.01**2, np.float32)
     variance[::7, ::5] = np.inf
     clipped = RadianceMap(np.ones((720, 960, 3), np.float32), variance)
