@@ -50,7 +50,9 @@ var Scorer = {
       hit[1] = `${hit[1]} > ${best.title}`;
       hit[2] = `#${best.id}`;
     }
-    return score + (place ? place[1] : 0) + (kind === "object" ? 0 : 60 * best.share);
+    // A term of the glossary counts 100 of itself: less than a heading of how-to with the same words.
+    const own = kind === "index" ? score / 2 : score;
+    return own + (place ? place[1] : 0) + (kind === "object" ? 0 : 60 * best.share);
   },
 };
 

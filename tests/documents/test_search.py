@@ -49,11 +49,12 @@ def test_a_heading_with_the_words_stands_first_and_how_to_before_decisions(tmp_p
         ["reference/many-machines", "Many machines", "", None, 5, "many-machines.md", "text"],
         ["how-to/index", "How to", "", None, 5, "index.md", "text"],
         ["accuracy", "How near to the truth", "", None, 5, "accuracy.md", "text"],
+        ["reference/glossary", "interrupted render", "#term", None, 100, "glossary.md", "index"],
     ]
     query = "How do I resume an interrupted render?"
     scores, after = asked(query, f"(hits => [hits.map(Scorer.score), hits])({json.dumps(hits)})", tmp_path)
     # The page's own number, its place, and 60 for all words in a heading less 0.6 for each of the heading's words.
-    assert scores == pytest.approx([5 + 30 + 60 - 1.8, 5 - 30 + 40 - 1.2, 11 + 4, 5 + 20, 5 + 2, 5])
+    assert scores == pytest.approx([5 + 30 + 60 - 1.8, 5 - 30 + 40 - 1.2, 11 + 4, 5 + 20, 5 + 2, 5, 100 / 2 + 20])
     # The hit opens at its heading.
     assert after[0][1:3] == ["Render > Resume an interrupted render", "#resume"]
     assert after[1:] == hits[1:]
