@@ -127,7 +127,7 @@ def held_to_tape(view: BallView, index: int, table: BallPhotographs, ball: Ball)
     # A rim that was lost takes light from a wrong area; what it is off by, where no slip of the tape explains it.
     lost = not full and 1 / LOST < quotient < LOST
     if lost:
-        advice += "; or the rim was missed: `relume probe --picture` draws it; pick = [x, y, radius] in light.balls gives it"
+        advice += "; or the rim was missed: `relume probe --picture` draws it, pick in light.balls gives it"
     effect = 1 - min(quotient, 1 / quotient) ** 2 if lost else MISPLACED
     warn(f"{seen}, by tape {by_tape:.3g}; {advice}", effect)
     return view
