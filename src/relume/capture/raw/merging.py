@@ -140,6 +140,7 @@ def calibrate_raw(
 ) -> RawCalibration:
     """Exposures, noise and saturation of a bracket of raws, from a sample of rows of each.
 
+    photographs : raw files, opened one at a time, or raws already read
     times : exposure time of each in seconds, in place of the whole EXIF exposure
     sensor : what was measured of it before. Its noise is used as it is, at the photographs' sensitivity, else it is
         measured from how they differ; its saturation, at its own sensitivity, unless they show a lower one

@@ -216,6 +216,7 @@ def unwrap_ball(
 ) -> BallView:
     """Find the ball in a radiance map and place its view in the world.
 
+    picture : radiance of the whole ball, with some of what is around it
     camera, centre : where the camera and the ball's centre were, metres, world; the horizon is level
     focal_length : pixels; taken from the ball's size and distance when unknown
     radius : the ball's, metres; needed only when the focal length is unknown
