@@ -83,6 +83,18 @@ LONG = (
     *("renderers/test_inside_bodies.py", "cluster/test_files.py", "cluster/test_stills.py"),
     "studio/test_dropped_meshes.py",
     *("lightstage/*/test_control_variate.py", "lightstage/*/test_head_truth.py", "lightstage/*/test_read_stage.py"),
+    *("test_course.py", "test_warning_page.py", "studio/places/*", "studio/test_server.py", "studio/test_words.py"),
+    *("scene/places/*", "scene/test_rolling_shutter.py", "image/test_kept_kernels.py", "image/test_video.py"),
+    *("light/test_sun.py", "light/daylight/test_hosek_wilkie.py", "probe/test_round_matching.py"),
+    *("probe/test_unwrapping.py", "composite/test_several_plates.py", "composite/test_borders.py"),
+    *("cluster/test_lost_workers.py", "cluster/test_one_variant.py", "cluster/test_run_tasks.py"),
+    *("cluster/test_users.py", "lightstage/test_blocks.py", "lightstage/acquire/test_store.py"),
+    *("lightstage/relighting/test_relighting.py", "capture/test_vignetting.py", "capture/test_raw_merging.py"),
+    *("capture/test_saturation.py", "capture/test_noise.py", "capture/test_white_balance.py"),
+    *("renderers/test_refusals.py", "renderers/test_several_probes.py", "renderers/test_projective_texture.py"),
+    *("renderers/test_photon_map.py", "renderers/test_baked_place.py", "renderers/test_radiosity.py"),
+    *("virtual_camera/tone/test_operators_agree.py", "virtual_camera/plate_matching/test_camera_matching.py"),
+    *("virtual_camera/lens/motion/test_path.py", "virtual_camera/lens/glare/test_convolution.py"),
 )
 SHARED = Path(__file__).resolve().parents[2] / "shared"
 
