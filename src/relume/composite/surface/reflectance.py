@@ -126,8 +126,7 @@ def recover_reflectance(
 ) -> RecoveredLocal:
     """Find the reflectance of the scene's real surfaces, so that the model without objects looks like the plate.
 
-    plate : of the camera's size, in the unit of the scene's light
-    camera : that took the plate
+    plate, camera : in the unit of the scene's light, and what took it, of the same size
     scene : its light, distant scene, lights and local surfaces; objects are left out
     wanted : one for each local surface; a matte surface of varying albedo each unless given
     probe : how well the light's map shows the surfaces themselves, for an estimated gloss; None where it does not
