@@ -578,3 +578,12 @@ def test_section_4_the_map_lights_diffuse_surfaces_only_as_a_constellation():
     assert np.all(seen(scene, [0, 1, 0], -UP) == 0)
     lit = seen(scene, [0, 1, 0], -UP, replace(POINTS, constellation=256))
     np.testing.assert_allclose(lit, 0.5, rtol=0.01)  # ρL
+
+
+def test_whole_numbers_need_no_kernel_of_their_own():
+    """Numba compiles for each type that it is called with; for the trees of rays that is 20 seconds."""
+    scene = Scene(DARKNESS, (Plane(WhittedMaterial(grey(0.8))),), lights=(EVEN,))
+    camera = eye([0, 1, 0], [0, -1, 0])
+    methods = POINTS, replace(POINTS, contribution=0, attenuation=Linear(6))
+    given = [method.prepared(scene).settings(camera, 0) for method in methods]
+    assert [type(number) for number in given[0]] == [type(number) for number in given[1]]

@@ -262,8 +262,9 @@ class PreparedWhitted:
         law, reach = attenuation_code(m.attenuation)
         coefficients = self.tables[2]
         clear = m.clear_shadows and bool(np.any(coefficients.transmission))
+        # Of the types that the kernel is kept for: given a whole number it would be compiled anew, 20 s.
         return Settings(
-            m.depth, m.contribution, law, reach, m.rays, clear, m.background, len(self.scene.local),
+            m.depth, float(m.contribution), law, float(reach), m.rays, clear, m.background, len(self.scene.local),
             FINEST / camera.focal_length, seed,
         )  # fmt: skip
 
