@@ -96,7 +96,15 @@ def test_the_cosine_says_how_squarely_the_ball_shows_a_direction(front):
     assert front.see(-towards[None]).incidence == pytest.approx(0.0, abs=1e-6)
 
 
-@pytest.mark.parametrize("aim", [(0.0, 0.05, 0.0), (0.045, 0.02, 0.0), (-0.06, 0.09, 0.0)])
+@pytest.mark.parametrize(
+    "aim",
+    [
+        # slow: [aim2], the farthest off the axis, goes red for the same break.
+        pytest.param((0.0, 0.05, 0.0), id="aim0", marks=pytest.mark.slow),
+        pytest.param((0.045, 0.02, 0.0), id="aim1", marks=pytest.mark.slow),
+        pytest.param((-0.06, 0.09, 0.0), id="aim2"),
+    ],
+)
 def test_the_cone_fit_gives_axis_and_distance_wherever_the_ball_lies(aim):
     # Off centre a wide lens stretches the ball to an ellipse: 38° across 480 pixels, the ball 0.35 m away.
     camera = np.array([0.05, 0.15, 0.33])
