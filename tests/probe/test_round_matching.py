@@ -44,7 +44,8 @@ def round_view(light: EnvironmentMap, turn: np.ndarray, lens, *, gain: float = 1
     side = np.sin(angle) / radius
     depth = -1 if lens.ahead else 1
     ways = np.stack([x * side, -down * side, depth * np.cos(angle)], axis=-1)
-    seen = np.where((radius < 1)[..., None], light.lookup(ways @ turn.T), 0)
+    seen, within = np.zeros((2 * SIDE, 2 * SIDE, 3)), radius < 1
+    seen[within] = light.lookup(ways[within] @ turn.T)
     picture = gain * seen.reshape(SIDE, 2, SIDE, 2, 3).mean((1, 3))
     picture *= 1 + noise * np.random.default_rng(round(1e6 * gain)).normal(size=picture.shape)
     return RoundView(RadianceMap(np.maximum(picture, 0).astype("f4")), lens, (SIDE / 2, SIDE / 2), RIM, np.eye(3))
