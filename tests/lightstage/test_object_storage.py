@@ -135,16 +135,18 @@ def test_the_command_reads_and_writes_urls(bucket, local, tmp_path, capsys):
     np.testing.assert_array_equal(found.radiance, expected.radiance)
 
 
-@pytest.fixture
-def anew(monkeypatch) -> Iterator[pytest.MonkeyPatch]:
-    """As in a process of its own: no connection that another test made is used, nor is what this one makes."""
+CONNECTIONS: list[dict[object, object]] = []
+"""Of `unconnected`, to the end of the process as s3fs keeps its own: one that is dropped complains that it was open."""
+
+
+def unconnected(monkeypatch: pytest.MonkeyPatch) -> None:
+    """As in a process of its own: no connection that was made is used, nor is what this test makes used by others."""
     s3fs = pytest.importorskip("s3fs", reason="s3fs is not installed")
-    s3fs.S3FileSystem.clear_instance_cache()
-    yield monkeypatch
-    s3fs.S3FileSystem.clear_instance_cache()
+    CONNECTIONS.append({})
+    monkeypatch.setattr(s3fs.S3FileSystem, "_cache", CONNECTIONS[-1])
 
 
-def test_a_missing_bucket_and_refused_credentials_are_one_line_each(bucket, tmp_path, capsys, anew):
+def test_a_missing_bucket_and_refused_credentials_are_one_line_each(bucket, tmp_path, capsys, monkeypatch):
     nowhere = "s3://nobody-has-this/a.zarr"
     said = refused(["stage", "relight", nowhere, "--direction", "0,1,0", "-o", tmp_path / "a.exr"], capsys)
     assert "there is no bucket nobody-has-this; check the name, or make it first" in said
@@ -153,19 +155,22 @@ def test_a_missing_bucket_and_refused_credentials_are_one_line_each(bucket, tmp_
     with pytest.raises(OutputNotWritten, match="there is no bucket nobody-has-this"):
         build_store(FIELD, nowhere)
     # No credentials anywhere.
-    fsspec.get_filesystem_class("s3").clear_instance_cache()
+    unconnected(monkeypatch)
     for name in ("AWS_ACCESS_KEY_ID", "AWS_SECRET_ACCESS_KEY"):
-        anew.delenv(name)
-    anew.setenv("HOME", str(tmp_path))
+        monkeypatch.delenv(name)
+    monkeypatch.setenv("HOME", str(tmp_path))
     with pytest.raises(UnreadableFile, match="no credentials for it are found; give them as fsspec expects them") as no:
         read_store(f"{bucket}/ball.zarr")
     assert "\n" not in str(no.value)
 
 
-def test_a_storage_that_does_not_answer_is_one_line(endpoint, anew):
-    anew.setitem(fsspec.config.conf, "s3", {"config_kwargs": {"retries": {"max_attempts": 0}}})
-    anew.setenv("AWS_ENDPOINT_URL", "http://127.0.0.1:9")
-    with pytest.raises(UnreadableFile, match=r"^s3://stages/ball\.zarr: the storage does not answer as it should") as no:
+def test_a_storage_that_does_not_answer_is_one_line(endpoint, monkeypatch):
+    unconnected(monkeypatch)
+    monkeypatch.setitem(fsspec.config.conf, "s3", {"config_kwargs": {"retries": {"max_attempts": 0}}})
+    monkeypatch.setenv("AWS_ENDPOINT_URL", "http://127.0.0.1:9")
+    with pytest.raises(
+        UnreadableFile, match=r"^s3://stages/ball\.zarr: the storage does not answer as it should"
+    ) as no:
         read_store("s3://stages/ball.zarr")
     assert "\n" not in str(no.value)
 
@@ -185,7 +190,7 @@ def test_what_is_not_installed_or_not_known_is_named(monkeypatch):
         read_store("teapot://a/b")
     # As where it was never imported: fsspec keeps the classes that it has found.
     monkeypatch.setitem(sys.modules, "s3fs", None)
-    monkeypatch.delitem(fsspec.registry._registry, "s3", raising=False)
+    monkeypatch.delitem(sys.modules["fsspec.registry"]._registry, "s3", raising=False)
     with pytest.raises(ValueError, match=r"^s3://stages/ball\.zarr: .*nstall s3fs.*with pip") as said:
         read_store("s3://stages/ball.zarr")
     assert "\n" not in str(said.value)

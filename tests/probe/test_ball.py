@@ -9,6 +9,7 @@ from angles import degrees_between
 from relume.errors import BallNotFound
 from relume.image.radiance import SATURATED, RadianceMap
 from relume.probe.ball.blending import Probe, blend_views
+from relume.probe.ball.silhouette import Outline
 from relume.probe.ball.unwrapping import BallView, unwrap_ball
 from relume.sphere.mappings.mapping import LatLong, pixel_points
 from synthetic import CENTRE, LAMPS, RADIUS, lobes, photograph_ball, turned, unit
@@ -17,10 +18,14 @@ FRONT, SIDE = np.array([0.0, 0.17, 1.0]), np.array([1.0, 0.17, 0.0])
 SIZE = 96
 
 
-def view(camera: np.ndarray, *, said: np.ndarray | None = None, **picture) -> BallView:
-    """The ball photographed from `camera`, and viewed as if from `reported`."""
+def view(camera: np.ndarray, *, said: np.ndarray | None = None, outline: Outline | None = None, **picture) -> BallView:
+    """The ball photographed from `camera`, and viewed as if from `said`.
+
+    outline : where the rim need not be sought again
+    """
     photograph = photograph_ball(lobes, camera, **picture)
-    return unwrap_ball(photograph, camera=camera if said is None else said, centre=CENTRE, focal_length=3400.0)
+    where = camera if said is None else said
+    return unwrap_ball(photograph, camera=where, centre=CENTRE, focal_length=3400.0, outline=outline)
 
 
 @pytest.fixture(scope="module")
@@ -178,9 +183,9 @@ def test_a_lone_view_does_not_trust_what_lies_behind_the_ball(front):
     assert 0 <= probe.confidence.min() and probe.confidence.max() <= 1
 
 
-def test_a_lone_view_keeps_its_own_camera():
+def test_a_lone_view_keeps_its_own_camera(front):
     # Nothing else could stand there; the light stays what the photograph shows.
-    lone = view(FRONT, camera_blob=0.15)
+    lone = view(FRONT, camera_blob=0.15, outline=front.outline)
     probe = blend_views([lone], size=SIZE)
     near = directions() @ unit(FRONT - CENTRE) > np.cos(np.radians(4))
     assert probe.confidence[near].min() > 0.9

@@ -103,18 +103,18 @@ def test_a_ball_hardly_unlike_its_ground_is_found():
 
 @pytest.fixture(scope="module")
 def plain() -> Outline:
-    return find_outline(drawing(240, 200, (118.3, 101.7), 60.0))
+    return find_outline(drawing(150, 120, (73.3, 61.7), 36.0))
 
 
 @pytest.mark.parametrize("scale", [1e-5, 1e5])
 def test_the_unit_of_radiance_does_not_matter(plain, scale):
-    scaled = find_outline(drawing(240, 200, (118.3, 101.7), 60.0) * np.float32(scale))
+    scaled = find_outline(drawing(150, 120, (73.3, 61.7), 36.0) * np.float32(scale))
     assert scaled.centre == pytest.approx(plain.centre, abs=0.05)
     assert scaled.radius == pytest.approx(plain.radius, abs=0.05)
 
 
 def test_the_same_picture_gives_the_same_outline(plain):
-    again = find_outline(drawing(240, 200, (118.3, 101.7), 60.0))
+    again = find_outline(drawing(150, 120, (73.3, 61.7), 36.0))
     assert (again.centre, again.radius, again.coverage) == (plain.centre, plain.radius, plain.coverage)
     np.testing.assert_array_equal(again.points, plain.points)
 
@@ -157,7 +157,8 @@ def test_the_plate_of_the_room_holds_no_ball(shared):
         find_outline(merged(sorted((shared / "shoots/room/plate").glob("*.jpg"))))
 
 
-@pytest.mark.parametrize("folder", ["ball_0", "ball_90"])
+# slow: [ball_90] goes red for the same break.
+@pytest.mark.parametrize("folder", [pytest.param("ball_0", marks=pytest.mark.slow), "ball_90"])
 def test_the_balls_of_the_room_are_where_the_scene_puts_them(shared, folder):
     outline = find_outline(merged(sorted((shared / "shoots/room" / folder).glob("*.jpg"))[::2]))
     # f = 5960.26 pixels (EXIF), and the camera at (0, 0.12, 1) from a ball of 0.05: D = 20.144 radii, f/√(D² − 1).
@@ -314,23 +315,23 @@ def test_what_is_as_large_as_tape_and_lens_say_is_preferred():
 def test_a_rim_of_the_expected_size_is_not_left_for_a_small_round_thing_in_the_ball(monkeypatch):
     # As seen of a ball on sunlit paving that divides like from like, and of a chance circle in it.
     def seen(circle: tuple[float, float, float], coverage: float) -> Candidate:
-        return Candidate(replace(outline_of_circle(*circle), coverage=coverage), Mirroring(1.0, 1.0), 0.8, 4336.0, 96.0)
+        return Candidate(replace(outline_of_circle(*circle), coverage=coverage), Mirroring(1.0, 1.0), 0.8, 2168.0, 96.0)
 
     def followed(_pyramid: Pyramid, outline: Outline, sharpness: float = 1.0) -> Outline:
-        if outline.radius < 100:
+        if outline.radius < 50:
             return replace(outline, coverage=0.52)
-        return replace(outline_of_circle(224.8, 226.5, 194.2), coverage=0.27 if sharpness == 1 else 0.38)
+        return replace(outline_of_circle(112.4, 113.25, 97.1), coverage=0.27 if sharpness == 1 else 0.38)
 
-    ball, small = seen((229.0, 230.0, 188.0), 0.35), seen((190.0, 202.0, 22.7), 0.48)
+    ball, small = seen((114.5, 115.0, 94.0), 0.35), seen((95.0, 101.0, 11.35), 0.48)
     monkeypatch.setattr("relume.probe.ball.outline.candidates", lambda *_: [ball, small])
     monkeypatch.setattr("relume.probe.ball.outline.settled", followed)
-    picture = np.ones((448, 448, 3), np.float32)
+    picture = np.ones((224, 224, 3), np.float32)
     with warnings.catch_warnings():
         warnings.simplefilter("error")
-        assert find_outline(picture, focal_length=4336.0, expected=197.4).radius == 194.2
+        assert find_outline(picture, focal_length=2168.0, expected=98.7).radius == 97.1
     # Not expected, so faint a rim could be chance: it is sought in a smaller picture, before anything lesser.
     with pytest.warns(UserWarning, match="the ball's rim is blurred or lost in noise"):
-        assert find_outline(picture, focal_length=4336.0).radius == 194.2
+        assert find_outline(picture, focal_length=2168.0).radius == 97.1
 
 
 def test_a_dull_ball_is_named_in_the_refusal():

@@ -21,7 +21,7 @@ from relume.sphere.directions import rotation_about, rotation_angle
 from relume.sphere.environment_files import read_environment
 from relume.sphere.environment_map import EnvironmentMap
 
-SIDE, RIM = 420, 205.0
+SIDE, RIM = 320, 156.0
 TURNS = [np.eye(3), orientation(*np.radians([121, 4, -6])), orientation(*np.radians([-117, -5, 9]))]
 
 
@@ -211,12 +211,12 @@ def test_the_command_joins_fisheyes(light, tmp_path, capsys):
     assert told["matches agree within"] is None and "matches" not in told["views"][0]
     for useless in (["--field", "80"], ["--no-level"], ["--no-distortion"], ["--match"]):
         assert "--fisheye has no use for" in refused([*command, "--fisheye", "190", *useless], capsys)
-    # As fine as the views: 2 · 205 pixels are 190°, so 180° are 388.4 rows of the lens that was given so.
+    # As fine as the views: 2 · 156 pixels are 190°, so 180° are 295.6 rows of the lens that was given so.
     told = reported(["panorama", *paths, "--fisheye", "190", "--rim", rim, "--orientations", tmp_path / "turns.csv",
                      "-o", out], capsys)  # fmt: skip
     assert told["size"] == f"{2 * ROWS}×{ROWS}"
     slip = ["panorama", *paths, "--rim", "21,22,3", "--fisheye", "190", "-o", out]
-    assert "0.exr: a rim of radius 3 in 420×420 pixels is less than 10% of the picture across" in refused(slip, capsys)
-    assert "the rim's middle 900, 210 is not within" in refused(
-        ["panorama", *paths, "--rim", "900,210,205", "--fisheye", "190", "-o", out], capsys
+    assert "0.exr: a rim of radius 3 in 320×320 pixels is less than 10% of the picture across" in refused(slip, capsys)
+    assert "the rim's middle 900, 160 is not within" in refused(
+        ["panorama", *paths, "--rim", "900,160,156", "--fisheye", "190", "-o", out], capsys
     )
