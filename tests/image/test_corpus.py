@@ -21,7 +21,7 @@ from relume.image import files
 from relume.image.files.textures.ktx2 import read_cube
 from relume.image.photograph import Photograph
 
-MUTANTS, MANY_MUTANTS = 120, 10_000
+MUTANTS, MANY_MUTANTS = 250, 10_000
 """Of each format: whenever the tests run, and in the thorough run."""
 NAMES = list(CORPORA)
 TRIAL = Bad("a trial", b"abc", ".bin")
