@@ -98,7 +98,8 @@ def reads(monkeypatch) -> list[Path]:
     return read
 
 
-# slow: [no lens] goes red for the same break, and glare by workers in test_files.py::test_frames_adapt_on_a_cluster_...
+# slow: [no lens] goes red for the same break; glare by workers is in
+# tests/cluster/test_files.py::test_frames_adapt_on_a_cluster_as_in_one_process[glare].
 @pytest.mark.parametrize(
     "glare", [pytest.param(False, id="no lens"), pytest.param(True, id="glare", marks=pytest.mark.slow)]
 )
