@@ -33,11 +33,16 @@ def small_brackets_lie_within_a_quarter_pixel(count: int) -> None:
     assert max(corners) < WITHIN and np.median(corners) < 0.06
 
 
+def test_two_brackets_lie_within_a_quarter_pixel() -> None:
+    small_brackets_lie_within_a_quarter_pixel(2)
+
+
+@pytest.mark.slow  # the first two are the test above
 def test_four_brackets_lie_within_a_quarter_pixel() -> None:
     small_brackets_lie_within_a_quarter_pixel(4)
 
 
-@pytest.mark.slow  # the first four are the test above
+@pytest.mark.slow  # the first two are the test above
 def test_twelve_brackets_lie_within_a_quarter_pixel() -> None:
     small_brackets_lie_within_a_quarter_pixel(12)
 

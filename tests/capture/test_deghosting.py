@@ -316,6 +316,9 @@ def real(folder: Path) -> tuple[Bracket, Response]:
     return bracket, recover_response(bracket).response
 
 
+# slow: test_a_static_scene_is_left_as_it_is goes red for the same break, of real photographs
+# test_people_in_a_real_hall_are_found, whose ceiling stands still.
+@pytest.mark.slow
 def test_a_real_room_on_a_tripod_is_all_but_untouched(shared):
     result = deghost(*real(shared / "data" / "brackets" / "window"))
     # A quarter of a percent: the edges of a lamp's shade, on which two frames are out of register.

@@ -1,6 +1,7 @@
 """Merging: the radiance that was photographed comes back, with its variance, and nothing is invented."""
 
 from dataclasses import replace
+from functools import cache
 
 import numpy as np
 import pytest
@@ -17,6 +18,12 @@ from relume.virtual_camera.film.film import Film
 from synthetic import NOISELESS, NOISY, STOPS, VirtualCamera, wide_scene
 
 WEIGHTINGS = pytest.mark.parametrize("weighting", [Hat(), InverseVariance()], ids=["hat", "inverse variance"])
+
+
+@cache
+def noisy_response() -> Response:
+    """What is recovered of the camera that has noise; no test may write to it."""
+    return recover_response(NOISY.bracket(wide_scene())).response
 
 
 def logarithmic_response() -> Response:
@@ -304,7 +311,7 @@ def test_photographs_given_twice_change_nothing(bracket, calibration, weighting)
 
 def test_variance_is_what_repeated_brackets_scatter_by():
     scene = wide_scene(64, 48)
-    response = recover_response(NOISY.bracket(wide_scene())).response
+    response = noisy_response()
     repeats = [merge(NOISY.bracket(scene, seed=s), response) for s in range(1, 41)]
     radiance = np.stack([r.radiance for r in repeats]).astype(np.float64)
     said = np.stack([r.variance for r in repeats if r.variance is not None]).astype(np.float64)
@@ -460,7 +467,7 @@ def test_pictures_larger_than_a_stretch_of_the_kernel_merge_alike():
 @pytest.mark.parametrize("level", [2.0, 4.0, 6.0, 249.0, 252.0, 254.4])
 def test_bounds_hold_where_noise_carries_values_over_the_threshold(level):
     curve = NOISY.log_exposure()
-    response = replace(true_response(), noise=recover_response(NOISY.bracket(wide_scene())).response.noise)
+    response = replace(true_response(), noise=noisy_response().noise)
     truth = np.exp([np.interp(level, np.arange(256), curve[c]) for c in range(3)])
     scene = np.full((120, 120, 3), truth, np.float32)
     scene[:8] = np.exp(curve[:, 128])  # something must be measured

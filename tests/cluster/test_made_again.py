@@ -98,7 +98,11 @@ def reads(monkeypatch) -> list[Path]:
     return read
 
 
-@pytest.mark.parametrize("glare", [False, True], ids=["no lens", "glare"])
+# slow: [no lens] goes red for the same break; glare by workers is in
+# tests/cluster/test_files.py::test_frames_adapt_on_a_cluster_as_in_one_process[glare].
+@pytest.mark.parametrize(
+    "glare", [pytest.param(False, id="no lens"), pytest.param(True, id="glare", marks=pytest.mark.slow)]
+)
 def test_a_second_run_by_workers_reads_no_frame_that_is_there(glare, reads, tmp_path):
     paths = brightening(tmp_path / "in")
     camera = rl.VirtualCamera(glare=EyeGlare() if glare else None, tone=rl.tone.HistogramAdjustment())

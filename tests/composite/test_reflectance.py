@@ -110,7 +110,8 @@ def test_a_lens_that_bends_gives_the_same_pattern_back(room):
     assert np.mean(np.abs(flat - truth)[sure].max(-1) > 0.05) > 0.02
 
 
-@pytest.mark.parametrize("pixels", [reflectance.FINE, 3000])
+# slow: of a smaller picture [3000] the same break goes red.
+@pytest.mark.parametrize("pixels", [pytest.param(reflectance.FINE, marks=pytest.mark.slow), 3000])
 def test_surfaces_that_light_one_another_are_iterated_until_the_light_stays(monkeypatch, pixels):
     """A bright red wall on the table reddens it: dividing once would give the table its colour.
 

@@ -81,7 +81,7 @@ def test_a_view_on_which_something_brighter_stands_before_the_table_counts_too()
     caster = RayCaster.of(scene.local)
 
     def seen(eye: tuple[float, float, float]) -> LitView:
-        view = Camera.looking_at(np.array(eye), np.array([1.3, 0.8, 0.5]), width=192, height=128, focal_length=130)
+        view = Camera.looking_at(np.array(eye), np.array([1.3, 0.8, 0.5]), width=96, height=64, focal_length=65)
         hits = caster.nearest(view.position, view.rays().reshape(-1, 3))
         points = view.position + hits.distance[:, None] * view.rays().reshape(-1, 3)
         way = points - lamp
@@ -90,7 +90,7 @@ def test_a_view_on_which_something_brighter_stands_before_the_table_counts_too()
         shade = caster.occluded(lamp, way / distance, 0.999 * distance[:, 0])
         arrives = np.where(shade[:, None], 0, cosine * strength / distance**2)
         albedo = np.where(hits.shape[:, None] == 1, 0.01, painted(points))
-        radiance = (albedo * arrives / np.pi).reshape(128, 192, 3).astype(np.float32)
+        radiance = (albedo * arrives / np.pi).reshape(64, 96, 3).astype(np.float32)
         return LitView(RadianceMap(radiance), view, scene)
 
     views = [seen((-0.5, 3.5, 1.5)), seen((-0.5, 4.0, 0.5))]

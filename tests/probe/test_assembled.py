@@ -1,6 +1,7 @@
 """Two views of a ball under a sun give back the light they saw, without a seam; what nobody saw is reported."""
 
 from dataclasses import replace
+from functools import cache
 
 import numpy as np
 import pytest
@@ -49,11 +50,14 @@ def probe(views) -> Probe:
     return blend_views(views, size=SIZE)
 
 
-def truth(light=sunlit, size: int = SIZE) -> np.ndarray:
-    """Each pixel's mean radiance, of 16 × 16 points."""
-    points = pixel_points(LatLong(), size, 16)
-    rows = [light(LatLong().directions(row)) for row in points.reshape(size, 16, -1, 2)]
-    return np.stack([row.reshape(16, 2 * size, 16, 3).mean((0, 2)) for row in rows])
+@cache
+def truth() -> np.ndarray:
+    """Each pixel's mean radiance, of 16 × 16 points; no test may write to it."""
+    points = pixel_points(LatLong(), SIZE, 16)
+    rows = [sunlit(LatLong().directions(row)) for row in points.reshape(SIZE, 16, -1, 2)]
+    mean = np.stack([row.reshape(16, 2 * SIZE, 16, 3).mean((0, 2)) for row in rows])
+    mean.flags.writeable = False
+    return mean
 
 
 def test_a_probe_knows_where_on_the_ball_each_direction_was_mirrored(views, probe):

@@ -9,6 +9,7 @@ from angles import degrees_turned
 from relume.errors import BallNotFound
 from relume.image.radiance import RadianceMap
 from relume.probe.ball.registration import KnownPlaces, UnknownPlaces
+from relume.probe.ball.silhouette import Outline
 from relume.probe.ball.unwrapping import BallView, unwrap_ball
 from relume.sphere.directions import look_at
 from synthetic import CENTRE, lobes, photograph_ball, turned, unit
@@ -17,10 +18,13 @@ FRONT = np.array([0.0, 0.17, 1.0])
 OTHERS = {"a quarter turn": np.array([1.0, 0.17, 0.0]), "behind, from above": np.array([-0.5, 0.5, -0.7])}
 
 
-def view(camera: np.ndarray, light=lobes, given: np.ndarray = FRONT) -> BallView:
-    """The ball from `camera`, whose place is given as that of the first one unless another is."""
+def view(camera: np.ndarray, light=lobes, given: np.ndarray = FRONT, outline: Outline | None = None) -> BallView:
+    """The ball from `camera`, whose place is given as that of the first one unless another is.
+
+    outline : of a view from as far, where the rim need not be sought again
+    """
     picture = photograph_ball(light, camera, width=240, height=240, focal_length=2200.0)
-    return unwrap_ball(picture, camera=given, centre=CENTRE, focal_length=2200.0)
+    return unwrap_ball(picture, camera=given, centre=CENTRE, focal_length=2200.0, outline=outline)
 
 
 def turn_of(camera: np.ndarray) -> np.ndarray:
@@ -85,7 +89,7 @@ def test_views_of_different_lights_are_refused(front):
         return light[..., None] * np.ones(3)
 
     with pytest.raises(BallNotFound, match=r"^view 2 of the ball shows nothing that fits the first one"):
-        UnknownPlaces()((front, view(OTHERS["a quarter turn"], elsewhere)))
+        UnknownPlaces()((front, view(OTHERS["a quarter turn"], elsewhere, outline=front.outline)))
 
 
 @pytest.mark.slow
@@ -139,6 +143,6 @@ def test_a_lone_view_stays_as_it_is(front):
 
 def test_a_given_place_wrong_by_more_than_a_tape_measure_is_doubted(front):
     wrong = CENTRE + turned(OTHERS["a quarter turn"] - CENTRE, np.array([0.0, 1.0, 0.0]), 40.0)
-    doubts = KnownPlaces()((front, view(OTHERS["a quarter turn"], given=wrong))).doubts
+    doubts = KnownPlaces()((front, view(OTHERS["a quarter turn"], given=wrong, outline=front.outline))).doubts
     assert doubts and doubts[0].wrong
     assert doubts[0].line == "view 2 of the ball does not fit the first one; check where its camera stood"

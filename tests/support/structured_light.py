@@ -133,8 +133,8 @@ def photographed(
 
 def as_photographs(exposures: np.ndarray, patterns: ProjectorPatterns) -> PatternPhotographs:
     """Exposures as they are read back from a camera of 8 bits on the sRGB curve."""
-    codes = encoded(exposures)
-    linear = np.where(codes <= 0.04045 * 255, codes / 255 / 12.92, ((codes / 255 + 0.055) / 1.055) ** 2.4)
+    codes, values = encoded(exposures), np.arange(256) / 255
+    linear = np.where(values <= 0.04045, values / 12.92, ((values + 0.055) / 1.055) ** 2.4)[codes]
     names = patterns.names
     colour = linear[names.index("white")] - linear[names.index("black")]
     return PatternPhotographs(

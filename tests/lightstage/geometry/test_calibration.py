@@ -21,8 +21,12 @@ def photographs():
     return [as_photographs(each, PATTERNS) for each in boards(RIG, PATTERNS, np.zeros(3), 4, SHOOTING)]
 
 
-def test_the_rig_is_the_one_that_photographed(photographs, tmp_path):
-    found = calibrate_rig(photographs, squares=SQUARES, square=SQUARE)
+@pytest.fixture(scope="module")
+def found(photographs):
+    return calibrate_rig(photographs, squares=SQUARES, square=SQUARE)
+
+
+def test_the_rig_is_the_one_that_photographed(found, tmp_path):
     assert found.residual is not None and max(found.residual) < 0.35
     for seen, true in ((found.camera, RIG.camera), (found.projector, RIG.projector)):
         assert seen.focal_length == pytest.approx(true.focal_length, rel=0.01)
@@ -61,8 +65,7 @@ def test_boards_of_another_size_or_under_other_patterns_are_refused(photographs)
         calibrate_rig([first, other, photographs[2]], squares=SQUARES, square=SQUARE)
 
 
-def test_the_lenses_have_one_term_of_distortion(photographs):
-    found = calibrate_rig(photographs, squares=SQUARES, square=SQUARE)
+def test_the_lenses_have_one_term_of_distortion(found):
     for each in (found.camera, found.projector):
         assert each.distortion is not None and each.distortion.k1 != 0
         assert each.distortion == type(each.distortion)(each.distortion.k1)

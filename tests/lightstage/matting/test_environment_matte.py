@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import warnings
 from dataclasses import replace
+from functools import cache
 from pathlib import Path
 
 import numpy as np
@@ -63,6 +64,12 @@ def photographed(matte: EnvironmentMatte, level: np.ndarray | float = 1.0, noise
     return Patterns(stack[0], stack[1], stack[2:], stripes)
 
 
+@cache
+def found_again() -> EnvironmentMatte:
+    """The matte that the scene's own pictures give."""
+    return environment_matte(photographed(scene()[0]))
+
+
 def new_backdrop() -> np.ndarray:
     """Smooth colours (64, 64, 3), 0 to 1, with a square in the corner that says which way up it is."""
     v, u = np.mgrid[:TEXELS, :TEXELS] / TEXELS
@@ -79,7 +86,7 @@ def decibels(found: np.ndarray, true: np.ndarray, where: np.ndarray | None = Non
 
 def test_a_known_matte_is_found_again():
     true, lens, _ = scene()
-    found = environment_matte(photographed(true))
+    found = found_again()
     outside = true.coverage == 0
     assert np.array_equal(found.foreground, true.foreground)
     assert np.all(found.coverage[outside] == 0) and np.all(found.colours[:, outside] == 0)
@@ -93,7 +100,7 @@ def test_a_known_matte_is_found_again():
 
 def test_two_areas_are_kept_apart(monkeypatch):
     true, _, rim = scene()
-    found = environment_matte(photographed(true))
+    found = found_again()
     both = rim & (found.colours.min(axis=(0, 3)) > 0.05)
     assert both.sum() > 0.9 * rim.sum()
     # The larger share first, whichever was found first.
@@ -112,7 +119,7 @@ def test_two_areas_are_kept_apart(monkeypatch):
 def test_an_unseen_backdrop_looks_as_it_would_even_from_noisy_pictures():
     true, _, _ = scene()
     truth = composite_matte(true, new_backdrop())
-    assert decibels(composite_matte(environment_matte(photographed(true)), new_backdrop()), truth) > 42
+    assert decibels(composite_matte(found_again(), new_backdrop()), truth) > 42
     noisy = environment_matte(photographed(true, noise=0.01))
     assert decibels(composite_matte(noisy, new_backdrop()), truth) > 34
     assert np.median(noisy.residual) == pytest.approx(0.01, rel=0.4)

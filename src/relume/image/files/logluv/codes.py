@@ -60,13 +60,19 @@ class LogScale:
     signed: bool
 
     def luminances(self) -> np.ndarray:
-        """(65536,) float64: the luminance of each 16-bit code with its sign; 0 for codes that there are not."""
-        result = np.zeros(2**16)
-        code = np.arange(1, self.codes)
-        result[1 : self.codes] = np.exp2((code + 0.5) / self.steps - self.lowest)
-        if self.signed:
-            result[SIGN + 1 : SIGN + self.codes] = -result[1 : self.codes]
-        return result
+        """(65536,) float64, read-only: the luminance of each 16-bit code with its sign; 0 for codes that are none."""
+        return _luminances(self)
+
+
+@lru_cache
+def _luminances(scale: LogScale) -> np.ndarray:
+    result = np.zeros(2**16)
+    code = np.arange(1, scale.codes)
+    result[1 : scale.codes] = np.exp2((code + 0.5) / scale.steps - scale.lowest)
+    if scale.signed:
+        result[SIGN + 1 : SIGN + scale.codes] = -result[1 : scale.codes]
+    result.flags.writeable = False
+    return result
 
 
 SHORT = LogScale(steps=64, lowest=12, codes=2**10, signed=False)
@@ -89,10 +95,13 @@ def chromaticities(bits: int) -> np.ndarray:
     return np.stack(np.meshgrid(middle, middle, indexing="ij"), axis=-1).reshape(-1, 2)
 
 
+@lru_cache
 def colours(bits: int) -> np.ndarray:
-    """CIE X, Y, Z at luminance 1 of each colour code, float64, from eq. 3."""
+    """CIE X, Y, Z at luminance 1 of each colour code, float64, read-only, from eq. 3."""
     u, v = chromaticities(bits).T
-    return np.stack([9 * u, 4 * v, 12 - 3 * u - 20 * v], axis=-1) / (4 * v[:, None])
+    result = np.stack([9 * u, 4 * v, 12 - 3 * u - 20 * v], axis=-1) / (4 * v[:, None])
+    result.flags.writeable = False
+    return result
 
 
 @lru_cache
