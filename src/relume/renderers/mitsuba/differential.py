@@ -20,10 +20,10 @@ import numpy as np
 from relume.errors import UnsupportedScene, warn
 from relume.renderers.mitsuba.distant import require_inside
 from relume.renderers.mitsuba.limits import (
-    CHOSEN_RAYS,
     GUIDE_SAMPLES,
     GUIDES,
     PASS_RAYS,
+    SPREAD_RAYS,
     passes_of_change,
     samples_a_pass,
 )
@@ -47,18 +47,22 @@ QUICK_GUIDES = 1
 """The same of a render that is to come soon."""
 FEWEST_RAYS = 100_000
 """Of a pass that is shared by workers, in each share: below that starting is all that it takes."""
-NEEDIEST = 0.25
-"""Of the pixels, those that a later pass traces: mirror, glass and sharp shadows take less of most pictures."""
+AS_GOOD_AS = 2.0
+"""Times the samples: a picture whose rays are spread is to be as good as one of so many for every pixel. When a quarter
+of the pixels had four fifths of the rays, none had more than two and a half times the samples, and most had two."""
+MOST = 2.5
+"""Times the samples, the rays that a pixel is given at most: beyond that its neighbours' are used better."""
 
 
 @dataclass(frozen=True)
 class Differential(PathTracing):
     """Path tracing of what objects change, estimated as such; its plain renders are those of `Mitsuba`.
 
-    samples : rays a pixel on average, at most; 256 shows little noise on what the light reaches directly. Of many rays
-        half go to the noisiest pixels
-    noise : stop earlier, once the mean error to be expected where the objects change anything is below this share of
-        the picture; None traces all samples
+    samples : rays a pixel on average, at most; 256 shows little noise on what the light reaches directly. Many rays are
+        spread as the noise is, and are fewer where little of the picture has noise: about as many as are as good as
+        twice the samples for every pixel
+    noise : go on until all samples are traced, or until the mean error to be expected where the objects change
+        anything is below this share of the picture; None where the samples say how good it is to be
     depth : bounces before a path ends; 12 lets light into and out of glass before and behind glass
     variant : Mitsuba's variant; chosen for this machine unless given. A scalar one renders two pictures with the same
         random numbers and subtracts them
@@ -134,7 +138,9 @@ class Differential(PathTracing):
             fewest = passes_of_change(self.samples, camera) if moments is None else None
             samples = samples_a_pass(self.samples, camera, 1 if self.quick else fewest)
             full = max(self.samples // samples, 1 if self.quick else 2)
-            even, passes, share = _spread_of(full, samples, camera) if moments is None else (full, full, 1.0)
+            even, passes = _spread_of(full, samples, camera) if moments is None else (full, full)
+            # Less noise may be asked for than that of even rays.
+            enough = AS_GOOD_AS * full if self.noise is None else None
             backdrop = np.zeros((camera.height, camera.width, 3)) if plate is None else plate
             still = Estimator(scene, camera, self.depth) if prepared is None else prepared.seeing(camera)
             times = shutter.times(passes, seed) if moments is not None else np.zeros(passes)
@@ -159,7 +165,7 @@ class Differential(PathTracing):
                 passes=passes,
                 seed=seed,
                 scattered=("objects", "difference"),
-                choose=Neediest(backdrop, even, share) if even < passes else None,
+                choose=Neediest(backdrop, even, full, enough) if even < passes else None,
                 target=target,
                 key=self._key(still.key or scene, camera, seed, plate, moments, times)
                 if watch.checkpoint is not None
@@ -168,7 +174,7 @@ class Differential(PathTracing):
                 progress=progress,
                 ahead=trace.ahead if isinstance(trace, Together) else (),
             )
-            if target is not None and sums.passes == passes and not target.reached(sums):
+            if target is not None and not target.reached(sums):
                 warn(
                     f"the noise asked for, {self.noise:g}, was not reached with {self.samples} samples a pixel: it is "
                     f"{target.error(sums):.2g}; give more samples"
@@ -313,16 +319,16 @@ class SpreadChange:
         return with_light(whole, made[-1], chosen) if lit else whole
 
 
-def _spread_of(full: int, samples: int, camera: Camera) -> tuple[int, int, float]:
-    """Of so many passes over all pixels: how many stay that, how many there are, and what share the others trace.
+def _spread_of(full: int, samples: int, camera: Camera) -> tuple[int, int]:
+    """Of so many passes over all pixels: how many stay that, and how many there are at most.
 
-    Half of the rays show which pixels are noisy, the other half go to those; no pass is too small for its start.
+    The first show which pixels are noisy, and the others go to those; of a small picture all stay, for passes over
+    some of its pixels take longer to start than to trace. Two give an estimate: of each pixel's neighbours it is a mean
+    over 48.
     """
-    share = max(NEEDIEST, CHOSEN_RAYS / (samples * camera.width * camera.height))
-    if full < 2 * LEAST or share > 0.5:
-        return full, full, 1.0
-    even = max(LEAST, full // 2)
-    return even, even + int((full - even) / share), share
+    if full < 2 * LEAST or samples * camera.width * camera.height < SPREAD_RAYS:
+        return full, full
+    return min(full // LEAST, LEAST), round(MOST * full)
 
 
 def _nothing(camera: Camera) -> Change:
