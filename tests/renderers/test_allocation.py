@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from itertools import pairwise
 
 import numpy as np
 import pytest
@@ -11,6 +12,7 @@ from relume.renderers.mitsuba import differential
 from relume.renderers.mitsuba.differential import Differential
 from relume.renderers.progressive.accumulation import RenderSession, accumulate, pass_seed
 from relume.renderers.progressive.allocation import Neediest, weighed_variance
+from relume.renderers.progressive.convergence import LIGHT as LIGHT_OF
 from relume.renderers.progressive.convergence import Sums
 from relume.scene.cameras.camera import Camera
 from relume.scene.materials.materials import Diffuse, Material
@@ -55,6 +57,39 @@ def test_sums_of_passes_over_some_pixels_are_those_of_each_pixels_own_passes():
     assert again.counts is not None
     assert np.array_equal(again.counts, [[len(each) for each in row] for row in values])
     assert np.array_equal(again.mean("matte"), sums.mean("matte"))
+
+
+def test_light_that_every_pass_follows_counts_everywhere():
+    """Whichever pixels a pass traced: its mean is that of all passes, and so is its part of the variance."""
+    rng = np.random.default_rng(2)
+    sums, lights, counts = Sums(), [], np.zeros((HEIGHT, WIDTH), int)
+    own = np.zeros(PLATE.shape)
+    for index in range(6):
+        mask = None if index < 2 else rng.random((HEIGHT, WIDTH)) < 0.4
+        planes = trace(pass_seed(5, index), mask)
+        lights.append(rng.random(PLATE.shape))
+        sums = sums.plus({**planes, LIGHT_OF + "difference": lights[-1]}, ("difference",), mask)
+        counts += np.ones((HEIGHT, WIDTH), int) if mask is None else mask
+        own = own + planes["difference"]
+    expected = own / counts[..., None] + np.mean(lights, axis=0)
+    assert sums.mean("difference") == pytest.approx(expected, rel=1e-12)
+    of_light = np.var(lights, axis=0, ddof=1) / 6
+    assert sums.variance("difference") - sums.own_variance("difference") == pytest.approx(of_light, rel=1e-6, abs=1e-12)
+    again = Sums.from_planes(sums.planes(), sums.passes)
+    assert np.array_equal(again.mean("difference"), sums.mean("difference"))
+    assert again.latest is not None and mask is not None and np.array_equal(again.latest, mask)
+
+
+def test_two_passes_in_a_row_trace_the_same_pixels():
+    pick, chosen = Neediest(PLATE, 3, 20), []
+
+    def noted(sums: Sums) -> np.ndarray | None:
+        chosen.append(pick(sums))
+        return chosen[-1]
+
+    accumulate(trace, passes=9, choose=noted)
+    assert all(each is None for each in chosen[:3])
+    assert [np.array_equal(*pair) for pair in pairwise(chosen[3:])] == [True, False, True, False, True]
 
 
 def test_the_first_passes_trace_all_and_the_others_the_noisiest_pixels():
@@ -218,3 +253,38 @@ def test_passes_that_are_traced_at_once_have_the_bits_of_each_alone(mi):
         alone = made.traced(4, seed)
         assert alone.keys() == planes.keys()
         assert all(np.array_equal(alone[name], planes[name]) for name in alone)
+
+
+GLASS = sphere(Material((1.0, 1.0, 1.0), transmission=1.0, roughness=0.0), centre=(0.0, 0.6, 0.0), fine=2)
+
+
+def test_light_kept_apart_is_that_of_the_whole_picture_whichever_pixels_are_traced(mi):
+    from relume.renderers.mitsuba.transport.estimator import Estimator
+
+    lamp = np.zeros((8, 16, 3), np.float32)
+    lamp[1, 3] = 100
+    made = Estimator(replace(SCENE, light=EnvironmentMap(lamp), objects=(GLASS,)), CAMERA, 4)
+    chosen = np.zeros((CAMERA.height, CAMERA.width), bool)
+    chosen[:10] = True
+    some, joined = made.traced(16, 9, chosen, apart=True), made.traced(16, 9)
+    light = some[LIGHT_OF + "difference"]
+    assert light[10:].sum() > 0 and not some["difference"][10:].any()
+    # Half as many rays of light, and the same light.
+    own = made.traced(16, 9, apart=True)["difference"]
+    many = [made.lit(4096, seed, apart)["difference"].sum((0, 1)) for seed, apart in ((1, True), (2, False))]
+    np.testing.assert_allclose(*many, rtol=0.05)
+    assert np.abs(own - joined["difference"]).max() > 0
+
+
+def test_spread_rays_that_light_is_kept_apart_of_have_the_mean_of_even_ones(few, monkeypatch):
+    lamp = np.zeros((8, 16, 3), np.float32)
+    lamp[1, 3] = 100
+    scene = replace(SCENE, light=EnvironmentMap(lamp + 0.2), objects=(GLASS,))
+    spread = [Differential(samples=128).change(scene, CAMERA, seed=seed) for seed in range(4)]
+    monkeypatch.undo()
+    even = [Differential(samples=128).change(scene, CAMERA, seed=seed) for seed in range(10, 14)]
+    for plane in ("objects", "difference"):
+        sums = [np.array([getattr(c, plane).sum(dtype=np.float64) for c in each]) for each in (spread, even)]
+        errors = [np.sqrt(np.mean([getattr(c, f"{plane}_variance").sum(dtype=np.float64) for c in each]) / 4)
+                  for each in (spread, even)]  # fmt: skip
+        assert abs(sums[0].mean() - sums[1].mean()) < 4 * np.hypot(*errors), plane

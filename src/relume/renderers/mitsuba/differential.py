@@ -30,7 +30,7 @@ from relume.renderers.mitsuba.limits import (
 from relume.renderers.mitsuba.path_tracer import Mitsuba, PathTracing, _mitsuba, in_worker
 from relume.renderers.mitsuba.scene import why_not
 from relume.renderers.progressive.accumulation import NO_SESSION, Planes, RenderSession, accumulate, pass_seed
-from relume.renderers.progressive.allocation import Neediest
+from relume.renderers.progressive.allocation import AT_ONCE, Neediest
 from relume.renderers.progressive.convergence import LEAST, ChangeError, Target
 from relume.renderers.progressive.fingerprint import fingerprint, render_key
 from relume.renderers.progressive.pass_workers import Parts, WholePasses
@@ -47,7 +47,7 @@ QUICK_GUIDES = 1
 """The same of a render that is to come soon."""
 FEWEST_RAYS = 100_000
 """Of a pass that is shared by workers, in each share: below that starting is all that it takes."""
-AS_GOOD_AS = 2.0
+AS_GOOD_AS = 3.0
 """Times the samples: a picture whose rays are spread is to be as good as one of so many for every pixel. When a quarter
 of the pixels had four fifths of the rays, none had more than two and a half times the samples, and most had two."""
 MOST = 2.5
@@ -149,14 +149,14 @@ class Differential(PathTracing):
             def moved(seed: int) -> Planes:
                 return Estimator(*moments(at[seed]), self.depth).traced(samples, seed)  # pyright: ignore[reportOptionalCall]
 
-            trace: Callable[..., Planes] = Together(still, samples, list(at)[:even]) if moments is None else moved
+            trace: Callable[..., Planes] = Together(still, samples, list(at), even) if moments is None else moved
             if watch.workers is not None:
                 if moments is not None:
                     raise ValueError("workers trace a still; of what moves they make whole frames (insert_frames)")
                 parts = stack.enter_context(
-                    watch.workers.sharing(ChangeParts(self.for_workers(), scene, camera, samples))
+                    watch.workers.sharing(ChangeParts(self.for_workers(), scene, camera, samples, even < passes))
                 )
-                trace = SpreadChange(parts, still, samples, list(at)[:even])
+                trace = SpreadChange(parts, still, samples, list(at)[:even], even < passes)
 
             # The passes.
             target = None if self.noise is None else Target(self.noise, ChangeError(backdrop))
@@ -229,12 +229,14 @@ class ChangeParts:
     """Parts of passes of a change: a seed is a whole pass, a `SomePixels` pixels of one, a `Lit` its light.
 
     samples : rays a pixel of a pass
+    apart : whether light is kept apart, for pixels that are traced unequally often
     """
 
     renderer: Differential
     scene: Scene
     camera: Camera
     samples: int
+    apart: bool
 
     def ready(self) -> Callable[[Any], Planes]:
         """The function of a part, for a worker."""
@@ -247,9 +249,9 @@ class ChangeParts:
 
         def trace(part: int | SomePixels | Lit) -> Planes:
             if isinstance(part, int):
-                return estimator.traced(self.samples, part)
+                return estimator.traced(self.samples, part, apart=self.apart)
             if isinstance(part, Lit):
-                return estimator.lit(self.samples, part.seed)
+                return estimator.lit(self.samples, part.seed, self.apart)
             return estimator.of_pixels(np.load(part.chosen)[part.begin : part.end], self.samples, part.seed)
 
         return trace
@@ -273,30 +275,39 @@ class Lit:
 
 
 class Together:
-    """The passes of a change in this process: some whole ones at once, and those whose pixels are chosen one by one."""
+    """The passes of a change in this process, some at once: of all pixels, and of those that are chosen.
 
-    def __init__(self, still: Estimator, samples: int, seeds: Sequence[int]) -> None:
-        self.still, self.samples, self.seeds = still, samples, seeds
+    seeds : of all passes, of which `even` trace all pixels; where there are others, light is kept apart
+    """
+
+    def __init__(self, still: Estimator, samples: int, seeds: Sequence[int], even: int) -> None:
+        self.still, self.samples, self.seeds, self.even = still, samples, seeds, even
         self.places = {seed: index for index, seed in enumerate(seeds)}
         self.ahead: dict[int, Planes] = {}
 
     def __call__(self, seed: int, chosen: np.ndarray | None = None) -> Planes:
         """The planes of a pass."""
-        if chosen is not None:
-            return self.still.traced(self.samples, seed, chosen)
         if seed not in self.ahead:
             first = self.places[seed]
-            these = self.seeds[first : first + self.still.together(self.samples)]
+            if chosen is None:
+                last = min(first + self.still.together(self.samples), self.even)
+            else:
+                last = first + (1 if self.still.one_by_one else AT_ONCE - (first - self.even) % AT_ONCE)
+            these = self.seeds[first:last]
+            made = self.still.traced_together(self.samples, these, chosen, self.even < len(self.seeds))
             self.ahead.clear()
-            self.ahead.update(zip(these, self.still.traced_together(self.samples, these), strict=True))
+            self.ahead.update(zip(these, made, strict=True))
         return self.ahead.pop(seed)
 
 
 class SpreadChange:
-    """The passes of a change by workers: whole ones ahead, and of those whose pixels are chosen a share each."""
+    """The passes of a change by workers: whole ones ahead, and of those whose pixels are chosen a share each.
 
-    def __init__(self, parts: Parts, still: Estimator, samples: int, seeds: Sequence[int]) -> None:
-        self.parts, self.still, self.samples = parts, still, samples
+    apart : whether light is kept apart
+    """
+
+    def __init__(self, parts: Parts, still: Estimator, samples: int, seeds: Sequence[int], apart: bool) -> None:
+        self.parts, self.still, self.samples, self.apart = parts, still, samples, apart
         self.whole = WholePasses(parts, seeds)
 
     def __call__(self, seed: int, chosen: np.ndarray | None = None) -> Planes:
@@ -314,9 +325,9 @@ class SpreadChange:
         made = [self.parts.taken(path) for path in self.parts.traced(shares + lit, names)]
         planes = {name: np.concatenate([each[name] for each in made[:count]]) for name in made[0]}
         whole = self.still.on_picture(pixels, planes)
-        from relume.renderers.mitsuba.transport.estimator import with_light
+        from relume.renderers.mitsuba.transport.estimator import with_light_apart
 
-        return with_light(whole, made[-1], chosen) if lit else whole
+        return with_light_apart(whole, made[-1]) if lit else whole
 
 
 def _spread_of(full: int, samples: int, camera: Camera) -> tuple[int, int]:

@@ -13,6 +13,8 @@ REACH = 7
 bright paths a pixel that has met none yet has both too low a mean and too low a variance. Were it left as it is for
 that, and its lucky neighbours averaged further, the picture would come out too dark."""
 
+AT_ONCE = 2
+"""Passes that trace the same pixels: what is traced at once has one start, and pixels are chosen half as often."""
 FITTED = 8
 """Times that what pixels need is made smaller for the budget: each leaves a few more pixels with enough."""
 
@@ -41,18 +43,21 @@ class Neediest:
         """(H, W) bool, none where all have what they need; None where all are to be traced."""
         if sums.passes < self.even:
             return None
+        if sums.latest is not None and (sums.passes - self.even) % AT_ONCE:
+            return sums.latest
         from scipy.ndimage import maximum_filter
 
         objects, difference, matte = (sums.mean(name) for name in ("objects", "difference", "matte"))
-        variance = sums.variance("objects") + sums.variance("difference")
+        # What is followed from the light is as noisy whichever pixels are traced.
+        variance = sums.own_variance("objects") + sums.own_variance("difference")
         seen = weighed_variance(objects + difference + (1 - matte[..., None]) * self.backdrop, variance)
         passes = np.full(seen.shape, sums.passes) if sums.counts is None else sums.counts
         # Of a single pass, so that how often the others were traced says nothing of this one.
         each = _of_others(seen * passes)
         # What nothing changes has nothing to gain; running sums leave rounding there.
         each = np.where(maximum_filter(seen, REACH) > 0, each, 0)
-        # Rounded: a pixel that lacks less than half a pass has enough.
-        return self._needed(each, passes) - passes >= 0.5
+        # Rounded: a pixel that lacks less than half of them has enough.
+        return self._needed(each, passes) - passes >= 0.5 * AT_ONCE
 
     def _needed(self, variance: np.ndarray, passes: np.ndarray) -> np.ndarray:
         """How many passes each pixel needs, of the variance of one, beside those that it has had."""
