@@ -221,6 +221,28 @@ def test_spread_rays_are_the_same_on_any_threads_and_after_an_interruption(few, 
         assert np.array_equal(getattr(straight, plane), getattr(resumed, plane)), plane
 
 
+def test_a_quarter_of_many_samples_is_even_and_all_of_few_or_of_a_small_picture():
+    def spread(full: int, samples: int, width: int, height: int) -> tuple[int, int]:
+        return differential._spread_of(full, samples, CAMERA.resized(width, height))
+
+    assert spread(8, 8, 768, 512) == (2, 20)
+    assert spread(32, 10, 768, 512) == (4, 80)
+    # Two rays a pass: eight of them, for two passes would have four.
+    assert spread(10, 2, 1024, 1024) == (4, 25)
+    assert spread(8, 8, 256, 171) == (8, 8) and spread(7, 9, 768, 512) == (7, 7)
+
+
+def test_a_picture_of_little_noise_has_fewer_rays_and_one_with_a_noise_asked_for_has_all(few):
+    """The ball is a tenth of the picture; with `noise` the samples may all be needed."""
+    far = Camera.looking_at(np.array([0, 2.0, 12]), np.array([0, 0.5, 0]), width=48, height=40, focal_length=30)
+    change = Differential(samples=128).change(SCENE, far, seed=2)
+    assert 32 <= change.samples < 100
+    with pytest.warns(UserWarning, match="was not reached"):
+        whole = Differential(samples=128, noise=1e-6).change(SCENE, far, seed=2)
+    assert change.samples < whole.samples <= 130
+    assert whole.objects_variance.mean() < change.objects_variance.mean()
+
+
 def test_a_render_of_another_plate_is_not_gone_on_with():
     """The plate says which pixels are the neediest, so the pixels depend on it."""
     one, other = (

@@ -47,9 +47,11 @@ QUICK_GUIDES = 1
 """The same of a render that is to come soon."""
 FEWEST_RAYS = 100_000
 """Of a pass that is shared by workers, in each share: below that starting is all that it takes."""
-AS_GOOD_AS = 3.0
-"""Times the samples: a picture whose rays are spread is to be as good as one of so many for every pixel. When a quarter
-of the pixels had four fifths of the rays, none had more than two and a half times the samples, and most had two."""
+AS_GOOD_AS = 2.5
+"""Times the samples: a picture whose rays are spread is as good as one of so many for every pixel. When half of the
+rays went to a quarter of the pixels none had more than that, so that pictures are not worse than they were."""
+EVEN_RAYS = 8
+"""Of every pixel, where four passes hold as many: fewer miss what is small, and say little of the noise about it."""
 MOST = 2.5
 """Times the samples, the rays that a pixel is given at most: beyond that its neighbours' are used better."""
 
@@ -59,8 +61,8 @@ class Differential(PathTracing):
     """Path tracing of what objects change, estimated as such; its plain renders are those of `Mitsuba`.
 
     samples : rays a pixel on average, at most; 256 shows little noise on what the light reaches directly. Many rays are
-        spread as the noise is, and are fewer where little of the picture has noise: about as many as are as good as
-        twice the samples for every pixel
+        spread as the noise is, and are fewer where little of the picture has noise: as many as are as good as two and a
+        half times the samples for every pixel
     noise : go on until all samples are traced, or until the mean error to be expected where the objects change
         anything is below this share of the picture; None where the samples say how good it is to be
     depth : bounces before a path ends; 12 lets light into and out of glass before and behind glass
@@ -334,12 +336,11 @@ def _spread_of(full: int, samples: int, camera: Camera) -> tuple[int, int]:
     """Of so many passes over all pixels: how many stay that, and how many there are at most.
 
     The first show which pixels are noisy, and the others go to those; of a small picture all stay, for passes over
-    some of its pixels take longer to start than to trace. Two give an estimate: of each pixel's neighbours it is a mean
-    over 48.
+    some of its pixels take longer to start than to trace. Two give an estimate, which is a mean over 48 neighbours.
     """
     if full < 2 * LEAST or samples * camera.width * camera.height < SPREAD_RAYS:
         return full, full
-    return min(full // LEAST, LEAST), round(MOST * full)
+    return min(max(full // LEAST, -(-EVEN_RAYS // samples)), LEAST), round(MOST * full)
 
 
 def _nothing(camera: Camera) -> Change:

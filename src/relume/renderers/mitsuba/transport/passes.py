@@ -39,8 +39,8 @@ MOST_RAYS = 1_000_000
 """Rays of light a pass, at most: in a large picture they lie close enough."""
 FEWEST_RAYS = 50_000
 """And at least, where real surfaces send light on."""
-BAND = 2_000_000
-"""Samples traced at once, whose values take about a quarter of a gigabyte."""
+BAND = 4_000_000
+"""Samples traced at once, of one pass or of several: as many as `PASS_RAYS`, whose values take half a gigabyte."""
 HOLES = 16
 """Surfaces with holes that a ray from the camera is looked through one behind the other: leaves of a tree."""
 STREAM = 0xDA3E39CB94B95BDB
