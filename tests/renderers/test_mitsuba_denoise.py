@@ -4,7 +4,6 @@ import numpy as np
 import pytest
 
 from relume.composite.differential import composed
-from relume.renderers.mitsuba import denoise
 from relume.renderers.mitsuba.denoise import _as_bright, _clean, denoised, exposure
 from relume.renderers.mitsuba.path_tracer import _mitsuba
 from relume.renderers.results import Change
@@ -40,36 +39,6 @@ def test_what_nothing_changes_stays_the_plate_to_the_bit():
     assert not smooth.difference[same].any()
     untouched = same & (change.matte == 0)
     assert untouched.any() and np.array_equal(composed(PLATE, smooth)[untouched], PLATE[untouched])
-
-
-def test_only_what_is_shown_and_a_border_about_it_is_given_to_the_filter(monkeypatch):
-    small, seen = flat_change(), []
-    places = {"matte": 0.0, "depth": 0.0, "normal": np.array([0, 1, 0]), "albedo": 0.5}
-
-    def wide(name: str, plane: np.ndarray) -> np.ndarray:
-        whole = np.zeros((200, 240, *plane.shape[2:]), np.float32) + np.float32(places.get(name, 0.0))
-        whole[100 : 100 + HEIGHT, 100 : 100 + WIDTH] = plane
-        return whole
-
-    names = ("objects", "difference", "matte", "depth", "normal", "albedo", "objects_variance", "difference_variance")
-    large = Change(**{name: wide(name, getattr(small, name)) for name in names})
-    clean = denoise._clean
-
-    def noted(picture: np.ndarray, *guides: np.ndarray) -> np.ndarray:
-        seen.append(picture.shape)
-        return clean(picture, *guides)
-
-    whole = denoised(large)
-    monkeypatch.setattr(denoise, "_clean", noted)
-    assert np.array_equal(denoised(large).difference, whole.difference)
-    # Ten pixels of an object, and 32 by 32 of a shadow, each with 32 on every side.
-    assert seen == [(74, 74, 3), (96, 96, 3), (96, 96, 3)]
-    # As near to flat as where it is given all.
-    monkeypatch.setattr(denoise, "BORDER", 1000)
-    shadow = np.any(large.difference != 0, axis=-1)
-    errors = [np.abs(each.difference[shadow] + 0.25).mean() for each in (whole, denoised(large))]
-    assert seen[-1] == large.objects.shape
-    assert errors[0] == pytest.approx(errors[1], rel=0.15)
 
 
 def gets_closer_to_flat(change, where, level):

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import replace
+from functools import partial
 
 import numpy as np
 from scipy.ndimage import distance_transform_edt, gaussian_filter
@@ -17,8 +18,6 @@ WHITE_XYZ = (REC709.to_xyz() / REC709.to_xyz().sum(axis=1, keepdims=True)).astyp
 Cleaner = Callable[[np.ndarray, np.ndarray, np.ndarray], np.ndarray]
 ROUNDING = 1e-5
 """Of sums of float32, as a share of their parts."""
-BORDER = 32
-"""Pixels about what is shown that are cleaned with it, as about the tiles of a large picture."""
 FAINT = 0.1
 """Of a pixel: less than that shows more noise than colour."""
 _BLOCK, _DARK = 16, 1e-8
@@ -55,11 +54,11 @@ def denoised(
     if change.guide_albedo is not None and change.guide_normal is not None:
         through = np.clip(change.guide_albedo, 0, 1), change.guide_normal
     cover = change.matte[..., None]
-    objects = _cleaner(change.matte > 0, quick)(_unmatted(change.objects, change.matte), *through)
+    clean_up: Cleaner = partial(_clean, quick=quick)
+    objects = clean_up(_unmatted(change.objects, change.matte), *through)
     difference, beside = change.difference, 1 - change.matte
     changes = np.any(difference != 0, axis=-1, keepdims=True)
     shows = beside[..., None] * changes
-    clean_up = _cleaner(changes[..., 0], quick)
     taken = np.maximum(-difference, 0) if change.taken is None else change.taken
     added = difference + taken
     # What was added up in another order may be below 0 by its rounding; pure wavelengths are by more.
@@ -145,24 +144,6 @@ def _as_bright(clean: np.ndarray, traced: np.ndarray, shows: np.ndarray, highlig
     rest = np.where(peaks, shown * (own - kept), bright)
     scale = np.where(peaks, kept, ratio(shown * ~peaks, rest, NEIGHBOURS))
     return clean * scale[..., None].astype(np.float32)
-
-
-def _cleaner(shown: np.ndarray, quick: bool) -> Cleaner:
-    """Cleans the part of a picture that holds all that is shown of it (H, W), with BORDER about it; 0 elsewhere."""
-    part = tuple(_extent(shown.any(axis=1 - axis)) for axis in (0, 1))
-
-    def cleaned(picture: np.ndarray, albedo: np.ndarray, normal: np.ndarray) -> np.ndarray:
-        whole = np.zeros(picture.shape, np.float32)
-        whole[part] = _clean(picture[part], albedo[part], normal[part], quick)
-        return whole
-
-    return cleaned
-
-
-def _extent(used: np.ndarray) -> slice:
-    """From the first to the last that is used, with BORDER before and after it."""
-    places = np.flatnonzero(used)
-    return slice(max(int(places[0]) - BORDER, 0), int(places[-1]) + 1 + BORDER) if places.size else slice(0, 0)
 
 
 def _unmatted(premultiplied: np.ndarray, matte: np.ndarray) -> np.ndarray:

@@ -57,7 +57,7 @@ class Neediest:
         # What nothing changes has nothing to gain; running sums leave rounding there.
         each = np.where(maximum_filter(seen, REACH) > 0, each, 0)
         # Rounded: a pixel that lacks less than half of them has enough.
-        return self._needed(each, passes) - passes >= 0.5 * AT_ONCE
+        return np.asarray(self._needed(each, passes) - passes >= 0.5 * AT_ONCE)
 
     def _needed(self, variance: np.ndarray, passes: np.ndarray) -> np.ndarray:
         """How many passes each pixel needs, of the variance of one, beside those that it has had."""
