@@ -150,7 +150,7 @@ def test_a_worker_that_is_killed_changes_no_bit(tmp_path):
 @pytest.fixture
 def neediest(monkeypatch: pytest.MonkeyPatch) -> Differential:
     """A renderer whose later passes go to some pixels even in a tiny picture."""
-    monkeypatch.setattr(differential, "CHOSEN_RAYS", 5600)
+    monkeypatch.setattr(differential, "SPREAD_RAYS", 5600)
     monkeypatch.setattr(differential, "FEWEST_RAYS", 100)
     return Differential(samples=128)
 
@@ -174,8 +174,8 @@ def test_whole_passes_and_shares_of_the_neediest_pixels_have_the_bits_of_one_pro
     here = neediest.change(SCENE, CAMERA, seed=5)
     there = neediest.change(SCENE, CAMERA, seed=5, watch=RenderSession(workers=workers))
     same(here, there)
-    # Passes of all pixels four at a time; then two shares of a pass, and the light that the glass gathers.
-    assert {type(part) for part in asked[0]} == {int} and len(asked[0]) == 4
+    # Passes of all pixels, both at once; then two shares of a pass, and the light that the glass gathers.
+    assert {type(part) for part in asked[0]} == {int} and len(asked[0]) == 2
     assert [type(part) for part in asked[-1]] == [SomePixels, SomePixels, Lit]
     # What the shares of a pass read, no other pass is given by that name.
     read = [{part.chosen for part in each if isinstance(part, SomePixels)} for each in asked]

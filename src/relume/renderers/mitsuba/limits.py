@@ -12,8 +12,9 @@ PASSES = 16
 """Passes at least, where the samples allow it: the scatter of 16 estimates a pixel's variance to a third of itself."""
 FEW_RAYS = 500_000
 """Samples of a pass below which starting it takes longer than tracing it."""
-CHOSEN_RAYS = 1_000_000
-"""The same of a pass over chosen pixels, which no other pass is traced with: its start is then a twentieth of it."""
+SPREAD_RAYS = 1_500_000
+"""Samples of a pass over all pixels, from which on later passes trace those that need it: each has a start of its own,
+which is a twentieth of some hundred thousand rays."""
 FEWEST_PASSES = 8
 """Of a small picture: their scatter estimates a pixel's variance to half of itself."""
 EVEN_SAMPLES = 16

@@ -26,7 +26,7 @@ from relume.renderers.results import Progress
 
 Planes = Mapping[str, np.ndarray]
 Choice = Callable[[Sums], "np.ndarray | None"]
-"""Picks the pixels (H, W) of the next pass from what there is; None for all."""
+"""Picks the pixels (H, W) of the next pass from what there is; None for all, and no pixel where there is enough."""
 Preview = Callable[[Sums], None]
 """Called with what there is after 1, 2, 4, 8 … passes."""
 SHARE = 0.02
@@ -84,7 +84,8 @@ def accumulate(
     passes : at most
     seed : of the render; pass i has `pass_seed(seed, i)`
     scattered : planes whose squares are added too, for `Sums.variance`; all of them unless given
-    choose : picks the pixels of each pass; of the sums alone, so that a render that was resumed goes the same way
+    choose : picks the pixels of each pass, or none to end; of the sums alone, so that a render that was resumed goes
+        the same way
     target : stops earlier, once the estimated error is small enough
     key : what the pixels depend on, for the state kept on disk: a name and a hash or a short word each
     watch : what goes on around it
@@ -111,6 +112,8 @@ def accumulate(
                     _leave_if(asked, loop, sums, passes)
                 # One pass more, and whether the noise is low enough by now.
                 chosen = None if choose is None else choose(sums)
+                if chosen is not None and not chosen.any():
+                    break
                 sums = sums.plus(trace(own) if choose is None else trace(own, chosen), scattered, chosen)
                 if target is not None and target.due(sums.passes):
                     met = met + 1 if target.reached(sums) else 0

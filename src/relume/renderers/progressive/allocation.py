@@ -1,4 +1,4 @@
-"""Where the next rays belong: to the pixels whose errors weigh most in the picture that is looked at."""
+"""Where the next rays belong, and how many there are to be: where errors weigh most in the picture that is seen."""
 
 from __future__ import annotations
 
@@ -13,43 +13,71 @@ REACH = 7
 bright paths a pixel that has met none yet has both too low a mean and too low a variance. Were it left as it is for
 that, and its lucky neighbours averaged further, the picture would come out too dark."""
 
+AT_ONCE = 2
+"""Passes that trace the same pixels: what is traced at once has one start, and pixels are chosen half as often."""
+FITTED = 8
+"""Times that what pixels need is made smaller for the budget: each leaves a few more pixels with enough."""
+
 
 @dataclass(frozen=True, eq=False)
 class Neediest:
-    """Picks the pixels of the next pass: those whose mean squared error a pass more lowers most.
+    """Picks the pixels of the next pass: those that have had fewer passes than they need.
 
     backdrop : (H, W, 3), what is seen without the objects, in the render's unit
-    even : passes that trace all pixels, from which the first estimate is taken
-    share : of the pixels that each pass after them traces
+    even : passes that trace all pixels, from which the first estimate is taken; two at least
+    budget : passes of a pixel on average, at most
+    as_good_as : passes of every pixel whose mean squared error is enough; None to spend the budget
 
-    An error counts as a share of the radiance there and of the picture's mean, as the eye sees differences (Weber). A
-    pass more lowers the squared error of a mean of n passes by its n-th part, so in the end passes are spread in
-    proportion to the pixels' standard deviations (Neyman 1934).
+    An error counts as a share of the radiance there and of the picture's mean, as the eye sees differences (Weber).
+    Its mean square is least for so many passes where they are spread in proportion to the pixels' standard deviations
+    σ (Neyman 1934). So spread, (Σσ)² / (N Σσ²) of the passes are as good as passes of all N pixels: few where the noise
+    is in few pixels.
     """
 
     backdrop: np.ndarray
     even: int
-    share: float
+    budget: float
+    as_good_as: float | None = None
 
     def __call__(self, sums: Sums) -> np.ndarray | None:
-        """(H, W) bool, or None where all are to be traced."""
+        """(H, W) bool, none where all have what they need; None where all are to be traced."""
         if sums.passes < self.even:
             return None
+        if sums.latest is not None and (sums.passes - self.even) % AT_ONCE:
+            return sums.latest
         from scipy.ndimage import maximum_filter
 
         objects, difference, matte = (sums.mean(name) for name in ("objects", "difference", "matte"))
-        variance = sums.variance("objects") + sums.variance("difference")
+        # What is followed from the light is as noisy whichever pixels are traced.
+        variance = sums.own_variance("objects") + sums.own_variance("difference")
         seen = weighed_variance(objects + difference + (1 - matte[..., None]) * self.backdrop, variance)
-        passes = sums.passes if sums.counts is None else sums.counts
+        passes = np.full(seen.shape, sums.passes) if sums.counts is None else sums.counts
         # Of a single pass, so that how often the others were traced says nothing of this one.
-        gain = _of_others(seen * passes) / np.square(passes)
+        each = _of_others(seen * passes)
         # What nothing changes has nothing to gain; running sums leave rounding there.
-        gain = np.where(maximum_filter(seen, REACH) > 0, gain, 0)
-        least = np.partition(gain, -self._count(gain), axis=None)[-self._count(gain)]
-        return (gain >= least) & (gain > 0)
+        each = np.where(maximum_filter(seen, REACH) > 0, each, 0)
+        # Rounded: a pixel that lacks less than half of them has enough.
+        return np.asarray(self._needed(each, passes) - passes >= 0.5 * AT_ONCE)
 
-    def _count(self, gain: np.ndarray) -> int:
-        return max(1, int(self.share * gain.size))
+    def _needed(self, variance: np.ndarray, passes: np.ndarray) -> np.ndarray:
+        """How many passes each pixel needs, of the variance of one, beside those that it has had."""
+        deviation = np.sqrt(variance)
+        total = float(deviation.sum())
+        if total == 0:
+            return np.zeros_like(variance)
+        if self.as_good_as is None:
+            needed = self.budget * (variance.size / total) * deviation
+        else:
+            needed = self.as_good_as * (total / float(variance.sum())) * deviation
+        # Within the budget, of which the passes of pixels that need no more are spent already.
+        for _ in range(FITTED):
+            more = needed > passes
+            left = self.budget * variance.size - float(passes[~more].sum())
+            wanted = float(needed[more].sum())
+            if wanted <= left:
+                break
+            needed = needed * max(left, 0.0) / wanted
+        return needed
 
 
 def _of_others(values: np.ndarray) -> np.ndarray:

@@ -15,8 +15,12 @@ HELD = 0.99
 pixels would only dilute the error."""
 
 
+LIGHT = "light of "
+"""Begins the name of a plane that every pass has for all pixels, whichever it traced: what was followed from the light.
+It belongs to the plane whose name comes after."""
 _SQUARES = "squares of "
 _COUNTS = "passes of each pixel"
+_LATEST = "pixels of the last pass"
 
 
 @dataclass(frozen=True, eq=False)
@@ -27,12 +31,14 @@ class Sums:
     squares : float64 by name, of the passes' squares; only of planes whose variance is asked for
     passes : how many were added
     counts : (H, W) int32, how many of them traced each pixel; None where each traced all
+    latest : (H, W) bool, the pixels that the last of them traced; None where it traced all
     """
 
     totals: Mapping[str, np.ndarray] = field(default_factory=dict)
     squares: Mapping[str, np.ndarray] = field(default_factory=dict)
     passes: int = 0
     counts: np.ndarray | None = None
+    latest: np.ndarray | None = None
 
     def plus(
         self,
@@ -44,13 +50,14 @@ class Sums:
 
         planes : by name
         scattered : those whose squares are added too; all unless given
-        traced : (H, W) bool, the pixels of this pass, 0 in `planes` elsewhere; all unless given. The first pass has all
+        traced : (H, W) bool, the pixels of this pass, 0 in `planes` elsewhere but for those of the light; all unless
+            given. The first pass has all
         Raises ValueError for other names than before.
         """
         if self.passes and planes.keys() != self.totals.keys():
             raise ValueError(f"a pass of {sorted(planes)} after passes of {sorted(self.totals)}; expected the same")
         wide = {name: np.asarray(plane, np.float64) for name, plane in planes.items()}
-        varied = [name for name in wide if scattered is None or name in scattered]
+        varied = [name for name in wide if scattered is None or name.removeprefix(LIGHT) in scattered]
         if not self.passes:
             return Sums({n: p.copy() for n, p in wide.items()}, {n: wide[n] ** 2 for n in varied}, 1)
         counts = self.counts
@@ -64,35 +71,47 @@ class Sums:
             {name: self.squares[name] + wide[name] ** 2 for name in varied},
             self.passes + 1,
             counts,
+            traced,
         )
 
     def mean(self, name: str) -> np.ndarray:
         """The mean of a plane over the passes, float64."""
-        return self.totals[name] / self._count(name)
+        light = LIGHT + name
+        return self._mean(name) + self._mean(light) if light in self.totals else self._mean(name)
 
     def variance(self, name: str) -> np.ndarray:
         """The variance of that mean, float64, from the scatter of the passes; 0 after a single one."""
+        light = LIGHT + name
+        own = self.own_variance(name)
+        return own + self.own_variance(light) if light in self.squares else own
+
+    def _mean(self, name: str) -> np.ndarray:
+        return self.totals[name] / self._count(name)
+
+    def own_variance(self, name: str) -> np.ndarray:
+        """The variance without that of the light, which is followed whichever pixels are traced."""
         count = self._count(name)
-        scatter = np.maximum(self.squares[name] / count - self.mean(name) ** 2, 0)
+        scatter = np.maximum(self.squares[name] / count - self._mean(name) ** 2, 0)
         return scatter / np.maximum(count - 1, 1)
 
     def _count(self, name: str) -> np.ndarray | int:
         """How many passes a plane holds, one for each pixel where they differ."""
-        if self.counts is None:
+        if self.counts is None or name.startswith(LIGHT):
             return self.passes
         return self.counts if self.totals[name].ndim == self.counts.ndim else self.counts[..., None]
 
     def planes(self) -> dict[str, np.ndarray]:
         """All of it by name, for a file."""
         counts = {} if self.counts is None else {_COUNTS: self.counts}
-        return {**self.totals, **{_SQUARES + name: plane for name, plane in self.squares.items()}, **counts}
+        latest = {} if self.latest is None else {_LATEST: self.latest}
+        return {**self.totals, **{_SQUARES + name: plane for name, plane in self.squares.items()}, **counts, **latest}
 
     @staticmethod
     def from_planes(planes: Mapping[str, np.ndarray], passes: int) -> Sums:
         """What `planes` gave."""
         squares = {n.removeprefix(_SQUARES): p for n, p in planes.items() if n.startswith(_SQUARES)}
-        totals = {n: p for n, p in planes.items() if not n.startswith(_SQUARES) and n != _COUNTS}
-        return Sums(totals, squares, passes, planes.get(_COUNTS))
+        totals = {n: p for n, p in planes.items() if not n.startswith(_SQUARES) and n not in (_COUNTS, _LATEST)}
+        return Sums(totals, squares, passes, planes.get(_COUNTS), planes.get(_LATEST))
 
 
 @dataclass(frozen=True)

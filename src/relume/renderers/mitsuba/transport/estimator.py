@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from copy import copy
 from dataclasses import replace
+from functools import partial
 from typing import Any
 
 import drjit as dr
@@ -31,6 +32,7 @@ from relume.renderers.mitsuba.transport.passes import (
 from relume.renderers.mitsuba.transport.paths import followed
 from relume.renderers.mitsuba.transport.sampling import Guide, Numbers
 from relume.renderers.mitsuba.transport.world import World
+from relume.renderers.progressive.convergence import LIGHT
 from relume.renderers.raytrace.alpha_coverage import is_pierced
 from relume.renderers.raytrace.extent import corners, sticks_out
 from relume.scene.cameras.camera import Camera
@@ -92,21 +94,25 @@ class Estimator(Tracing):
         heights = [corners(shape)[:, 1] for shape in scene.local]
         self.alone = not heights or float(np.ptp(np.concatenate(heights))) == 0
 
-    def traced(self, samples: int, seed: int, chosen: np.ndarray | None = None) -> Planes:
+    def traced(self, samples: int, seed: int, chosen: np.ndarray | None = None, apart: bool = False) -> Planes:
         """The planes objects, difference, taken (the part of it below 0) and matte of so many samples a pixel.
 
         chosen : (H, W) bool, the pixels to trace; the planes are 0 elsewhere. All unless given
+        apart : give what is followed from the light in planes of its own, of all pixels (`convergence.LIGHT`)
         """
-        return self.traced_together(samples, [seed], chosen)[0]
+        return self.traced_together(samples, [seed], chosen, apart)[0]
 
-    def traced_together(self, samples: int, seeds: Sequence[int], chosen: np.ndarray | None = None) -> list[Planes]:
+    def traced_together(
+        self, samples: int, seeds: Sequence[int], chosen: np.ndarray | None = None, apart: bool = False
+    ) -> list[Planes]:
         """The same of several passes at once, with the same bits; at most as many as `together` says."""
         height, width = self.camera.height, self.camera.width
         pixels = np.arange(height * width) if chosen is None else np.flatnonzero(chosen)
         every = [self.on_picture(pixels, planes) for planes in self._of_pixels(pixels, samples, seeds)]
         if self.world.smooth and pixels.size:
-            lights = self.lit_together(samples, seeds)
-            every = [with_light(planes, light, chosen) for planes, light in zip(every, lights, strict=True)]
+            lights = self.lit_together(samples, seeds, apart)
+            joined = with_light_apart if apart else partial(with_light, chosen=chosen)
+            every = [joined(planes, light) for planes, light in zip(every, lights, strict=True)]
         return every
 
     def of_pixels(self, pixels: np.ndarray, samples: int, seed: int) -> Planes:
@@ -196,3 +202,8 @@ def with_light(planes: Planes, light: Planes, chosen: np.ndarray | None) -> Plan
     """The planes of a pass with what was followed from the light, on the pixels that were chosen; None for all."""
     lit = {name: added if chosen is None else added * chosen[..., None] for name, added in light.items()}
     return planes | {name: planes[name] + added for name, added in lit.items()}
+
+
+def with_light_apart(planes: Planes, light: Planes) -> Planes:
+    """The planes of a pass, and those of what was followed from the light, of all pixels whichever it traced."""
+    return planes | {LIGHT + name: np.asarray(plane, np.float32) for name, plane in light.items()}

@@ -120,16 +120,16 @@ class LightMap:
         pixel, _, within = self.chances.sample(mi.Point2f(dr.minimum(x, 0.9999999), point.y), active)
         up, turn = self._within(pixel, within)
         ray = _outward(dr.select(evenly, 1 - 2 * point.y, up), dr.select(evenly, x, turn))
-        if wanted is not None and isinstance(self.distant, Infinite):
-            active = active & wanted(ray)
-        radiance = self.lookup(ray, active)
-        density = self.chance(ray, active)
         if isinstance(self.distant, Infinite):
-            return Sample(ray, mi.Float(FAR), radiance / density, density, mi.Bool(True))
+            active = active if wanted is None else active & wanted(ray)
+            density = self.chance(ray, active)
+            return Sample(ray, mi.Float(FAR), self.lookup(ray, active) / density, density, mi.Bool(True))
         reach, normal = self.reach(self.probe, ray, active)
         way = self.probe + reach * ray - place
         distance = dr.norm(way)
         direction = way / distance
+        active = active if wanted is None else active & wanted(direction)
+        radiance, density = self.lookup(ray, active), self.chance(ray, active)
         facing = dr.abs(dr.dot(normal, direction))
         density = density * dr.abs(dr.dot(normal, ray)) / dr.square(reach) * dr.square(distance) / facing
         valid = facing > 1e-6  # pyright: ignore[reportOperatorIssue]

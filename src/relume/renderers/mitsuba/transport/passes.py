@@ -31,14 +31,16 @@ from relume.scene.shapes.shapes import Plane, Shape
 
 RAYS_OF_LIGHT = 8
 """Samples of the picture for each ray that is followed from the light: those few carry its noise easily."""
+RAYS_OF_LIGHT_APART = 24
+"""The same where pixels are traced unequally often: all of the light is of use to each of them then."""
 SAMPLES_A_PHOTON = 2
 """The same into bodies that scatter light, where paths from the camera walk far longer."""
 MOST_RAYS = 1_000_000
 """Rays of light a pass, at most: in a large picture they lie close enough."""
 FEWEST_RAYS = 50_000
 """And at least, where real surfaces send light on."""
-BAND = 2_000_000
-"""Samples traced at once, whose values take about a quarter of a gigabyte."""
+BAND = 4_000_000
+"""Samples traced at once, of one pass or of several: as many as `PASS_RAYS`, whose values take half a gigabyte."""
 HOLES = 16
 """Surfaces with holes that a ray from the camera is looked through one behind the other: leaves of a tree."""
 STREAM = 0xDA3E39CB94B95BDB
@@ -105,19 +107,28 @@ class Tracing(ABC):
         other.camera, other.lens = camera, Lens(camera)
         return other
 
+    @property
+    def one_by_one(self) -> bool:
+        """Whether passes are not traced at once, for each keeps light of its own."""
+        return self.floods or self.lands
+
     def together(self, samples: int) -> int:
         """How many passes of so many samples a pixel are traced at once: starting takes as long for one as for some."""
-        if self.floods or self.lands:
+        if self.one_by_one:
             return 1
         return max(1, BAND // (samples * self.camera.width * self.camera.height))
 
-    def lit(self, samples: int, seed: int) -> Planes:
-        """What a pass of so many samples a pixel follows from the light, for `with_light`; of the whole picture."""
-        return self.lit_together(samples, [seed])[0]
+    def lit(self, samples: int, seed: int, apart: bool = False) -> Planes:
+        """What a pass of so many samples a pixel follows from the light, for `with_light`; of the whole picture.
 
-    def lit_together(self, samples: int, seeds: Sequence[int]) -> list[Planes]:
+        apart : whether it is kept apart, for pixels that are traced unequally often
+        """
+        return self.lit_together(samples, [seed], apart)[0]
+
+    def lit_together(self, samples: int, seeds: Sequence[int], apart: bool = False) -> list[Planes]:
         """The same of several passes at once, with the same bits."""
-        count = max(self.camera.width * self.camera.height * samples // RAYS_OF_LIGHT, 1)
+        a_ray = RAYS_OF_LIGHT_APART if apart else RAYS_OF_LIGHT
+        count = max(self.camera.width * self.camera.height * samples // a_ray, 1)
         if self.world.mirrors:
             # Of a real mirror the objects are a small part.
             count = max(count, FEWEST_RAYS)
