@@ -18,7 +18,8 @@ from relume.renderers.raytrace.four_boxes import MISSED, cross_boxes, key_of
 from relume.renderers.raytrace.patch_kernel import LEVELS, PIECE, meet_leaf
 from relume.renderers.raytrace.polygon_kernel import meet_polygon
 
-# A distance to a box's side is off by three roundings of 2⁻⁵³ and two such are compared: a box is left this much later.
+# A distance to a box's side is off by three roundings of 2⁻⁵³, two such are compared, and the later one is rounded once
+# more: a box is left this much later.
 _LATER = 1 + 8 * 2.0**-53
 
 SPHERE, POLYGON, LEAF = 0, 1, 2
@@ -113,9 +114,11 @@ def meet(
 
     # A direction of 0 makes a distance ±∞, or NaN in the very plane of a side, which `cross_boxes` leaves out.
     dx, dy, dz = direction
-    inverse = (1 / dx, 1 / dy, 1 / dz, _LATER / dx, _LATER / dy, _LATER / dz)
-    near = (0 if inverse[0] > 0 else 1, 2 if inverse[1] > 0 else 3, 4 if inverse[2] > 0 else 5)
-    axes, eye, shear = _shear_along(origin, direction)
+    ix, iy, iz = 1 / dx, 1 / dy, 1 / dz
+    inverse = (ix, iy, iz, _LATER * ix, _LATER * iy, _LATER * iz)
+    near = (0 if ix > 0 else 1, 2 if iy > 0 else 3, 4 if iz > 0 else 5)
+    # Three divisions that only triangles and polygons need, when the first of them is reached.
+    sheared, axes, eye, shear = False, (0, 1, 2), (0.0, 0.0, 0.0), (0.0, 0.0, 0.0)
     reference, top, last = root, 0, key_of(reach)
     while not (any_will_do and nearest >= 0):
         if reference >= 0:
@@ -134,12 +137,17 @@ def meet(
         else:
             first = ~reference >> 3
             for k in range(first, first + (~reference & 7)):
-                if form[k] < 0:
-                    t, v, w = _meet_triangle(corners, k, axes, eye, shear)
+                if form[k] < 0 or form[k] & 3 == POLYGON:
+                    if not sheared:
+                        axes, eye, shear = _shear_along(origin, direction)
+                        sheared = True
+                    if form[k] < 0:
+                        t, v, w = _meet_triangle(corners, k, axes, eye, shear)
+                    else:
+                        begin = form[k] - POLYGON
+                        t, v, w = meet_polygon(measures, begin, axes, eye, shear, origin, direction), 0.0, 0.0
                 elif form[k] & 3 == SPHERE:
                     t, v, w = _meet_sphere(measures, form[k] - SPHERE, origin, direction, beyond), 0.0, 0.0
-                elif form[k] & 3 == POLYGON:
-                    t, v, w = meet_polygon(measures, form[k] - POLYGON, axes, eye, shear, origin, direction), 0.0, 0.0
                 else:
                     t, v, w = meet_leaf(measures, form[k] - LEAF, origin, direction, beyond, reach, footprint, pieces)
                 if beyond < t < reach and _before(t, best, shape, k, nearest):
@@ -208,13 +216,12 @@ def _meet_sphere(measures, i, origin, direction, beyond):
     # From the point nearest to the centre, for the usual discriminant loses a small sphere's digits far away
     # (Haines et al. 2019, "Precision improvements for ray/sphere intersection").
     px, py, pz = x + closest * dx, y + closest * dy, z + closest * dz
-    half_chord_squared = (measures[i + 3] ** 2 - (px * px + py * py + pz * pz)) / squared
-    if half_chord_squared < 0:
-        return np.inf
-    far = closest + np.copysign(np.sqrt(half_chord_squared), closest)
-    outside = x * x + y * y + z * z - measures[i + 3] ** 2
-    near = outside / (squared * far) if far != 0 else 0.0
-    first, last = min(near, far), max(near, far)
-    if first > beyond:
-        return first
-    return last if last > beyond else np.inf
+    # Without a branch, which rays take either way: a miss is NaN from the root on, and comes neither first nor last.
+    half_chord = np.sqrt((measures[i + 3] ** 2 - (px * px + py * py + pz * pz)) / squared)
+    far = closest + np.copysign(half_chord, closest)
+    near = (x * x + y * y + z * z - measures[i + 3] ** 2) / (squared * far)
+    near = near if far != 0 else 0.0
+    first = near if near < far else far
+    last = far if near < far else near
+    last = last if last > beyond else np.inf
+    return first if first > beyond else last

@@ -260,7 +260,7 @@ def _follow(points, view, world, settings, begin, end, results, record, waiting_
                 if facing <= 0 or dot(outward, towards) <= 0 or arriving <= 0:
                     continue
                 shine = (0.0, 0.0, 0.0)
-                if shines[light] > 0 or everywhere[m] > 0:
+                if (shiny or alpha[m] > 0) and (shines[light] > 0 or everywhere[m] > 0):
                     half = unit((towards[0] - direction[0], towards[1] - direction[1], towards[2] - direction[2]))
                     aligned = max(dot(normal, half), 0.0)
                     if alpha[m] > 0:
