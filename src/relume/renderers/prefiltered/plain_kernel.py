@@ -14,17 +14,28 @@ _BLOCK = 256
 
 
 @kernel
-def plain(light, chosen, samples, term, table):
+def choose(surface, index, begin, end, chosen):
+    """Write which of the samples begin … end are of a material to `chosen`, in their order; how many."""
+    count = 0
+    for k in range(begin, end):
+        # Written whether it counts or not, without a branch.
+        chosen[count] = k
+        count += surface[k] == index
+    return count
+
+
+@kernel
+def plain(light, chosen, normal, to_eye, kind, ratio, weight, table):
     """Look `chosen` samples up at their middles and add to `light`: of all ways the one that has to be fastest.
 
     chosen : ascending, without repeats
-    term : with its colour held in the weight
+    kind, ratio, weight : of a `Term` with its colour held in the weight
     table : padded
     """
-    kind, ratio, weight, rows = term.kind, term.ratio, term.weight, table.shape[0] - 2
+    rows = table.shape[0] - 2
     entries, weights, sums = np.int64(table.ctypes.data), np.int64(weight.ctypes.data), np.int64(light.ctypes.data)
     # Flat, so that the distance from one to the next is known.
-    normals, views, stride = samples.normal.reshape(-1), samples.to_eye.reshape(-1), 16 * (2 * rows + 2)
+    normals, views, stride = normal.reshape(-1), to_eye.reshape(-1), 16 * (2 * rows + 2)
     columns, high, last = np.float32(2 * rows), np.float32(rows), np.float32(weight.shape[0] - 2)
     zero, half, one = np.float32(0), np.float32(0.5), np.float32(1)
     vectors, shares = np.empty((6, _BLOCK), np.float32), np.empty((5, _BLOCK), np.float32)
