@@ -14,7 +14,7 @@ import numpy as np
 
 from relume.image.bands import in_threads
 from relume.renderers.prefiltered import filter_kernels as kernels
-from relume.renderers.prefiltered.plain_kernel import choose, plain
+from relume.renderers.prefiltered.plain_kernel import plain, plain_at_once
 from relume.renderers.prefiltered.shading_inputs import Samples, Term
 from relume.sphere.bilinear_kernels import padded
 from relume.sphere.mappings.mapping import LatLong
@@ -110,7 +110,7 @@ class Plain(Filter):
         def work(begin: int, end: int) -> None:
             for near in range(begin, end, _NEAR):
                 for chosen, term, prepared in even:
-                    self._look_up(light, chosen[near : min(near + _NEAR, end)], spans.samples, term, prepared)
+                    plain(light, chosen[near : min(near + _NEAR, end)], spans.samples, term, prepared)
 
         in_threads(work, max((len(chosen) for chosen, _, _ in even), default=0), spans.threads)
         for chosen, term, prepared in parts:
@@ -122,27 +122,16 @@ class Plain(Filter):
     ) -> np.ndarray:
         """The light of all samples (P, 4), of terms that each have one colour, with a material's number and a table.
 
-        As `add_all` to zeros, but for what memory has to give: light is cleared, and a material's samples are found,
-        where a core's cache holds them.
+        As `add_all` to zeros, but for what memory has to give.
         """
         light = np.empty((len(material), 4), np.float32)
-
-        def work(begin: int, end: int) -> None:
-            chosen = np.empty(_NEAR + 1, np.int32)
-            for near in range(begin, end, _NEAR):
-                till, found, of = min(near + _NEAR, end), chosen[:0], -1
-                light[near:till] = 0
-                for index, term, prepared in parts:
-                    if index != of:
-                        found, of = chosen[: choose(material, index, near, till, chosen)], index
-                    if len(found):
-                        self._look_up(light, found, samples, term, prepared)
-
-        in_threads(work, len(material), threads)
+        terms, tables = [part[1] for part in parts], [part[2] for part in parts]
+        whose, kinds = (np.array(each, np.int32) for each in ([part[0] for part in parts], [t.kind for t in terms]))
+        ratios, weights = np.array([t.ratio for t in terms], np.float32), np.stack([t.weight for t in terms])
+        places = np.array([table.ctypes.data for table in tables]), np.array([len(table) - 2 for table in tables])
+        inputs = light, material, samples.normal, samples.to_eye, whose, kinds, ratios, weights, *places
+        in_threads(lambda begin, end: plain_at_once(*inputs, begin, end), len(material), threads)
         return light
-
-    def _look_up(self, light: np.ndarray, chosen: np.ndarray, samples: Samples, term: Term, prepared: Any) -> None:
-        plain(light, chosen, samples.normal, samples.to_eye, term.kind, term.ratio, term.weight, prepared)
 
     def _add_coloured(self, light: np.ndarray, chosen: np.ndarray, spans: Spans, term: Term, prepared: Any) -> None:
         points = spans.middles(term, 2)
