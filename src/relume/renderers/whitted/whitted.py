@@ -125,13 +125,17 @@ class PreparedWhitted:
     @cached_property
     def caster(self) -> RayCaster:
         """The one tree over all objects."""
-        for solid in self.scene.objects:
-            if isinstance(solid, Mesh) and (flat := _flat(solid)):
+        shapes = (*self.scene.local, *self.scene.objects)
+        caster = RayCaster.of(shapes)
+        triangles = np.flatnonzero(caster.geometry.form < 0)
+        kept = np.bincount(caster.geometry.shape[triangles], minlength=len(shapes))
+        for solid, count in zip(self.scene.objects, kept[len(self.scene.local) :], strict=True):
+            if isinstance(solid, Mesh) and (flat := len(solid.faces) - count):
                 warn(
                     f"{flat} of the {len(solid.faces)} triangles of {solid.name!r} have no area and are left out; "
                     "mend the mesh if it should have them"
                 )
-        return RayCaster.of((*self.scene.local, *self.scene.objects))
+        return caster
 
     @cached_property
     def tables(self) -> tuple:
@@ -391,9 +395,3 @@ def _rows_by_workers(workers: PassWorkers, shared: SharedByRows, keep: Keeper, p
             keep(begin, band["means"], band["rays"])
             longest = max(longest, int(band["longest"]))
     return longest
-
-
-def _flat(mesh: Mesh) -> int:
-    """How many triangles have no area."""
-    a, b, c = (mesh.vertices[mesh.faces[:, i]].astype(np.float64) for i in range(3))
-    return int(np.sum(~np.any(np.cross(b - a, c - a), axis=1)))
