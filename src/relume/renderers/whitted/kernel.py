@@ -120,7 +120,7 @@ def _follow(points, view, world, settings, begin, end, results, record, waiting_
             traced += 1
 
             s = whose[slot] if slot >= 0 else -1
-            m = material_of[s] if slot >= 0 else 0
+            m = np.uint64(material_of[s] if slot >= 0 else 0)
             node = -1
             if len(parent_of) > node_count[0]:
                 node = node_count[0]
