@@ -126,7 +126,7 @@ class Plain(Filter):
         """
         light = np.empty((len(material), 4), np.float32)
         terms, tables = [part[1] for part in parts], [part[2] for part in parts]
-        whose, kinds = (np.array(each, np.int32) for each in ([part[0] for part in parts], [t.kind for t in terms]))
+        whose, kinds = np.array([part[0] for part in parts], np.int32), np.array([t.kind for t in terms])
         ratios, weights = np.array([t.ratio for t in terms], np.float32), np.stack([t.weight for t in terms])
         places = np.array([table.ctypes.data for table in tables]), np.array([len(table) - 2 for table in tables])
         inputs = light, material, samples.normal, samples.to_eye, whose, kinds, ratios, weights, *places
