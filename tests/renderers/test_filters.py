@@ -5,12 +5,12 @@ import pytest
 
 from lights import constant, lone, of_directions, spiky, spread, sunny
 from quads import around, filtered, supersampled
-from relume.light.reflection.lobes import Lambert, Mirror
+from relume.light.reflection.lobes import Lambert, Mirror, Phong
 from relume.renderers.prefiltered.filters import Filter, Mip, Plain, Preintegrated, Quadrilateral, Spans, Subdivision
-from relume.renderers.prefiltered.prefiltered import Prefiltered
+from relume.renderers.prefiltered.prefiltered import Prefiltered, Shading
 from relume.renderers.prefiltered.shading_inputs import Samples, term
 from relume.scene.cameras.camera import Camera
-from relume.scene.materials.reflective import Layer, Towards, mirror
+from relume.scene.materials.reflective import Layer, Reflective, Towards, mirror
 from relume.scene.scene import Scene
 from relume.scene.shapes.shapes import Sphere
 from relume.sphere.directions import normalised, rotation_about
@@ -431,6 +431,30 @@ def test_neighbours_and_samples_apart_are_looked_up_alike_term_by_term_or_at_onc
     np.testing.assert_allclose(together[:, :3], expected, rtol=1e-3, atol=1e-4 * light.radiance.max())
     np.testing.assert_array_equal(apart, together)
     np.testing.assert_array_equal(once, together)
+
+
+def test_a_picture_of_several_materials_at_once_is_the_sum_of_their_terms():
+    light, count = spiky(32), 3000
+    random = np.random.default_rng(2)
+    normal, to_eye = (normalised(random.normal(size=(count, 3))).astype(np.float32) for _ in range(2))
+    # Blocks of one material, of none, of two mixed; the third material is nowhere and the fourth is the first again.
+    surface = np.repeat([0, -1, 1, 3], 750).astype(np.int32)
+    surface[600:900] = random.integers(0, 2, 300)
+    nothing = np.zeros((0, 3), np.float32)
+    corners = np.zeros((count, 4), np.int32), nothing, nothing, np.zeros(0, np.int32)
+    samples = Samples(normal, to_eye, surface, *corners)
+    satin = Reflective((Layer(Lambert(), Towards.NORMAL, colour=(0.5, 0.4, 0.3)), Layer(Phong(20))))
+    shiny, nowhere = mirror(), Reflective((Layer(Phong(7)),))
+    shading = Shading.of([satin, shiny, nowhere, satin], light, Plain(), 2)
+    found = shading.light(samples, np.zeros((count, 2)))
+    expected, spans = np.zeros((count, 4), np.float32), Spans(samples, 1)
+    for index, layers in enumerate(shading.layers):
+        for layer, table in layers:
+            colours = np.reshape(layer.layer.colour, (1, 3)), np.ones((1, 3))
+            chosen = np.flatnonzero(surface == index).astype(np.int32)
+            Plain().add(expected, chosen, spans, term(layer.layer, *colours), table)
+    assert np.all(found[surface < 0] == 0) and np.all(found[surface >= 0] > 0)
+    np.testing.assert_array_equal(found, expected[:, :3])
 
 
 def test_a_normal_that_is_no_number_is_seen_and_harms_no_neighbour():

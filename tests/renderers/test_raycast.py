@@ -8,6 +8,7 @@ import trimesh
 
 import naive
 import solids
+from relume.renderers.raytrace import bvh
 from relume.renderers.raytrace.bvh import LARGEST_LEAF, build_tree
 from relume.renderers.raytrace.raycast import RayCaster
 from relume.renderers.raytrace.surface import Surfaces
@@ -145,6 +146,20 @@ def test_each_primitive_is_in_one_leaf_whose_box_encloses_it(count, where):
         assert 1 <= n <= LARGEST_LEAF
         for primitive in tree.order[first : first + n]:
             assert np.all(boxes[primitive, :3] >= box[::2]) and np.all(boxes[primitive, 3:] <= box[1::2])
+
+
+def test_a_tree_built_in_parts_is_the_tree_built_in_one_go(monkeypatch):
+    random = np.random.default_rng(1)
+    middles = random.normal(size=(3000, 3)) * [4, 1, 0.2]
+    middles[:500] = 0.5
+    boxes = np.concatenate([middles - 0.05, middles + 0.05], axis=1).astype(np.float32)
+    whole = build_tree(boxes)
+    monkeypatch.setattr(bvh, "PART", 10)
+    for parts in (2, 16, 100):
+        monkeypatch.setattr(bvh, "PARTS", parts)
+        tree = build_tree(boxes)
+        for name in ("boxes", "children", "order", "root", "depth"):
+            np.testing.assert_array_equal(getattr(tree, name), getattr(whole, name), err_msg=f"{name}, {parts} parts")
 
 
 def test_the_tree_spares_a_ray_most_of_the_triangles():

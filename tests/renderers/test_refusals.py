@@ -17,8 +17,9 @@ from relume.renderers.prefiltered.prefiltered import Prefiltered
 from relume.renderers.radiosity.radiosity import Radiosity
 from relume.renderers.renderer import Renderer
 from relume.renderers.unsupported import light_name, unsupported_features
+from relume.renderers.whitted.kernel_data import view_of
 from relume.renderers.whitted.materials import as_whitted
-from relume.renderers.whitted.whitted import Whitted, view_of
+from relume.renderers.whitted.whitted import Whitted
 from relume.scene.cameras.camera import Camera
 from relume.scene.cameras.distortion import Distortion
 from relume.scene.lights import AmbientLight, DistantLight, Light, Linear, PointLight, RectangleLight, SphereLight

@@ -16,7 +16,7 @@ from relume.image.radiance import RadianceMap
 from relume.project.insertion.prepared import PreparedShot
 from relume.renderers.mitsuba.path_tracer import Mitsuba
 from relume.renderers.raytrace.raycast import RayCaster
-from relume.renderers.whitted.whitted import view_of
+from relume.renderers.whitted.kernel_data import view_of
 from relume.scene.cameras.camera import Camera, undistorted
 from relume.scene.cameras.distortion import Distortion
 from relume.scene.cameras.rolling_shutter import RollingShutter, rolling_through

@@ -205,6 +205,23 @@ def test_what_stands_out_and_what_does_not_go_the_same_way(monkeypatch):
     assert np.abs(difference).sum() < 0.02 * light.total().sum()
 
 
+def test_what_is_taken_out_near_a_pole_is_averaged_as_if_the_whole_map_had_been_copied():
+    source = layout(LatLong(), 64)
+    light = noise(LatLong(), 64).radiance.reshape(-1, 3).copy()
+    suns = np.array([[0, 0, 5], [0, 3, 100], [0, 30, 9], [0, 60, 1], [0, 63, 127]])
+    light[suns[:, 1] * 128 + suns[:, 2]] = 1000
+    before, most, flux = light.copy(), np.full(3, 4.0, np.float32), np.ones((5, 3))
+    deep = engine._deep(source)
+    assert 3 < deep < 30
+    whole, *_ = pushing.taken_out(source, light, most, suns, flux, 0)
+    part, places, _ = pushing.taken_out(source, light, most, suns, flux, deep)
+    np.testing.assert_array_equal(light, before, err_msg="the map that was given")
+    np.testing.assert_array_equal(part[deep * 128 : -deep * 128], whole[deep * 128 : -deep * 128])
+    assert whole.max() < 300 and len(places) == 5
+    caps = engine._caps(light, part, places, deep, source)
+    np.testing.assert_array_equal(caps, engine._caps(whole, whole, places[:0], deep, source))
+
+
 @pytest.mark.parametrize("degrees", [12, 5])
 @pytest.mark.parametrize("mapping", [Angular(), Strip(), Octahedral()], ids=lambda m: m.name)
 def test_a_smooth_highlight_shows_no_moire(mapping, degrees):

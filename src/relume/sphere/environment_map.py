@@ -50,7 +50,8 @@ class EnvironmentMap:
             )
         if self.clipped is not None and self.clipped.shape != shape[:2]:
             raise ValueError(f"clipped has shape {self.clipped.shape}; expected the radiance's {shape[:2]}")
-        if not np.all(np.isfinite(self.radiance)) or self.radiance.min() < 0:
+        # What is no number is the least and the greatest, and compares as false.
+        if not (self.radiance.min() >= 0 and self.radiance.max() < np.inf):
             raise ValueError("radiance holds negative or non-finite values; light must be finite and not below 0")
 
     @property

@@ -14,7 +14,7 @@ import numpy as np
 
 from relume.image.bands import in_threads
 from relume.renderers.prefiltered import filter_kernels as kernels
-from relume.renderers.prefiltered.plain_kernel import plain
+from relume.renderers.prefiltered.plain_kernel import plain, plain_at_once
 from relume.renderers.prefiltered.shading_inputs import Samples, Term
 from relume.sphere.bilinear_kernels import padded
 from relume.sphere.mappings.mapping import LatLong
@@ -116,6 +116,22 @@ class Plain(Filter):
         for chosen, term, prepared in parts:
             if len(term.colour):
                 self._add_coloured(light, chosen, spans, term, prepared)
+
+    def shaded(
+        self, samples: Samples, material: np.ndarray, parts: Sequence[tuple[int, Term, Any]], threads: int | None
+    ) -> np.ndarray:
+        """The light of all samples (P, 4), of terms that each have one colour, with a material's number and a table.
+
+        As `add_all` to zeros, but for what memory has to give.
+        """
+        light = np.empty((len(material), 4), np.float32)
+        terms, tables = [part[1] for part in parts], [part[2] for part in parts]
+        whose, kinds = np.array([part[0] for part in parts], np.int32), np.array([t.kind for t in terms])
+        ratios, weights = np.array([t.ratio for t in terms], np.float32), np.stack([t.weight for t in terms])
+        places = np.array([table.ctypes.data for table in tables]), np.array([len(table) - 2 for table in tables])
+        inputs = light, material, samples.normal, samples.to_eye, whose, kinds, ratios, weights, *places
+        in_threads(lambda begin, end: plain_at_once(*inputs, begin, end), len(material), threads)
+        return light
 
     def _add_coloured(self, light: np.ndarray, chosen: np.ndarray, spans: Spans, term: Term, prepared: Any) -> None:
         points = spans.middles(term, 2)

@@ -146,12 +146,13 @@ class Shading:
 
     def light(self, samples: Samples, uv: np.ndarray) -> np.ndarray:
         """Radiance (P, 3) float32 of samples with texture coordinates (P, 2)."""
-        light = np.zeros((len(samples.normal), 4), np.float32)
-        spans = Spans(samples, self.threads)
         material = samples.surface
         if np.any(self.first != np.arange(len(self.first))):
             # Of samples that see nothing, −1, the last entry says that they belong to no material.
             material = np.append(self.first, np.int32(-1))[samples.surface]
+        if isinstance(self.filter, Plain) and (even := self._even(uv)) is not None:
+            return self.filter.shaded(samples, material, even, self.threads)[:, :3]
+        light, spans = np.zeros((len(samples.normal), 4), np.float32), Spans(samples, self.threads)
         for index, layers in enumerate(self.layers):
             chosen = np.flatnonzero(material == index).astype(np.int32)
             if not chosen.size:
@@ -165,6 +166,18 @@ class Shading:
                     looked_up.append((lit, part, table))
             self.filter.add_all(light, spans, looked_up)
         return light[:, :3]
+
+    def _even(self, uv: np.ndarray) -> list[tuple[int, Term, Any]] | None:
+        """The terms of all materials with their numbers and tables; None where one varies over the surface or has a
+        three-dimensional map."""
+        parts, nobody = [], np.zeros(0, np.int32)
+        for index in np.unique(self.first):
+            for layer, table in self.layers[index]:
+                if layer.has_image or isinstance(table, GlossyMap):
+                    return None
+                colour, rim = layer.colour(uv, nobody), layer.rim(uv, nobody)
+                parts.append((int(index), term(layer.layer, colour, rim), table))
+        return parts
 
     def _part(self, layer: ShadedLayer, uv: np.ndarray, chosen: np.ndarray, count: int) -> tuple[Term, np.ndarray]:
         """A layer's term, and which of the chosen samples it gives light to."""

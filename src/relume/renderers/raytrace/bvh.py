@@ -10,6 +10,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from relume.image.bands import in_threads
 from relume.image.kernel import exact_kernel, exact_small
 
 BINS = 16
@@ -20,6 +21,8 @@ LARGEST_LEAF = 4
 """Primitives in a leaf; at most 7, for a leaf's reference has three bits for them."""
 STEP_COST = 1.0
 """Time to test a node's two boxes, in primitives tested."""
+PART, PARTS = 4096, 16
+"""Primitives from which on a tree is built in parts, on every core, and how many parts about."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -52,9 +55,14 @@ def build_tree(boxes: np.ndarray) -> Tree:
         none = np.zeros((0, 24), np.float32), np.zeros((0, 4), np.int32), np.zeros(0, np.int32)
         return Tree(*none, root=~0, depth=0)
     order = np.arange(len(boxes), dtype=np.int32)
-    nodes = np.empty((len(boxes) - 1, 12), np.float32)
-    children = np.empty((len(boxes) - 1, 2), np.int32)
-    root, count, depth = _build(boxes.copy(), order, nodes, children)
+    work = boxes.copy(), order, np.empty((len(boxes) - 1, 12), np.float32), np.empty((len(boxes) - 1, 2), np.int32)
+    # The top of a large tree, down to parts that are built side by side: the same tree as in one go.
+    smallest = len(boxes) // PARTS if len(boxes) >= PARTS * PART else 0
+    parts = np.empty((len(boxes) if smallest else 0, 4), np.int64)
+    root, count, depth, waiting = _build(*work, 0, len(boxes), -1, 0, smallest, parts)
+    done = in_threads(lambda part, _: _build(*work, *parts[part], 0, parts[:0]), waiting, chunk=1)
+    count, depth = count + sum(part[1] for part in done), max([depth, *(part[2] for part in done)])
+    _, _, nodes, children = work
     if not count:
         return Tree(np.zeros((0, 24), np.float32), np.zeros((0, 4), np.int32), order, int(root), 0)
     wide_boxes, wide_children = np.empty((count, 24), np.float32), np.empty((count, 4), np.int32)
@@ -63,20 +71,29 @@ def build_tree(boxes: np.ndarray) -> Tree:
 
 
 @exact_kernel
-def _build(boxes, order, nodes, children):
-    """Sort boxes and order into leaves and write the nodes; the root's reference, the nodes' number and the depth."""
+def _build(boxes, order, nodes, children, begin, end, parent, depth, smallest, parts):
+    """Sort boxes begin … end and order into leaves and write the nodes: the reference to the whole, how many nodes, the
+    depth, and how many parts were put down.
+
+    parent, depth : what refers to the whole, twice a node's number and which of its two, or −1; and nodes above it
+    smallest, parts : a part of so many boxes or less is not divided but put down, (K, 4) begin, end, parent and depth
+    """
     # The smaller half is always taken first, so the halves that wait number log₂ of the primitives at most.
     waiting = np.empty((64, 4), np.int64)
     bins = np.empty((3, BINS, 6), np.float32)
     counts = np.empty((3, BINS), np.int64)
     areas = np.empty(BINS)
     low, scale = np.empty(3, np.float32), np.empty(3)
-    root, made, deepest = 0, 0, 0
-    _wait(waiting, 0, 0, len(order), -1, 0)
+    root, made, deepest, put_down, first_depth = 0, 0, 0, 0, depth
+    _wait(waiting, 0, begin, end, parent, depth)
     top = 1
     while top > 0:
         top -= 1
         begin, end, parent, depth = waiting[top, 0], waiting[top, 1], waiting[top, 2], waiting[top, 3]
+        if end - begin <= smallest:
+            _wait(parts, put_down, begin, end, parent, depth)
+            put_down += 1
+            continue
         used = FEW_BINS if end - begin <= FEW else BINS
         box = _measure(boxes, begin, end, used, low, scale)
         axis, cut, cost = -1, 0, np.inf
@@ -91,23 +108,24 @@ def _build(boxes, order, nodes, children):
             reference = ~(begin * 8 + size)
             deepest = max(deepest, depth)
         else:
-            reference = made
-            made += 1
             # Where all centres coincide no plane divides them: any half is as good as another.
             middle = begin + size // 2
             if axis >= 0:
                 middle = _partition(boxes, order, begin, end, axis, cut, low[axis], scale[axis])
+            # No other node is divided there, so that parts need not know of each other's numbers.
+            reference = middle - 1
+            made += 1
             larger_first = middle - begin > end - middle
             _wait(waiting, top if larger_first else top + 1, begin, middle, 2 * reference, depth + 1)
             _wait(waiting, top + 1 if larger_first else top, middle, end, 2 * reference + 1, depth + 1)
             top += 2
-        if parent < 0:
+        if depth == first_depth:
             root = reference
-        else:
+        if parent >= 0:
             children[parent >> 1, parent & 1] = reference
             for i in range(6):
                 nodes[parent >> 1, (parent & 1) * 6 + i] = box[i]
-    return root, made, deepest
+    return root, made, deepest, put_down
 
 
 @exact_kernel

@@ -18,8 +18,10 @@ from relume.renderers.raytrace.four_boxes import MISSED, cross_boxes, key_of
 from relume.renderers.raytrace.patch_kernel import LEVELS, PIECE, meet_leaf
 from relume.renderers.raytrace.polygon_kernel import meet_polygon
 
-# A distance to a box's side is off by three roundings of 2⁻⁵³ and two such are compared: a box is left this much later.
+# A distance to a box's side is off by three roundings of 2⁻⁵³, two such are compared, and the later one is rounded once
+# more: a box is left this much later.
 _LATER = 1 + 8 * 2.0**-53
+_IN_ORDER = (np.uint64(0), np.uint64(1), np.uint64(2))
 
 SPHERE, POLYGON, LEAF = 0, 1, 2
 """Kinds of primitives that are no triangles."""
@@ -113,44 +115,54 @@ def meet(
 
     # A direction of 0 makes a distance ±∞, or NaN in the very plane of a side, which `cross_boxes` leaves out.
     dx, dy, dz = direction
-    inverse = (1 / dx, 1 / dy, 1 / dz, _LATER / dx, _LATER / dy, _LATER / dz)
-    near = (0 if inverse[0] > 0 else 1, 2 if inverse[1] > 0 else 3, 4 if inverse[2] > 0 else 5)
-    axes, eye, shear = _shear_along(origin, direction)
+    ix, iy, iz = 1 / dx, 1 / dy, 1 / dz
+    inverse = (ix, iy, iz, _LATER * ix, _LATER * iy, _LATER * iz)
+    near = (0 if ix > 0 else 1, 2 if iy > 0 else 3, 4 if iz > 0 else 5)
+    # Three divisions that only triangles and polygons need, when the first of them is reached.
+    sheared, axes, eye, shear = False, _IN_ORDER, (0.0, 0.0, 0.0), (0.0, 0.0, 0.0)
     reference, top, last = root, 0, key_of(reach)
     while not (any_will_do and nearest >= 0):
         if reference >= 0:
+            node = np.uint64(reference)
             first, second_box, third_box, farthest = cross_boxes(boxes, reference, near, origin, inverse, beyond, reach)
             if first < MISSED:
                 if second_box < MISSED:
                     # Those that were missed are written too, and written over.
-                    waiting[top], entry[top] = children[reference, farthest & 3], farthest
-                    top += farthest < MISSED
-                    waiting[top], entry[top] = children[reference, third_box & 3], third_box
-                    top += third_box < MISSED
-                    waiting[top], entry[top] = children[reference, second_box & 3], second_box
-                    top += 1
-                reference = children[reference, first & 3]
+                    at = np.uint64(top)
+                    waiting[at], entry[at] = children[node, np.uint64(farthest & 3)], farthest
+                    at += np.uint64(farthest < MISSED)
+                    waiting[at], entry[at] = children[node, np.uint64(third_box & 3)], third_box
+                    at += np.uint64(third_box < MISSED)
+                    waiting[at], entry[at] = children[node, np.uint64(second_box & 3)], second_box
+                    top = np.int64(at) + 1
+                reference = children[node, np.uint64(first & 3)]
                 continue
         else:
             first = ~reference >> 3
             for k in range(first, first + (~reference & 7)):
-                if form[k] < 0:
-                    t, v, w = _meet_triangle(corners, k, axes, eye, shear)
-                elif form[k] & 3 == SPHERE:
-                    t, v, w = _meet_sphere(measures, form[k] - SPHERE, origin, direction, beyond), 0.0, 0.0
-                elif form[k] & 3 == POLYGON:
-                    t, v, w = meet_polygon(measures, form[k] - POLYGON, axes, eye, shear, origin, direction), 0.0, 0.0
+                kind = form[np.uint64(k)]
+                if kind < 0 or kind & 3 == POLYGON:
+                    if not sheared:
+                        axes, eye, shear = _shear_along(origin, direction)
+                        sheared = True
+                    if kind < 0:
+                        t, v, w = _meet_triangle(corners, np.uint64(k), axes, eye, shear)
+                    else:
+                        begin = kind - POLYGON
+                        t, v, w = meet_polygon(measures, begin, axes, eye, shear, origin, direction), 0.0, 0.0
+                elif kind & 3 == SPHERE:
+                    t, v, w = _meet_sphere(measures, np.uint64(kind - SPHERE), origin, direction, beyond), 0.0, 0.0
                 else:
-                    t, v, w = meet_leaf(measures, form[k] - LEAF, origin, direction, beyond, reach, footprint, pieces)
+                    t, v, w = meet_leaf(measures, kind - LEAF, origin, direction, beyond, reach, footprint, pieces)
                 if beyond < t < reach and _before(t, best, shape, k, nearest):
                     best, reach, nearest, second, third = t, t * (1 + TIE), k, v, w
             last = key_of(reach)
-        while top > 0 and entry[top - 1] >= last:
+        while top > 0 and entry[np.uint64(top - 1)] >= last:
             top -= 1
         if top == 0:
             break
         top -= 1
-        reference = waiting[top]
+        reference = waiting[np.uint64(top)]
     return best, nearest, second, third
 
 
@@ -167,12 +179,13 @@ def _shear_along(origin, direction):
     """The axes in an order that ends with the ray's longest; the origin in that order; the shear that turns the ray
     along the last axis, and its length along that axis of one."""
     dx, dy, dz = abs(direction[0]), abs(direction[1]), abs(direction[2])
-    z = 2
+    # Unsigned, so that no index is asked whether it counts from the end.
+    first, second, third = _IN_ORDER
+    x, y, z = first, second, third
     if dx > dy and dx > dz:
-        z = 0
+        x, y, z = second, third, first
     elif dy > dz:
-        z = 1
-    x, y = (z + 1) % 3, (z + 2) % 3
+        x, y, z = third, first, second
     shear = (direction[x] / direction[z], direction[y] / direction[z], 1 / direction[z])
     return (x, y, z), (origin[x], origin[y], origin[z]), shear
 
@@ -185,10 +198,11 @@ def _meet_triangle(corners, i, axes, eye, shear):
     shear : what moves x and y as z grows by one, and the ray's length along z of one
     """
     x, y, z = axes
-    az, bz, cz = corners[i, z] - eye[2], corners[i, z + 3] - eye[2], corners[i, z + 6] - eye[2]
+    b, c = np.uint64(3), np.uint64(6)
+    az, bz, cz = corners[i, z] - eye[2], corners[i, z + b] - eye[2], corners[i, z + c] - eye[2]
     ax, ay = corners[i, x] - eye[0] - shear[0] * az, corners[i, y] - eye[1] - shear[1] * az
-    bx, by = corners[i, x + 3] - eye[0] - shear[0] * bz, corners[i, y + 3] - eye[1] - shear[1] * bz
-    cx, cy = corners[i, x + 6] - eye[0] - shear[0] * cz, corners[i, y + 6] - eye[1] - shear[1] * cz
+    bx, by = corners[i, x + b] - eye[0] - shear[0] * bz, corners[i, y + b] - eye[1] - shear[1] * bz
+    cx, cy = corners[i, x + c] - eye[0] - shear[0] * cz, corners[i, y + c] - eye[1] - shear[1] * cz
     # A neighbour computes the same two products for the edge they share, in the other order.
     u, v, w = cx * by - cy * bx, ax * cy - ay * cx, bx * ay - by * ax
     if (u < 0 or v < 0 or w < 0) and (u > 0 or v > 0 or w > 0):
@@ -202,19 +216,20 @@ def _meet_triangle(corners, i, axes, eye, shear):
 def _meet_sphere(measures, i, origin, direction, beyond):
     """The first distance after `beyond` at which the ray passes through the sphere's surface; ∞ if there is none."""
     dx, dy, dz = direction
-    x, y, z = origin[0] - measures[i], origin[1] - measures[i + 1], origin[2] - measures[i + 2]
+    one, two, three = _IN_ORDER[1], _IN_ORDER[2], np.uint64(3)
+    x, y, z = origin[0] - measures[i], origin[1] - measures[i + one], origin[2] - measures[i + two]
+    radius = measures[i + three]
     squared = dx * dx + dy * dy + dz * dz
     closest = -(x * dx + y * dy + z * dz) / squared
     # From the point nearest to the centre, for the usual discriminant loses a small sphere's digits far away
     # (Haines et al. 2019, "Precision improvements for ray/sphere intersection").
     px, py, pz = x + closest * dx, y + closest * dy, z + closest * dz
-    half_chord_squared = (measures[i + 3] ** 2 - (px * px + py * py + pz * pz)) / squared
-    if half_chord_squared < 0:
-        return np.inf
-    far = closest + np.copysign(np.sqrt(half_chord_squared), closest)
-    outside = x * x + y * y + z * z - measures[i + 3] ** 2
-    near = outside / (squared * far) if far != 0 else 0.0
-    first, last = min(near, far), max(near, far)
-    if first > beyond:
-        return first
-    return last if last > beyond else np.inf
+    # Without a branch, which rays take either way: a miss is NaN from the root on, and comes neither first nor last.
+    half_chord = np.sqrt((radius**2 - (px * px + py * py + pz * pz)) / squared)
+    far = closest + np.copysign(half_chord, closest)
+    near = (x * x + y * y + z * z - radius**2) / (squared * far)
+    near = near if far != 0 else 0.0
+    first = near if near < far else far
+    last = far if near < far else near
+    last = last if last > beyond else np.inf
+    return first if first > beyond else last

@@ -43,7 +43,7 @@ def meet_polygon(measures, i, axes, eye, shear, origin, direction):
     i : where its measures begin
     axes, eye, shear : as for a triangle
     """
-    x, y, z = axes
+    x, y, z = np.int64(axes[0]), np.int64(axes[1]), np.int64(axes[2])
     base = i + 4
     end = base + 3 * int(measures[i + 3])
     slope = measures[i] * direction[0] + measures[i + 1] * direction[1] + measures[i + 2] * direction[2]

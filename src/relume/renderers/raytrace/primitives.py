@@ -118,7 +118,19 @@ def _enclose(corners, boxes, area):
 
 def _widened(boxes: np.ndarray) -> np.ndarray:
     """The boxes as float32, wider by more than a triangle test can err to the side, and by what rounding may take."""
-    low, high = boxes[:, :3], boxes[:, 3:]
-    margin = 1e-6 * (high - low).max(axis=1, initial=0, keepdims=True)
-    low, high = low - margin - 1.2e-7 * np.abs(low), high + margin + 1.2e-7 * np.abs(high)
-    return np.concatenate([low, high], axis=1).astype(np.float32)
+    wider = np.empty(boxes.shape, np.float32)
+    _widen(boxes, wider)
+    return wider
+
+
+@exact_kernel
+def _widen(boxes, wider):
+    """`_widened`, into `wider`."""
+    for i in range(len(boxes)):
+        margin = 1e-6 * max(
+            boxes[i, 3] - boxes[i, 0], boxes[i, 4] - boxes[i, 1], boxes[i, 5] - boxes[i, 2], 0.0
+        )  # fmt: skip
+        for j in range(3):
+            low, high = boxes[i, j], boxes[i, j + 3]
+            wider[i, j] = low - margin - 1.2e-7 * abs(low)
+            wider[i, j + 3] = high + margin + 1.2e-7 * abs(high)

@@ -69,42 +69,53 @@ def sampled(
     left, top, right, bottom = region
     width, height = right - left, bottom - top
     levels = max(how.subdivisions, SMALLEST if len(small.radius) else 0)
-    x, y = np.meshgrid(np.arange(left, right + 1.0), np.arange(top, bottom + 1.0))
-    values, keys, counts = trace(np.column_stack([x.ravel(), y.ravel()]))
-    pixels = np.zeros((height * width, values.shape[1]))
-    rays = np.zeros(height * width, np.int32)
-    corner = (np.arange(height)[:, None] * (width + 1) + np.arange(width)).reshape(-1, 1)
-    squares = (corner + np.array([0, 1, width + 1, width + 2])).astype(np.int32)
-    column, row = np.meshgrid(np.arange(width), np.arange(height))
-    # Where a square begins, in units of the finest one's side, and which pixel it belongs to.
-    place = np.stack([column.ravel(), row.ravel(), np.arange(height * width)], axis=1).astype(np.int64)
-    place[:, :2] <<= levels
-    marks = _marked(small, region)
+    points = np.empty((height + 1, width + 1, 2))
+    points[..., 0], points[..., 1] = np.arange(left, right + 1.0), np.arange(top, bottom + 1.0)[:, None]
+    values, keys, counts = trace(points.reshape(-1, 2))
     # The corners of the right and the lower border belong to the last pixels.
-    whose = np.minimum(np.arange(height + 1), height - 1)[:, None] * width + np.minimum(np.arange(width + 1), width - 1)
-    rays += np.bincount(whose.ravel(), counts, len(rays)).astype(np.int32)
+    of_corners = counts.reshape(height + 1, width + 1)
+    rays = of_corners[:-1, :-1].copy()
+    rays[-1] += of_corners[-1, :-1]
+    rays[:, -1] += of_corners[:-1, -1]
+    rays[-1, -1] += of_corners[-1, -1]
+    rays = rays.reshape(-1)
+    corner = (np.arange(height, dtype=np.int32)[:, None] * (width + 1) + np.arange(width, dtype=np.int32)).reshape(
+        -1, 1
+    )
+    squares = corner + np.array([0, 1, width + 1, width + 2], np.int32)
+    # Where a square begins, in units of the finest one's side, and which pixel it belongs to.
+    place = np.empty((height, width, 3), np.int32)
+    place[..., 0], place[..., 1] = np.arange(width) << levels, np.arange(height)[:, None] << levels
+    place[..., 2] = np.arange(height * width).reshape(height, width)
+    place = place.reshape(-1, 3)
+    marks = _marked(small, region)
+    # Most pixels stay whole and are done at once; of the others sums are taken, in double precision.
+    pixels = np.zeros((height * width, values.shape[1]), np.float32)
+    sums, whose, halved = pixels, np.arange(height * width, dtype=np.int32), None
     for level in range(levels + 1):
-        if not len(squares):
-            break
         size = 1 << (levels - level)
         split = np.zeros(len(squares), bool)
-        if level < levels:
-            if level < how.subdivisions:
-                _differing(squares, values, keys, how.tolerance, reference, split)
-            if len(small.radius):
-                _holding(squares, place, values, size / 2**levels, 2.0**-levels, *marks, split)
-        _add(pixels, values, squares, place[:, 2], split, 4.0**-level)
-        squares, place = squares[split], place[split]
-        if not len(squares):
+        if level < levels and len(small.radius):
+            _holding(squares, place, values, size / 2**levels, 2.0**-levels, *marks, split)
+        _settle(
+            squares, values, keys, level < how.subdivisions, how.tolerance, reference, split, sums,
+            whose, place, 4.0**-level,
+        )  # fmt: skip
+        if halved is None:
+            halved = np.flatnonzero(split)
+            sums, whose[halved] = np.zeros((len(halved), values.shape[1])), np.arange(len(halved), dtype=np.int32)
+        count = int(np.count_nonzero(split))
+        if not count:
             break
         # Five new corners each: four halve the sides, which neighbours share, and one is in the middle.
-        fresh, needed = _halved(squares, place, size // 2, len(values))
-        at = needed[:, :2] * 2.0**-levels + np.array([left, top])
+        squares, place, at, asked = _halved(
+            squares, place, split, count, size // 2, len(values), left, top, 2.0**-levels
+        )
         more_values, more_keys, more_counts = trace(at)
-        rays += np.bincount(needed[:, 2], more_counts, len(rays)).astype(np.int32)
+        _pay(rays, asked, more_counts)
         values, keys = np.concatenate([values, more_values]), np.concatenate([keys, more_keys])
-        squares, place = _quarters(squares, fresh, place, size // 2)
-    return pixels.reshape(height, width, -1).astype(np.float32), rays.reshape(height, width)
+    pixels[halved] = sums
+    return pixels.reshape(height, width, -1), rays.reshape(height, width)
 
 
 def _marked(small: Small, region: tuple[int, int, int, int]) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
@@ -127,19 +138,6 @@ def _marked(small: Small, region: tuple[int, int, int, int]) -> tuple[np.ndarray
 
 
 @exact_kernel
-def _differing(squares, values, keys, tolerance, reference, split):
-    """Which squares have corners that differ, in intensity or in what they saw."""
-    for i in range(len(squares)):
-        a, b, c, d = squares[i, 0], squares[i, 1], squares[i, 2], squares[i, 3]
-        for channel in range(3):
-            low = min(values[a, channel], values[b, channel], values[c, channel], values[d, channel])
-            high = max(values[a, channel], values[b, channel], values[c, channel], values[d, channel])
-            split[i] |= high - low > tolerance * (high + reference)
-        # A stripe of a texture may lie between corners of one colour: what they saw differs even so.
-        split[i] |= keys[a] != keys[b] or keys[a] != keys[c] or keys[a] != keys[d]
-
-
-@exact_kernel
 def _holding(squares, place, values, size, unit, begin, entries, counts, split):
     """Which squares hold a small object that none of their corners has found, or are much larger than it is."""
     for i in range(len(squares)):
@@ -152,40 +150,74 @@ def _holding(squares, place, values, size, unit, begin, entries, counts, split):
 
 
 @exact_kernel
-def _add(pixels, values, squares, pixel, split, area):
-    """Add the mean of the corners of every square that stays whole, weighed by its area."""
+def _settle(squares, values, keys, halving, tolerance, reference, split, sums, whose, place, area):
+    """Which squares are to be halved besides those that are said to be, for their corners differ in intensity or in
+    what they saw; the mean of the corners of each that stays whole, weighed by its area, goes to its pixel's sums."""
     for i in range(len(squares)):
+        a, b, c, d = squares[i, 0], squares[i, 1], squares[i, 2], squares[i, 3]
+        if halving:
+            # A stripe of a texture may lie between corners of one colour: what they saw differs even so.
+            differs = keys[a] != keys[b] or keys[a] != keys[c] or keys[a] != keys[d]
+            for channel in range(3):
+                low = min(values[a, channel], values[b, channel], values[c, channel], values[d, channel])
+                high = max(values[a, channel], values[b, channel], values[c, channel], values[d, channel])
+                differs |= high - low > tolerance * (high + reference)
+            split[i] |= differs
         if not split[i]:
-            a, b, c, d = squares[i, 0], squares[i, 1], squares[i, 2], squares[i, 3]
+            row = whose[place[i, 2]]
             for channel in range(values.shape[1]):
                 corners = values[a, channel] + values[b, channel] + values[c, channel] + values[d, channel]
-                pixels[pixel[i], channel] += 0.25 * area * corners
+                sums[row, channel] += 0.25 * area * corners
 
 
 @exact_kernel
-def _halved(squares, place, half, first):
-    """The samples that halve squares: their numbers (N, 5) from `first` on, above, left, middle, right and below, and
-    where they are with the pixel that asked (M, 3)."""
+def _pay(rays, asked, counts):
+    """Add the rays of samples to those of the pixels that asked for them."""
+    for i in range(len(asked)):
+        rays[asked[i]] += counts[i]
+
+
+@exact_kernel
+def _halved(squares, place, split, count, half, first, left, top, unit):
+    """The four quarters of each of `count` squares that are halved, their corners and where they begin; the samples
+    that these ask for, numbered from `first` on: pixel coordinates (M, 2), and the pixel that asked."""
     slots = 16
-    while slots < 8 * len(squares):
+    while slots < 8 * count:
         slots *= 2
     table = np.full(slots, -1, np.int32)
-    fresh = np.empty((len(squares), 5), np.int32)
-    needed = np.empty((5 * len(squares), 3), np.int64)
-    count = 0
+    quarters, places = np.empty((4 * count, 4), np.int32), np.empty((4 * count, 3), np.int32)
+    needed, asked = np.empty((5 * count, 2), np.int32), np.empty(5 * count, np.int32)
+    fresh = np.empty(5, np.int32)
+    done, samples = 0, 0
     for i in range(len(squares)):
+        if not split[i]:
+            continue
         x, y = place[i, 0], place[i, 1]
+        # Above, left, in the middle, right, below.
         for k, (right, down) in enumerate(((1, 0), (0, 1), (1, 1), (2, 1), (1, 2))):
-            column, row = x + right * half, y + down * half
+            column, row = np.int32(x + right * half), np.int32(y + down * half)
             slot = _slot(column, row, slots)
             while table[slot] >= 0 and (needed[table[slot], 0] != column or needed[table[slot], 1] != row):
                 slot = (slot + 1) & (slots - 1)
             if table[slot] < 0:
-                table[slot] = count
-                needed[count, 0], needed[count, 1], needed[count, 2] = column, row, place[i, 2]
-                count += 1
-            fresh[i, k] = first + table[slot]
-    return fresh, needed[:count].copy()
+                table[slot] = samples
+                needed[samples, 0], needed[samples, 1], asked[samples] = column, row, place[i, 2]
+                samples += 1
+            fresh[k] = first + table[slot]
+        corners = (
+            (squares[i, 0], fresh[0], fresh[1], fresh[2]), (fresh[0], squares[i, 1], fresh[2], fresh[3]),
+            (fresh[1], fresh[2], squares[i, 2], fresh[4]), (fresh[2], fresh[3], fresh[4], squares[i, 3]),
+        )  # fmt: skip
+        for k in range(4):
+            quarter = 4 * done + k
+            quarters[quarter, 0], quarters[quarter, 1], quarters[quarter, 2], quarters[quarter, 3] = corners[k]
+            places[quarter, 0], places[quarter, 1] = x + (k & 1) * half, y + (k >> 1) * half
+            places[quarter, 2] = place[i, 2]
+        done += 1
+    at = np.empty((samples, 2))
+    for k in range(samples):
+        at[k, 0], at[k, 1] = needed[k, 0] * unit + left, needed[k, 1] * unit + top
+    return quarters, places, at, asked[:samples].copy()
 
 
 @exact_small
@@ -194,10 +226,15 @@ def _slot(column, row, slots):
     return np.int64((mixed ^ (mixed >> np.uint64(29))) & np.uint64(slots - 1))
 
 
-def _quarters(squares: np.ndarray, fresh: np.ndarray, place: np.ndarray, half: int) -> tuple[np.ndarray, np.ndarray]:
-    """The four squares that each is made into, and where they begin."""
-    # Each one's corners, among those of the old square and the five new ones.
-    corners = np.array([[0, 4, 5, 6], [4, 1, 6, 7], [5, 6, 2, 8], [6, 7, 8, 3]])
-    smaller = np.concatenate([squares, fresh], axis=1)[:, corners].reshape(-1, 4)
-    steps = half * np.array([[0, 0, 0], [1, 0, 0], [0, 1, 0], [1, 1, 0]])
-    return smaller, (place[:, None] + steps).reshape(-1, 3)
+@exact_kernel
+def write_layers(means, begin, radiance, matte, depth, normal, albedo):
+    """The channels of pixels (H, W, CHANNELS) as a picture's layers, from a row on: what is seen is weighed by how much
+    of a pixel anything covers."""
+    for row in range(means.shape[0]):
+        for column in range(means.shape[1]):
+            mean, there = means[row, column], begin + row
+            hit = max(mean[4], np.float32(1e-30))
+            matte[there, column], depth[there, column] = mean[3], mean[5] / hit
+            for k in range(3):
+                radiance[there, column, k] = mean[k]
+                normal[there, column, k], albedo[there, column, k] = mean[6 + k] / hit, mean[9 + k] / hit

@@ -120,7 +120,7 @@ def _follow(points, view, world, settings, begin, end, results, record, waiting_
             traced += 1
 
             s = whose[slot] if slot >= 0 else -1
-            m = material_of[s] if slot >= 0 else 0
+            m = np.uint64(material_of[s] if slot >= 0 else 0)
             node = -1
             if len(parent_of) > node_count[0]:
                 node = node_count[0]
@@ -260,7 +260,7 @@ def _follow(points, view, world, settings, begin, end, results, record, waiting_
                 if facing <= 0 or dot(outward, towards) <= 0 or arriving <= 0:
                     continue
                 shine = (0.0, 0.0, 0.0)
-                if shines[light] > 0 or everywhere[m] > 0:
+                if (shiny or alpha[m] > 0) and (shines[light] > 0 or everywhere[m] > 0):
                     half = unit((towards[0] - direction[0], towards[1] - direction[1], towards[2] - direction[2]))
                     aligned = max(dot(normal, half), 0.0)
                     if alpha[m] > 0:

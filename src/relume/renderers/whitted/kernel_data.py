@@ -7,7 +7,9 @@ from typing import NamedTuple
 
 import numpy as np
 
+from relume.errors import UnsupportedScene
 from relume.light.constellations.constellation import constellation
+from relume.scene.cameras.camera import Camera
 from relume.scene.lights import (
     AmbientLight,
     Attenuation,
@@ -125,3 +127,18 @@ def empty_record(size: int = 0) -> Record:
         np.empty((size, 2)),
         np.zeros(1, np.int64),
     )  # fmt: skip
+
+
+def view_of(camera: Camera) -> np.ndarray:
+    """The camera as sixteen numbers: eye, rotation in rows, focal length, principal point.
+
+    Raises UnsupportedScene for a lens that distorts, has an aperture or moves while its rows are read.
+    """
+    if camera.distortion is not None or camera.aperture > 0 or camera.rolling is not None:
+        what = "distorts" if camera.distortion is not None else "has an aperture" if camera.aperture > 0 else "moves"
+        raise UnsupportedScene(
+            f"Whitted's camera is a pinhole, and this one's lens {what}; use rl.Mitsuba (--renderer mitsuba), or a "
+            "camera without"
+        )
+    point = camera.principal_point
+    return np.array([*camera.position, *np.ravel(camera.rotation), camera.focal_length, *point, 0.0], np.float64)

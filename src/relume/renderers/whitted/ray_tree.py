@@ -7,7 +7,7 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
-from relume.renderers.whitted.antialiasing import Traced
+from relume.renderers.whitted.antialiasing import Traced, Tracer
 from relume.renderers.whitted.kernel_data import EYE, REFLECTED, REFRACTED, SHADOW, Record, Settings
 from relume.renderers.whitted.whitted import PreparedWhitted
 from relume.scene.cameras.camera import Camera
@@ -119,11 +119,16 @@ class _Timed(PreparedWhitted):
 
     spent: list[float] = field(default_factory=list)
 
-    def traced(self, camera: Camera, points: np.ndarray, seed: int = 0) -> Traced:
-        begin = time.thread_time()
-        traced = super().traced(camera, points, seed)
-        self.spent.append(time.thread_time() - begin)
-        return traced
+    def tracer(self, camera: Camera, seed: int, record: Record | None = None) -> Tracer:
+        follow = super().tracer(camera, seed, record)
+
+        def timed(points: np.ndarray) -> Traced:
+            begin = time.thread_time()
+            traced = follow(points)
+            self.spent.append(time.thread_time() - begin)
+            return traced
+
+        return timed
 
 
 def _seconds_of_meetings(prepared: PreparedWhitted, record: Record, count: int, settings: Settings) -> float:

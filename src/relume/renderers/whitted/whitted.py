@@ -9,7 +9,6 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import dataclass
 from functools import cached_property
-from typing import Any
 
 import numpy as np
 
@@ -22,9 +21,9 @@ from relume.renderers.raytrace.raycast import RayCaster
 from relume.renderers.raytrace.surface import Surfaces
 from relume.renderers.renderer import Renderer
 from relume.renderers.results import Progress, Render
-from relume.renderers.whitted.antialiasing import Antialiasing, Small, Traced, Tracer, sampled
+from relume.renderers.whitted.antialiasing import Antialiasing, Small, Traced, Tracer, sampled, write_layers
 from relume.renderers.whitted.kernel import CHANNELS, MOST_RAYS, trace
-from relume.renderers.whitted.kernel_data import Record, Settings, attenuation_code, empty_record, light_table
+from relume.renderers.whitted.kernel_data import Record, Settings, attenuation_code, empty_record, light_table, view_of
 from relume.renderers.whitted.materials import material_tables
 from relume.scene.cameras.camera import Camera
 from relume.scene.lights import Attenuation, RectangleLight, SphereLight, Unattenuated
@@ -40,6 +39,8 @@ SMALL = 1.0
 """Pixels: a sphere of a smaller radius may slip between the corners, which are √2 apart."""
 DARK = 0.1
 """Differences below this share of the picture's typical radiance are seen less and less."""
+Keeper = Callable[[int, np.ndarray, np.ndarray], None]
+"""Keeps a band: its first row, means (H, W, CHANNELS) and rays (H, W)."""
 
 
 @dataclass(frozen=True)
@@ -124,13 +125,17 @@ class PreparedWhitted:
     @cached_property
     def caster(self) -> RayCaster:
         """The one tree over all objects."""
-        for solid in self.scene.objects:
-            if isinstance(solid, Mesh) and (flat := _flat(solid)):
+        shapes = (*self.scene.local, *self.scene.objects)
+        caster = RayCaster.of(shapes)
+        triangles = np.flatnonzero(caster.geometry.form < 0)
+        kept = np.bincount(caster.geometry.shape[triangles], minlength=len(shapes))
+        for solid, count in zip(self.scene.objects, kept[len(self.scene.local) :], strict=True):
+            if isinstance(solid, Mesh) and (flat := len(solid.faces) - count):
                 warn(
                     f"{flat} of the {len(solid.faces)} triangles of {solid.name!r} have no area and are left out; "
                     "mend the mesh if it should have them"
                 )
-        return RayCaster.of((*self.scene.local, *self.scene.objects))
+        return caster
 
     @cached_property
     def tables(self) -> tuple:
@@ -175,56 +180,62 @@ class PreparedWhitted:
         self._look_from(camera, seed)
         reference, small = self._typical(camera, seed), self._small(camera)
         view = View(camera, (left, top, right, bottom), seed, small, reference)
+        radiance, normal, albedo = (np.empty((bottom - top, right - left, 3), np.float32) for _ in range(3))
+        matte, depth = (np.empty((bottom - top, right - left), np.float32) for _ in range(2))
+        rays = np.empty(matte.shape, np.int32)
+
+        def keep(begin: int, means: np.ndarray, taken: np.ndarray) -> None:
+            write_layers(means, begin, radiance, matte, depth, normal, albedo)
+            rays[begin : begin + len(taken)] = taken
+
         if workers is None:
-            means, rays, longest = self.rows(view, 0, bottom - top, progress)
+            longest = self._in_bands(view, 0, bottom - top, keep, progress)
         else:
-            means, rays, longest = _rows_by_workers(workers, SharedByRows(self.method, self.scene, view), progress)
+            shared = SharedByRows(self.method, self.scene, view)
+            longest = _rows_by_workers(workers, shared, keep, progress)
         if longest >= MOST_RAYS:
             warn(f"a tree grew to {longest} rays and was cut; lower the depth or raise the contribution")
-        # Perturbed normals leave noise, and nobody has measured it.
-        variance = np.nan if np.any(self.tables[2].roughness) else 0.0
-        colours = ("radiance", "variance", "normal", "albedo")
-        layers: dict[str, Any] = {name: np.empty((*rays.shape, 3), np.float32) for name in colours}
-        layers |= {name: np.empty(rays.shape, np.float32) for name in ("matte", "depth")}
+        # Pages of zeros cost nothing before they are read. Perturbed normals leave noise, and nobody has measured it.
+        rough = np.any(self.tables[2].roughness)
+        variance = np.full(radiance.shape, np.nan, np.float32) if rough else np.zeros(radiance.shape, np.float32)
+        count = max(round(float(rays.mean())), 1)
+        return Render(radiance, variance, matte, depth, normal, albedo, samples=count, rays=rays)
 
-        def fill(begin: int, end: int) -> None:
-            rows, part = slice(begin, end), means[begin:end]
-            hit = np.maximum(part[..., 4:5], 1e-30)
-            layers["radiance"][rows], layers["variance"][rows] = part[..., :3], variance
-            layers["matte"][rows], layers["depth"][rows] = part[..., 3], part[..., 5] / hit[..., 0]
-            layers["normal"][rows], layers["albedo"][rows] = part[..., 6:9] / hit, part[..., 9:12] / hit
-
-        in_threads(fill, len(rays), self._threads, chunk=view.rows_of_a_band)
-        return Render(**layers, samples=max(round(float(rays.mean())), 1), rays=rays)
-
-    def rows(
-        self, view: View, first: int, last: int, progress: Progress | None = None
-    ) -> tuple[np.ndarray, np.ndarray, int]:  # fmt: skip
+    def rows(self, view: View, first: int, last: int) -> tuple[np.ndarray, np.ndarray, int]:
         """Rows of what is looked at: means (H, W, C) and rays (H, W) of their pixels, and the rays of the longest tree.
 
         `first` and `last` count from the top of the region; the same for a row, whichever are asked for with it.
         """
-        left, top, right, _ = view.region
-        done: list[int] = []
-        longest: list[int] = []
+        left, _, right, _ = view.region
         means = np.empty((last - first, right - left, CHANNELS), np.float32)
         rays = np.empty(means.shape[:2], np.int32)
 
-        # Bands of rows, in threads.
+        def keep(begin: int, part: np.ndarray, taken: np.ndarray) -> None:
+            means[begin : begin + len(part)], rays[begin : begin + len(part)] = part, taken
+
+        return means, rays, self._in_bands(view, first, last, keep, None)
+
+    def _in_bands(self, view: View, first: int, last: int, keep: Keeper, progress: Progress | None) -> int:
+        """Rows, by bands in threads, each given to `keep` as it is done; the rays of the longest tree."""
+        left, top, right, _ = view.region
+        done: list[int] = []
+        longest: list[int] = []
+        follow = self.tracer(view.camera, view.seed)
+
         def work(begin: int, end: int) -> None:
             def noting(points: np.ndarray) -> Traced:
-                results = self.traced(view.camera, points, view.seed)
+                results = follow(points)
                 longest.append(int(results[2].max(initial=0)))
                 return results
 
             rows = (left, top + first + begin, right, top + first + end)
-            means[begin:end], rays[begin:end] = self._band(noting, rows, view.small, view.reference)
+            keep(begin, *self._band(noting, rows, view.small, view.reference))
             done.append(end - begin)
             if progress:
                 progress(sum(done) / (last - first))
 
         in_threads(work, last - first, self._threads, chunk=view.rows_of_a_band)
-        return means, rays, max(longest)
+        return max(longest)
 
     @property
     def _threads(self) -> int | None:
@@ -242,18 +253,24 @@ class PreparedWhitted:
 
     def traced(self, camera: Camera, points: np.ndarray, seed: int = 0) -> Traced:
         """The trees of samples at pixel coordinates (N, 2), on this thread."""
-        return self._followed(camera, points, seed, empty_record())
+        return self.tracer(camera, seed)(points)
 
-    def _followed(self, camera: Camera, points: np.ndarray, seed: int, record: Record) -> Traced:
-        count = len(points)
-        results = np.empty((count, CHANNELS), np.float32), np.empty(count, np.int64), np.empty(count, np.int32)
-        trace(points, view_of(camera), *self.tables, self.settings(camera, seed), 0, count, results, record)
-        return results
+    def tracer(self, camera: Camera, seed: int, record: Record | None = None) -> Tracer:
+        """`traced`, for many calls; threads may share it where no nodes are recorded."""
+        view, settings, nodes = view_of(camera), self.settings(camera, seed), record or empty_record()
+
+        def follow(points: np.ndarray) -> Traced:
+            count = len(points)
+            results = np.empty((count, CHANNELS), np.float32), np.empty(count, np.int64), np.empty(count, np.int32)
+            trace(points, view, *self.tables, settings, 0, count, results, nodes)
+            return results
+
+        return follow
 
     def recorded(self, camera: Camera, points: np.ndarray, seed: int, room: int) -> Record:
         """The first `room` nodes of the trees of samples at pixel coordinates (N, 2), one behind the other."""
         record = empty_record(room)
-        self._followed(camera, points, seed, record)
+        self.tracer(camera, seed, record)(points)
         return record
 
     def settings(self, camera: Camera, seed: int) -> Settings:
@@ -361,10 +378,8 @@ class SharedByRows:
         return trace
 
 
-def _rows_by_workers(
-    workers: PassWorkers, shared: SharedByRows, progress: Progress | None
-) -> tuple[np.ndarray, np.ndarray, int]:  # fmt: skip
-    """All rows of what is looked at, band by band from the top, whoever was first."""
+def _rows_by_workers(workers: PassWorkers, shared: SharedByRows, keep: Keeper, progress: Progress | None) -> int:
+    """As `_in_bands` for all rows, from the top, whoever was first."""
     _, top, _, bottom = shared.view.region
     step = shared.view.rows_of_a_band
     rows = [(begin, min(begin + step, bottom - top)) for begin in range(0, bottom - top, step)]
@@ -373,29 +388,11 @@ def _rows_by_workers(
         if progress:
             progress((done + failed) / len(rows))
 
+    longest = 0
     with workers.sharing(shared) as parts:
         names = [f"rows {top + begin} to {top + end - 1}" for begin, end in rows]
-        bands = [parts.taken(file) for file in parts.traced(rows, names, counted)]
-    means, rays = (np.concatenate([band[name] for band in bands]) for name in ("means", "rays"))
-    return means, rays, max(int(band["longest"]) for band in bands)
-
-
-def view_of(camera: Camera) -> np.ndarray:
-    """The camera as sixteen numbers: eye, rotation in rows, focal length, principal point.
-
-    Raises UnsupportedScene for a lens that distorts, has an aperture or moves while its rows are read.
-    """
-    if camera.distortion is not None or camera.aperture > 0 or camera.rolling is not None:
-        what = "distorts" if camera.distortion is not None else "has an aperture" if camera.aperture > 0 else "moves"
-        raise UnsupportedScene(
-            f"Whitted's camera is a pinhole, and this one's lens {what}; use rl.Mitsuba (--renderer mitsuba), or a "
-            "camera without"
-        )
-    point = camera.principal_point
-    return np.array([*camera.position, *np.ravel(camera.rotation), camera.focal_length, *point, 0.0], np.float64)
-
-
-def _flat(mesh: Mesh) -> int:
-    """How many triangles have no area."""
-    a, b, c = (mesh.vertices[mesh.faces[:, i]].astype(np.float64) for i in range(3))
-    return int(np.sum(~np.any(np.cross(b - a, c - a), axis=1)))
+        for (begin, _), file in zip(rows, parts.traced(rows, names, counted), strict=True):
+            band = parts.taken(file)
+            keep(begin, band["means"], band["rays"])
+            longest = max(longest, int(band["longest"]))
+    return longest

@@ -118,7 +118,7 @@ def cells(planes, begin, end, wide, high, xs, ys, owner, parts):
     """Fills the cells of lines begin…end, but for those that a disc does not show; returns how many there are.
 
     wide, high : (lines, runs), of `divisions`; pixels own cells by their place in these lines
-    parts : of how many cells a pixel would be, each owner's
+    parts : of how many cells a pixel would be, each owner's; 0 where it shows nothing
     """
     kind, rows, columns = planes.kind, planes.rows, planes.columns
     disc = kind == EQUIDISTANT or kind == EQUISOLID or kind == ORTHOGRAPHIC
@@ -142,6 +142,7 @@ def cells(planes, begin, end, wide, high, xs, ys, owner, parts):
                     middle = abs(column + 0.5 - columns * 0.5)
                     left, above = max(middle - 0.5, 0.0), max(off - 0.5, 0.0)
                     if left * left + above * above >= edge:
+                        parts[own - 1] = 0
                         continue
                     cut = (middle + 0.5) * (middle + 0.5) + (off + 0.5) * (off + 0.5) > edge
                 parts[own - 1] = many
@@ -183,7 +184,8 @@ def locate(source, deep, plane, xs, ys, place):
         near = xs[i] * xs[i] + ys[i] * ys[i] <= safe
         across, down = np.floor(x), np.floor(y)
         xs[i], ys[i] = x - across, y - down
-        column, row = np.int64(across), np.int64(down)
+        # By 32 bits, which vector instructions convert; a row has no more pixels, and a column neither.
+        column, row = np.int64(np.int32(across)), np.int64(np.int32(down))
         near = near and column >= 0 and column + 1 < columns and row >= 0 and row + 1 < rows
         near = near and row + 1 != deep and row + 1 != rows - deep
         index = 3 * (row * stride + column)
@@ -303,9 +305,11 @@ def finish(planes, begin, end, values, inside, every, parts, least, saturated, r
         above, most = (2 * (row + 0.5) / rows - 1) ** 2, (1 - 2 * rim / rows) * abs(1 - 2 * rim / rows)
         pitch, cell = 2 / columns, 4.0 / (rows * columns)
         one, two, three = 0.0, 0.0, 0.0
+        first = (line - begin) * columns
         for column in range(columns):
-            index, own = np.uint64(start + column), np.uint64((line - begin) * columns + column)
-            if every[own] == 0:
+            index, own = np.uint64(start + column), np.uint64(first + column)
+            if parts[own] == 0 or every[own] == 0:
+                radiance[index, 0], radiance[index, 1], radiance[index, 2] = 0, 0, 0
                 continue
             a, b, c = values[own, 0], values[own, 1], values[own, 2]
             if len(covered) > 0:

@@ -63,7 +63,9 @@ def moved(
     codes = np.zeros(0, np.uint8) if clipped is None else np.ascontiguousarray(clipped, np.uint8).reshape(-1)
     whole = source.planes.whole
     pixels = target.shape[0] * target.shape[1]
-    result = np.zeros((pixels, 3), np.float32)
+    # What no plane shows, as between the faces of a cross, stays 0; all else is written.
+    planes = target.planes.rows * target.planes.columns * len(target.planes.origins)
+    result = (np.empty if planes == pixels else np.zeros)((pixels, 3), np.float32)
     covered = np.zeros(0 if whole else pixels, np.float32)
     if not whole and clipped is None:
         codes = np.zeros(len(light), np.uint8)
@@ -75,8 +77,9 @@ def moved(
     # The radiance of each channel above which light may be pushed.
     mean = np.array(total) / shown
     most = np.maximum(STANDS_OUT * mean, SMALL * len(light) * mean).astype(np.float32)
-    light, places, flux = taken_out(source, light, most, *stands_out(source, light, most, peaks))
-    caps = _caps(light, source)
+    deep, given = _deep(source), light
+    light, places, flux = taken_out(source, light, most, *stands_out(source, light, most, peaks), deep)
+    caps = _caps(given, light, places, deep, source)
     turns = target.turns(source, rotation.T)
     work = target.planes, source.planes, turns, light.reshape(-1), caps.reshape(-1), codes, result, covered, marks
     parts = in_threads(lambda a, b: _gathered(a, b, *work), target.lines, chunk=_LINES)
@@ -124,7 +127,7 @@ def _gathered(
         owner, plane = np.empty((2, need), np.int32)
         owned = (last - begin) * target.columns
         values = np.empty((owned, 3), np.float32)
-        inside, every, parts = np.zeros((3, owned), np.float32)
+        inside, every, parts = np.empty((3, owned), np.float32)
         here = slice(begin - lines.start, last - lines.start)
         count = cells(target, begin, last, wide[here], high[here], xs, ys, owner, parts)
         xs, ys, x, y, z, weight, owner, plane = (a[:count] for a in (xs, ys, x, y, z, weight, owner, plane))
@@ -159,12 +162,25 @@ def _even_poles(radiance: np.ndarray) -> None:
         radiance[row] = np.maximum(evened, 0)
 
 
-def _caps(light: np.ndarray, source: Layout) -> np.ndarray:
-    """A lat-long's rows near the poles, averaged along themselves: (2·K·columns, 3) float32; else empty."""
-    kind, rows, columns = source.planes.kind, source.planes.rows, source.planes.columns
-    deep = int(np.sum(np.sin(np.pi * (np.arange(rows) + 0.5) / rows) < _ROUNDED)) // 2 if kind == LAT_LONG else 0
+def _deep(source: Layout) -> int:
+    """How many rows of a lat-long are averaged near each pole; 0 of others."""
+    rows = source.planes.rows
+    narrow = np.sin(np.pi * (np.arange(rows) + 0.5) / rows) < _ROUNDED
+    return int(np.sum(narrow)) // 2 if source.planes.kind == LAT_LONG else 0
+
+
+def _caps(given: np.ndarray, light: np.ndarray, places: np.ndarray, deep: int, source: Layout) -> np.ndarray:
+    """A lat-long's rows near the poles, averaged along themselves: (2·K·columns, 3) float32; else empty.
+
+    given, light, places : the map, and what `taken_out` made of it, whose rows here hold something where it took
+        something out
+    """
+    rows, columns = source.planes.rows, source.planes.columns
     caps = np.empty((2 * deep * columns, 3), np.float32)
-    in_threads(lambda a, b: round_caps(light, rows, columns, caps, a, b), 2 * deep, chunk=_LINES)
+    in_threads(lambda a, b: round_caps(given, rows, columns, caps, a, b), 2 * deep, chunk=_LINES)
+    changed = np.unique(places[:, 1])
+    for line in (*changed[changed < deep], *(changed[changed >= rows - deep] - rows + 2 * deep)):
+        round_caps(light, rows, columns, caps, int(line), int(line) + 1)
     return caps
 
 

@@ -33,12 +33,14 @@ def stands_out(source: Layout, light: np.ndarray, most: np.ndarray, peaks: np.nd
 
 
 def taken_out(
-    source: Layout, light: np.ndarray, most: np.ndarray, places: np.ndarray, flux: np.ndarray
+    source: Layout, light: np.ndarray, most: np.ndarray, places: np.ndarray, flux: np.ndarray, deep: int
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """The source without what is compact and bright in it, and the places and flux (K, 3) of that.
 
     light : (N, 3), returned as it is where nothing is taken out
     most, places, flux : of `stands_out`
+    deep : rows of a lat-long near each pole that are averaged along themselves, of which only those are returned that
+        something is taken out of
 
     A pixel keeps `most`, or `KEPT` times the mean of those `AROUND` it where that is more: bright skies and windows are
     smooth, and looking them up does them no harm, while pushing them pixel by pixel would leave a moiré.
@@ -63,8 +65,15 @@ def taken_out(
     channel = above.argmax(1)
     each = np.arange(len(places))
     areas = flux[each, channel] / above[each, channel]
-    rest = np.empty_like(light)
-    in_threads(lambda begin, end: np.copyto(rest[begin:end], light[begin:end]), len(light), chunk=_COPIED)
+    rest, begin = np.empty_like(light), deep * planes.stride
+
+    def copy(first: int, last: int) -> None:
+        rest[begin + first : begin + last] = light[begin + first : begin + last]
+
+    in_threads(copy, len(light) - 2 * begin, chunk=_COPIED)
+    for row in np.unique(places[chosen, 1]) if deep else ():
+        start = row * planes.stride
+        rest[start : start + planes.stride] = light[start : start + planes.stride]
     rest[index[chosen]] = kept[chosen]
     return rest, places[chosen], excess[chosen] * areas[chosen, None]
 
