@@ -20,7 +20,7 @@ sys.exit(main())
 
 
 def ended(*words: str) -> tuple[int, bool]:
-    """How many objects a command's process kept to its end, and whether OpenImageIO was loaded; it complains of none."""
+    """How many objects a command's process kept to its end, and whether OpenImageIO was loaded; without a word."""
     done = subprocess.run([sys.executable, "-c", PROGRAM, *words], capture_output=True, text=True, env=os.environ)
     assert (done.returncode, done.stderr) == (0, "")
     kept, loaded, *young = done.stdout.splitlines()[-1].split(maxsplit=2)
