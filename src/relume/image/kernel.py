@@ -25,7 +25,7 @@ from typing import Any
 import llvmlite.binding as llvm
 import numba
 from numba.core.caching import FunctionCache, InTreeCacheLocator
-from numba.core.runtime import rtsys
+from numba.core.runtime.nrt import rtsys
 
 _CONFIG: Any = numba.config  # pyright: ignore[reportPrivateImportUsage]
 
@@ -170,7 +170,7 @@ def _compiled(fast: set[str] | bool) -> Callable[[Callable[..., Any]], Any]:
             before = _CONFIG.CACHE_LOCATOR_CLASSES
             _CONFIG.CACHE_LOCATOR_CLASSES = before or f"{__name__}.{KeptWithSource.__name__},UserWideCacheLocator"
             try:
-                kept = numba.njit(nogil=True, fastmath=fast, error_model="numpy")(function)
+                kept: Any = numba.njit(nogil=True, fastmath=fast, error_model="numpy")(function)
                 kept._cache = KeptKernels(function)
                 return kept
             finally:
