@@ -29,6 +29,17 @@ def test_importing_the_door_to_image_files_loads_no_format_library():
     assert (done.stdout, done.stderr) == ("[]\n", "")
 
 
+def test_a_photograph_is_written_without_the_libraries_that_read_them(tmp_path):
+    code = (
+        "import sys, numpy as np; from relume.image import files; from relume.image.photograph import Photograph; "
+        f"[files.write({str(tmp_path / 'made')!r} + end, Photograph(np.zeros((2, 3, 3), np.uint8))) "
+        "for end in ('.jpg', '.png', '.tif')]; print([m for m in ('OpenImageIO', 'PIL.Image') if m in sys.modules])"
+    )
+    environment = {**os.environ, "PYTHONPATH": str(Path(files.__file__).parents[3])}
+    done = subprocess.run([sys.executable, "-c", code], env=environment, capture_output=True, text=True, timeout=60)
+    assert (done.stdout, done.stderr) == ("[]\n", "")
+
+
 @pytest.mark.parametrize("reader", [read, read_photograph, read_radiance, read_layers, describe])
 def test_a_missing_file_is_named_with_what_to_do(tmp_path, reader):
     path = tmp_path / "plate" / "IMG_1.jpg"

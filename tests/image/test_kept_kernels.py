@@ -81,11 +81,11 @@ def called() -> Iterator[Called]:
         yield call
 
 
-def called_anew(site: Path, home: Path) -> tuple[int, int, str]:
-    """The same of a process that has imported nothing yet."""
+def called_anew(site: Path, home: Path, after: str = "") -> tuple[int, int, str]:
+    """The same of a process that has imported nothing yet, and goes on with `after`."""
     chosen = {name: value for name, value in os.environ.items() if not name.startswith("NUMBA_")}
     chosen |= {"PYTHONPATH": str(site), "HOME": str(home)}
-    run = [sys.executable, "-c", CALL, "float32"]
+    run = [sys.executable, "-c", CALL + after, "float32"]
     return _counts(subprocess.run(run, env=chosen, stdout=subprocess.PIPE, text=True, check=True).stdout)
 
 
@@ -123,6 +123,12 @@ def test_kernels_that_a_package_brings_are_used_wherever_and_whenever_it_was_unp
     assert Path(folder).parent == site / "relume" / "kernels"
     assert before and times_in(site) == before
     assert not (tmp_path / "home").exists()
+
+
+def test_a_kept_kernel_does_not_make_the_compiler_ready(site, tmp_path):
+    """Which imports SciPy's linear algebra, and takes longer than all else that a short command does."""
+    asked = "assert not {'scipy.linalg', 'numba.np.arraymath'} & set(sys.modules)"
+    assert called_anew(site, tmp_path / "home", asked)[:2] == (1, 0)
 
 
 def test_a_processor_that_they_are_not_for_compiles_its_own_and_keeps_them(called, site, tmp_path):

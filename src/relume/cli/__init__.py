@@ -7,6 +7,8 @@ import os
 import sys
 from collections.abc import Sequence
 
+import relume.cluster as machines
+
 COMMANDS = {
     "info": "Print what a picture, a map or a mesh holds, or what this machine renders with.",
     "merge": "Merge differently exposed photographs into one radiance map.",
@@ -39,7 +41,12 @@ FOLDERS = {
 
 def main(arguments: Sequence[str] | None = None) -> int:
     """Run one command; returns the exit code: 0 done, 2 bad input, 3 output could not be written, 4 done but doubtful,
-    or some of many failed, 130 interrupted by Ctrl-C, 128 and the signal's number by another one."""
+    or some of many failed, 130 interrupted by Ctrl-C, 128 and the signal's number by another one.
+
+    arguments : the words after `relume`; this process's own unless given, which then ends with the command
+    """
+    if arguments is None:
+        machines.runs_one_command()
     from cyclopts import App, CycloptsError
 
     from relume.cli import console

@@ -24,7 +24,8 @@ from typing import Any
 
 import llvmlite.binding as llvm
 import numba
-from numba.core.caching import InTreeCacheLocator
+from numba.core.caching import FunctionCache, InTreeCacheLocator
+from numba.core.runtime.nrt import rtsys
 
 _CONFIG: Any = numba.config  # pyright: ignore[reportPrivateImportUsage]
 
@@ -146,6 +147,21 @@ class KeptWithSource(InTreeCacheLocator):
         return Path(self._cache_path).name
 
 
+class KeptKernels(FunctionCache):
+    """Compiled forms of one kernel on disk, loaded without making Numba ready to compile others.
+
+    Numba first imports and registers all that its compiler knows, SciPy's linear algebra among it: 0.35 s of a process.
+    Code that is compiled already needs only what counts references to its arrays; where a form is missing, Numba's
+    compiler makes itself ready.
+    """
+
+    def load_overload(self, sig: Any, target_context: Any) -> Any:
+        """The form for a signature, None where none is kept."""
+        rtsys.initialize(target_context)
+        with self._guard_against_spurious_io_errors():
+            return self._load_overload(sig, target_context)
+
+
 def _compiled(fast: set[str] | bool) -> Callable[[Callable[..., Any]], Any]:
     """Compiled on first use, kept on disk, without the interpreter's lock, division by zero as in NumPy."""
 
@@ -154,7 +170,9 @@ def _compiled(fast: set[str] | bool) -> Callable[[Callable[..., Any]], Any]:
             before = _CONFIG.CACHE_LOCATOR_CLASSES
             _CONFIG.CACHE_LOCATOR_CLASSES = before or f"{__name__}.{KeptWithSource.__name__},UserWideCacheLocator"
             try:
-                return numba.njit(cache=True, nogil=True, fastmath=fast, error_model="numpy")(function)
+                kept: Any = numba.njit(nogil=True, fastmath=fast, error_model="numpy")(function)
+                kept._cache = KeptKernels(function)
+                return kept
             finally:
                 _CONFIG.CACHE_LOCATOR_CLASSES = before
 

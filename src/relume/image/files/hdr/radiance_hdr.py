@@ -11,7 +11,9 @@ white of R = G = B = 1, so that what is neutral in one is neutral in the other.
 
 from __future__ import annotations
 
+import mmap
 import os
+from math import prod
 
 import numpy as np
 
@@ -26,6 +28,7 @@ from relume.image.primaries import EQUAL_ENERGY, REC709, adaptation, between
 from relume.image.radiance import OUTSIDE, RadianceMap
 
 _UPRIGHT = ("-Y", "+X")
+_LARGE = 2**24  # bytes
 
 
 def read(path: str | os.PathLike[str], options: ReadOptions = ReadOptions()) -> RadianceMap:
@@ -48,10 +51,11 @@ def read(path: str | os.PathLike[str], options: ReadOptions = ReadOptions()) -> 
         refuse_absurd_amount(path, 12 * pixels, stored, options)
         # Nothing beyond the longest form there is, a run for every byte, belongs to the picture.
         file.seek(header.start)
-        data = np.fromfile(file, np.uint8, min(8 * pixels + 4 * header.lines, max(0, stored - header.start)))
+        data = _zeros((min(8 * pixels + 4 * header.lines, max(0, stored - header.start)),), np.uint8)
+        data = data[: file.readinto(data.data)]
     # The pixels, in Rec. 709.
     width, height = header.size
-    radiance = (np.zeros if options.salvage else np.empty)((height, width, 3), np.float32)
+    radiance = _zeros((height, width, 3), np.float32)
     given = header.primaries
     if header.xyz:
         matrix = _from_xyz(given.white if given else EQUAL_ENERGY)
@@ -136,6 +140,19 @@ def subtype(path: str | os.PathLike[str], options: ReadOptions = ReadOptions()) 
         form = "flat" if stored >= 4 * header.lines * header.length else "old runs"
     words = ["XYZE" if header.xyz else "RGBE", form]
     return ", ".join(words + ([] if header.axes == _UPRIGHT else [" ".join(header.axes)]))
+
+
+def _zeros(shape: tuple[int, ...], kind: type[np.generic]) -> np.ndarray:
+    """Zeros in the system's usual pages.
+
+    For a large array NumPy asks for pages of 2 MB. Each is cleared whole before the first of its bytes is written, and
+    has left the cache till then; bytes and pixels here are written once, from end to end.
+    """
+    size = np.dtype(kind).itemsize * prod(shape)
+    if size < _LARGE or not hasattr(mmap, "MAP_PRIVATE"):
+        return np.zeros(shape, kind)
+    pages = mmap.mmap(-1, size, flags=mmap.MAP_PRIVATE | mmap.MAP_ANONYMOUS)
+    return np.frombuffer(pages, kind).reshape(shape)
 
 
 def _from_xyz(white: tuple[float, float]) -> np.ndarray:

@@ -14,10 +14,9 @@ import warnings
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from datetime import datetime
-from typing import BinaryIO
+from typing import TYPE_CHECKING, BinaryIO
 
 import PIL
-from PIL import Image, JpegImagePlugin, PngImagePlugin
 
 from relume.errors import warn
 from relume.image.files.metadata import exif_attributes, gps
@@ -25,6 +24,11 @@ from relume.image.files.metadata.attributes import EXIF
 from relume.image.files.metadata.exif_attributes import letters
 from relume.image.files.signatures import one_line
 from relume.image.photograph import Exposure, Settings, named
+
+if TYPE_CHECKING:
+    from PIL import Image
+
+# Pillow's parts are loaded where they are used: whoever writes a photograph, or reads no EXIF, needs none of them.
 
 ORIENTATION, _EXIF_IFD, _EXPOSURE_INDEX, _SHUTTER_SPEED = 0x0112, 0x8769, 0x8832, 0x9201
 _MAKER_NOTE, _PLANE_RESOLUTION, _PLANE_UNIT = 0x927C, 0xA20E, 0xA210
@@ -35,8 +39,6 @@ _MARGINS = 0.02  # of a side: pixels at the sensor's rim that one program shows 
 _MILLIMETRES = {2: 25.4, 3: 10.0, 4: 1.0}
 _SMALL_SENSOR, _SHORT_LENS = 6.0, 12.0  # mm
 
-# Image.open would refuse above 179 million pixels what our own limits allow; these read the header alone.
-_OPENERS = {"JPEG": JpegImagePlugin.JpegImageFile, "PNG": PngImagePlugin.PngImageFile}
 # Of tags with more values than they should have, none of which is read here; and of animations, which are not read.
 _HARMLESS = ("Metadata Warning", "Invalid APNG")
 _PILLOW = os.path.dirname(PIL.__file__)
@@ -52,8 +54,10 @@ def tags(path: str | os.PathLike[str], kind: str) -> dict[int, object]:
 
     def opened(found: dict[int, object], damage: list[str]) -> None:
         with open(path, "rb") as file:
-            if kind in _OPENERS:
-                with _OPENERS[kind](file) as image:
+            if kind in ("JPEG", "PNG"):
+                from PIL import Image
+
+                with _opened(file, kind) as image:
                     # The base class's method: that of PNG decodes the whole picture in search of a late chunk.
                     _collect(Image.Image.getexif(image), found, damage)
             else:  # only the tags: Pillow prints about pixels it cannot decode
@@ -62,10 +66,23 @@ def tags(path: str | os.PathLike[str], kind: str) -> dict[int, object]:
     return _gathered(path, opened)
 
 
+def _opened(file: BinaryIO, kind: str) -> Image.Image:
+    """A JPEG or a PNG, its header alone. Image.open would refuse above 179 million pixels what our limits allow."""
+    if kind == "JPEG":
+        from PIL.JpegImagePlugin import JpegImageFile
+
+        return JpegImageFile(file)
+    from PIL.PngImagePlugin import PngImageFile
+
+    return PngImageFile(file)
+
+
 def tags_in(path: str | os.PathLike[str], block: bytes) -> dict[int, object]:
     """As `tags`, of the block of EXIF that a decoder found in a file; none where it is empty."""
 
     def opened(found: dict[int, object], damage: list[str]) -> None:
+        from PIL import Image
+
         exif = Image.Exif()
         exif.load(block)
         _collect(exif, found, damage)
@@ -109,6 +126,8 @@ def _folder_in(exif: Image.Exif, folder: int, damage: list[str]) -> dict[int, ob
 
 
 def _of_tiff(file: BinaryIO) -> Image.Exif:
+    from PIL import Image
+
     exif = Image.Exif()
     head = file.read(16)
     order = "little" if head[:2] == b"II" else "big"

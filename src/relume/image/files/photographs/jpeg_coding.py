@@ -7,7 +7,6 @@ import os
 import warnings
 
 import numpy as np
-from PIL import Image, JpegImagePlugin
 
 from relume.image.photograph import JpegCoding
 
@@ -17,6 +16,8 @@ _KNOWN = (0, 1, 2)
 
 def coding_of(path: str | os.PathLike[str]) -> JpegCoding | None:
     """The coding of a JPEG in colour, from its header; None for one whose colour resolution is none of the usual."""
+    from PIL import JpegImagePlugin
+
     with warnings.catch_warnings():
         warnings.simplefilter("ignore")
         try:
@@ -31,6 +32,8 @@ def coding_of(path: str | os.PathLike[str]) -> JpegCoding | None:
 
 def coded(pixels: np.ndarray, coding: JpegCoding) -> np.ndarray:
     """Pixels (H, W, 3) uint8 as a JPEG of that coding gives them back."""
+    from PIL import Image
+
     file = io.BytesIO()
     tables = [list(table) for table in coding.quantisation]
     Image.fromarray(np.ascontiguousarray(pixels)).save(file, "JPEG", qtables=tables, subsampling=coding.subsampling)

@@ -12,7 +12,6 @@ import tempfile
 from pathlib import Path
 
 import numpy as np
-import OpenImageIO as oiio
 
 from relume.errors import FormatError, UnreadableFile
 from relume.image.files.photographs.jpeg_segments import Header, without_metadata
@@ -43,6 +42,8 @@ def decoded(path: str | os.PathLike[str], jpeg: bytes, header: Header, what: str
 
 
 def _opened(alone: Path) -> tuple[np.ndarray | None, str]:
+    import OpenImageIO as oiio
+
     source = oiio.ImageInput.open(str(alone))
     if source is None:
         return None, oiio.geterror().replace(f'"{alone}"', "it")

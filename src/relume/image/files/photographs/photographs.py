@@ -14,10 +14,9 @@ import os
 import re
 from dataclasses import replace
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import numpy as np
-import OpenImageIO as oiio
-from PIL import Image
 
 from relume.errors import FormatError, UnreadableFile, warn
 from relume.image.bands import in_threads
@@ -37,6 +36,11 @@ from relume.image.files.tiff.layout import EXTRA, ZIP, upright
 from relume.image.files.tiff.writing import picture_tags
 from relume.image.files.tiff.writing import write_tiff as write_folders
 from relume.image.photograph import Photograph
+
+if TYPE_CHECKING:
+    import OpenImageIO as oiio
+
+# OpenImageIO and Pillow are loaded where they are used: whoever writes a photograph needs neither.
 
 # Only before markers that come ahead of the pixels: APP, COM, DQT, DRI, SOF. Elsewhere such bytes are lost pixels.
 _HARMLESS = re.compile(r"extraneous bytes before marker 0x(e[0-9a-f]|fe|db|dd|c[012])")
@@ -249,6 +253,8 @@ def _decoded(
         return _of_png(path, options)
     if form.gain_map:
         return _base_of_gain_map(path, options)
+    import OpenImageIO as oiio
+
     source = opened(path, kind)
     try:
         spec = source.spec()
@@ -293,6 +299,8 @@ def _warn_of_stray_bytes(path: str | os.PathLike[str]) -> None:
 
 
 def _refuse_unusable(path: str | os.PathLike[str], kind: str, spec: oiio.ImageSpec) -> None:
+    import OpenImageIO as oiio
+
     if int(spec.getattribute("tiff:subfiletype") or 0) & 1:
         raise UnreadableFile(f"{path}: a camera raw file (it begins with a preview); develop it to a 16-bit TIFF first")
     if spec.format not in (oiio.UINT8, oiio.UINT16):
@@ -313,6 +321,8 @@ def _warn_of_profile(path: str | os.PathLike[str], profile: bytes) -> None:
 
 def _refuse_truncated(path: str | os.PathLike[str], kind: str) -> None:
     """Ask another decoder whether the data ends early: the first one reports only the first of its troubles."""
+    from PIL import Image
+
     try:
         with exif.heard([]), open(path, "rb") as file, Image.open(file, formats=[kind]) as image:
             image.load()

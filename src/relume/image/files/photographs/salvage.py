@@ -5,9 +5,9 @@ from __future__ import annotations
 import os
 from dataclasses import dataclass
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import numpy as np
-import OpenImageIO as oiio
 
 from relume.errors import FormatError, UnreadableFile
 from relume.image.files.photographs import png
@@ -17,6 +17,9 @@ from relume.image.files.signatures import one_line
 from relume.image.files.tiff.directories import read_folders
 from relume.image.files.tiff.layout import NONE
 from relume.image.files.tiff.samples import pieces
+
+if TYPE_CHECKING:
+    import OpenImageIO as oiio
 
 PROFILE = 34675  # ICC.1:2022, B.3
 _CUT_JPEG = "Premature end of JPEG file"
@@ -108,6 +111,8 @@ def _tiff(path: str | os.PathLike[str], form: Form, options: ReadOptions) -> Sal
 
 def _rows(path: str | os.PathLike[str], count: int) -> np.ndarray:
     """The upper rows of a TIFF, (count, W, channels) uint8 or uint16."""
+    import OpenImageIO as oiio
+
     source = opened(path, "picture")
     try:
         spec = source.spec()
@@ -135,6 +140,8 @@ def embedded_profile(spec: oiio.ImageSpec) -> bytes | None:
 
 def opened(path: str | os.PathLike[str], kind: str) -> oiio.ImageInput:
     """A file as OpenImageIO decodes it; raises FormatError where it does not."""
+    import OpenImageIO as oiio
+
     wanted = oiio.ImageSpec()
     wanted.attribute("oiio:UnassociatedAlpha", 1)  # else colours come multiplied by alpha
     source = oiio.ImageInput.open(str(path), wanted)
