@@ -29,12 +29,14 @@ class Sample:
     points : (K, 3) float64, metres, a hair off the surface
     normals : (K, 3) float32, towards the camera's side
     towards_eye : (K, 3) float32
+    outside : (K,) bool, which points are surely outside the closed mesh (`Shadows.outside`)
     """
 
     pixels: np.ndarray
     points: np.ndarray
     normals: np.ndarray
     towards_eye: np.ndarray
+    outside: np.ndarray
 
 
 @dataclass(frozen=True, eq=False)
@@ -78,7 +80,8 @@ def _sample(geometry: Geometry, camera: Camera, x: np.ndarray, y: np.ndarray, th
     surface = geometry.surfaces.at(camera.position, through, hits)
     facing = [_towards(normal[met], -through[met]) for normal in (surface.shading_normal, surface.geometric_normal)]
     points = surface.point[met] + 2e-5 * geometry.extent * facing[1]
-    return Sample(met, points, facing[0].astype(np.float32), -through[met].astype(np.float32))
+    outside = geometry.shadows.outside(points, camera.position, threads)
+    return Sample(met, points, facing[0].astype(np.float32), -through[met].astype(np.float32), outside)
 
 
 def _towards(normals: np.ndarray, side: np.ndarray) -> np.ndarray:
@@ -121,7 +124,8 @@ class Reached:
             light = towards.astype(np.float32)
             incident = sample.normals @ light
             facing = np.flatnonzero(incident > 0)
-            lit.append(facing[~geometry.shadows.over(sample.points[facing], towards)])
+            hidden = geometry.shadows.over(sample.points[facing], towards, sample.outside[facing])
+            lit.append(facing[~hidden])
             lights.append(light)
             incidents.append(incident)
         return Reached(samples, tuple(lights), tuple(incidents), tuple(lit))

@@ -25,8 +25,12 @@ MARGIN = np.float32(2e-6)
 
 
 @exact_kernel
-def hide(corners, blocks, boxes, points, direction, hidden):
-    """Mark the points (N, 3) that lie in the shadow of a triangle; the other arguments as of `Shadows`."""
+def hide(corners, blocks, boxes, cones, own, sided, points, direction, hidden, doubtful):
+    """Mark the points (N, 3) that lie in the shadow of a triangle; the first five arguments as of `Shadows`.
+
+    sided : 1 asks only triangles that face away from the light, and marks as doubtful what is not hidden and lies
+        below a triangle that closes the surface; 0 asks all triangles of the surface itself
+    """
     if len(points) == 0:
         return
     axes, _, shear = shear_along((0.0, 0.0, 0.0), (direction[0], direction[1], direction[2]))
@@ -34,13 +38,17 @@ def hide(corners, blocks, boxes, points, direction, hidden):
     across, along, height, ends, margin = seen_along(points, axes, shear, boxes)
     place, a, b, h, begins, lowest, per, wide = in_cells(across, along, height, ends, margin)
     bounds, reach = np.empty(14 * CLUSTER, np.float32), np.empty(4 * CLUSTER, np.int32)
-    for cluster in range(len(boxes)):
+    for cluster in range(len(boxes) if sided else own):
+        once = sided if cluster < own else np.float32(0)
+        cosine = cones[cluster, 0] * direction[0] + cones[cluster, 1] * direction[1] + cones[cluster, 2] * direction[2]
+        if once and cosine > cones[cluster, 3]:
+            continue
         most, deepest = lowest_under(boxes[cluster], axes, shear, ends, margin, lowest, per, wide)
         if deepest >= most:
             continue
         begin = cluster * CLUSTER
         size = min(CLUSTER, len(corners) - begin)
-        measure(blocks[cluster], axes, shear, ends, margin, per, bounds, reach)
+        measure(blocks[cluster], axes, shear, ends, margin, per, once, bounds, reach)
         for i in range(size):
             most = bounds[4 * CLUSTER + i]
             if most <= deepest or reach[i] > reach[1 * CLUSTER + i]:
@@ -90,7 +98,8 @@ def hide(corners, blocks, boxes, points, direction, hidden):
                         eye = (points[point, x], points[point, y], points[point, z])
                         distance, _, _ = meet_triangle(corners, begin + i, axes, eye, shear)
                         if 0 < distance < np.inf:
-                            hidden[point] = True
+                            hidden[point] |= cluster < own
+                            doubtful[point] |= cluster >= own
                             h[k] = np.inf
 
 
@@ -165,10 +174,11 @@ def lowest_under(box, axes, shear, ends, margin, lowest, per, wide):
 
 
 @exact_kernel
-def measure(block, axes, shear, ends, margin, per, bounds, reach):
+def measure(block, axes, shear, ends, margin, per, sided, bounds, reach):
     """What each triangle of a cluster covers, as seen along the light.
 
     block : (9 · CLUSTER,) the corners' x, y, z, each of all triangles
+    sided : 1 leaves out triangles that surely face the light
     bounds : (14 · CLUSTER,) to fill: ends across the light, highest corner, first corner, the plane's height there and
         its slopes, and two sides
     reach : (4 · CLUSTER,) to fill: first and last column of cells, first and last row; none where last is before first
@@ -187,14 +197,16 @@ def measure(block, axes, shear, ends, margin, per, bounds, reach):
         h1, h2, h3 = up * z1, up * z2, up * z3
         left, right = min(a1, a2, a3) - margin, max(a1, a2, a3) + margin
         front, back = min(b1, b2, b3) - margin, max(b1, b2, b3) + margin
+        ua, ub, va, vb, rise, other = a2 - a1, b2 - b1, a3 - a1, b3 - b1, h2 - h1, h3 - h1
+        area = ua * vb - ub * va
         beside = right < low_a or left > high_a or back < low_b or front > high_b
+        beside |= sided * up * area > 4 * margin * (abs(ua) + abs(ub) + abs(va) + abs(vb))
         reach[i] = np.int32(1) if beside else cell_of(max(left, low_a), low_a, per)
         reach[np.uint64(1 * CLUSTER) + i] = np.int32(0) if beside else cell_of(min(right, high_a), low_a, per)
         reach[np.uint64(2 * CLUSTER) + i] = np.int32(0) if beside else cell_of(max(front, low_b), low_b, per)
         reach[np.uint64(3 * CLUSTER) + i] = np.int32(0) if beside else cell_of(min(back, high_b), low_b, per)
         # The plane, raised by what differences round, as slopes and area make that grow.
-        ua, ub, va, vb, rise, other = a2 - a1, b2 - b1, a3 - a1, b3 - b1, h2 - h1, h3 - h1
-        inverse, highest = 1 / (ua * vb - ub * va), max(h1, h2, h3) + margin
+        inverse, highest = 1 / area, max(h1, h2, h3) + margin
         pa, pb = (rise * vb - ub * other) * inverse, (ua * other - rise * va) * inverse
         spread = max(right - left, back - front)
         off = margin * (1 + 4 * spread * (spread + abs(rise) + abs(other)) * abs(inverse))
