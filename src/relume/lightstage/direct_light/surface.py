@@ -11,7 +11,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from relume.renderers.raytrace.parallel_light import Shadows
+from relume.renderers.raytrace.parallel_light import Asking, Shadows
 from relume.renderers.raytrace.raycast import RayCaster
 from relume.renderers.raytrace.surface import Surfaces
 from relume.scene.cameras.camera import Camera
@@ -119,16 +119,16 @@ class Reached:
     @staticmethod
     def of(geometry: Geometry, samples: Sequence[Sample], direction: np.ndarray, radius: float) -> Reached:
         """Light comes to each sample from a place of its own on the disc of `radius` radians about a direction."""
-        lights, incidents, lit = [], [], []
-        for sample, towards in zip(samples, disc_directions(direction, radius, len(samples)), strict=True):
-            light = towards.astype(np.float32)
-            incident = sample.normals @ light
-            facing = np.flatnonzero(incident > 0)
-            hidden = geometry.shadows.over(sample.points[facing], towards, sample.outside[facing])
-            lit.append(facing[~hidden])
-            lights.append(light)
-            incidents.append(incident)
-        return Reached(samples, tuple(lights), tuple(incidents), tuple(lit))
+        places = disc_directions(direction, radius, len(samples))
+        lights = tuple(places.astype(np.float32))
+        incident = tuple(sample.normals @ light for sample, light in zip(samples, lights, strict=True))
+        asking = [
+            Asking(sample.points, np.flatnonzero(cosines > 0), sample.outside, place)
+            for sample, cosines, place in zip(samples, incident, places, strict=True)
+        ]
+        hidden = geometry.shadows.over_each(asking)
+        lit = tuple(one.numbers[~dark] for one, dark in zip(asking, hidden, strict=True))
+        return Reached(samples, lights, incident, lit)
 
     def shone(self, pixels: int, alpha: float) -> np.ndarray:
         """`direct_light` of so many pixels, for a width of gloss."""

@@ -1,7 +1,7 @@
 """The loop below `parallel_light`: points in cells across the light, and triangles that ask them.
 
-Heights, bounds and planes are of float32 and widened by what that rounds; a point that none of them clears is put to
-the test of `kernel`, in double precision.
+Heights, bounds and planes are of float32 and widened by what that rounds; a point that is neither surely clear of a
+triangle nor surely below it is put to the test of `kernel`, in double precision.
 """
 
 from __future__ import annotations
@@ -25,19 +25,20 @@ MARGIN = np.float32(2e-6)
 
 
 @exact_kernel
-def hide(corners, blocks, boxes, cones, own, sided, points, direction, hidden, doubtful):
-    """Mark the points (N, 3) that lie in the shadow of a triangle; the first five arguments as of `Shadows`.
+def hide(corners, blocks, boxes, cones, own, sided, points, asking, direction, hidden, doubtful):
+    """Mark which of the points (N, 3) that ask lie in the shadow of a triangle; corners … own as of `Shadows`.
 
+    asking : (K,) int64, numbers of points; `hidden` and `doubtful` (K,) are theirs
     sided : 1 asks only triangles that face away from the light, and marks as doubtful what is not hidden and lies
         below a triangle that closes the surface; 0 asks all triangles of the surface itself
     """
-    if len(points) == 0:
+    if len(asking) == 0:
         return
     axes, _, shear = shear_along((0.0, 0.0, 0.0), (direction[0], direction[1], direction[2]))
     x, y, z = axes
-    across, along, height, ends, margin = seen_along(points, axes, shear, boxes)
+    across, along, height, ends, margin = seen_along(points, asking, axes, shear, boxes)
     place, a, b, h, begins, lowest, per, wide = in_cells(across, along, height, ends, margin)
-    bounds, reach = np.empty(14 * CLUSTER, np.float32), np.empty(4 * CLUSTER, np.int32)
+    bounds, reach = np.empty(15 * CLUSTER, np.float32), np.empty(4 * CLUSTER, np.int32)
     for cluster in range(len(boxes) if sided else own):
         once = sided if cluster < own else np.float32(0)
         cosine = cones[cluster, 0] * direction[0] + cones[cluster, 1] * direction[1] + cones[cluster, 2] * direction[2]
@@ -72,6 +73,7 @@ def hide(corners, blocks, boxes, cones, own, sided, points, direction, hidden, d
                 bounds[12 * CLUSTER + i],
                 bounds[13 * CLUSTER + i],
             )
+            sure = bounds[14 * CLUSTER + i]
             area, edge = ua * vb - ub * va, 4 * margin * (abs(ua) + abs(ub) + abs(va) + abs(vb))
             turn = np.float32(1 if area > 0 else -1)
             for row in range(reach[2 * CLUSTER + i], reach[3 * CLUSTER + i] + 1):
@@ -91,30 +93,34 @@ def hide(corners, blocks, boxes, cones, own, sided, points, direction, hidden, d
                         # Outside one of the triangle's sides, seen along the light?
                         ra, rb = a[k] - here_a, b[k] - here_b
                         one, other = (ua * rb - ub * ra) * turn, (ra * vb - rb * va) * turn
-                        if one < -edge or other < -edge or area * turn - one - other < -edge:
+                        least = min(one, other, area * turn - one - other)
+                        if least < -edge:
                             continue
-                        # The test that a ray makes.
-                        point = place[k]
-                        eye = (points[point, x], points[point, y], points[point, z])
-                        distance, _, _ = meet_triangle(corners, begin + i, axes, eye, shear)
+                        which, distance = place[k], 1.0
+                        if not (least > edge and h[k] < base + pa * ra + pb * rb - sure):
+                            # Too near for float32: the test that a ray makes.
+                            point = asking[which]
+                            eye = (points[point, x], points[point, y], points[point, z])
+                            distance, _, _ = meet_triangle(corners, begin + i, axes, eye, shear)
                         if 0 < distance < np.inf:
-                            hidden[point] |= cluster < own
-                            doubtful[point] |= cluster >= own
+                            hidden[which] |= cluster < own
+                            doubtful[which] |= cluster >= own
                             h[k] = np.inf
 
 
 @exact_kernel
-def seen_along(points, axes, shear, boxes):
-    """The points across the light, twice, and towards it; their ends across it; and how far bounds are widened."""
+def seen_along(points, asking, axes, shear, boxes):
+    """Asking points across the light, twice, and towards it; their ends across it; and how far bounds are widened."""
     x, y, z = axes
-    count, up = len(points), 1 if shear[2] > 0 else -1
+    count, up = len(asking), 1 if shear[2] > 0 else -1
     across, along, height = np.empty(count, np.float32), np.empty(count, np.float32), np.empty(count, np.float32)
     low_a, low_b, high_a, high_b = np.float32(np.inf), np.float32(np.inf), np.float32(-np.inf), np.float32(-np.inf)
     largest = np.float32(1e-30)
     for i in range(count):
-        across[i] = points[i, x] - shear[0] * points[i, z]
-        along[i] = points[i, y] - shear[1] * points[i, z]
-        height[i] = up * points[i, z]
+        point = asking[i]
+        across[i] = points[point, x] - shear[0] * points[point, z]
+        along[i] = points[point, y] - shear[1] * points[point, z]
+        height[i] = up * points[point, z]
         low_a, high_a = min(low_a, across[i]), max(high_a, across[i])
         low_b, high_b = min(low_b, along[i]), max(high_b, along[i])
         largest = max(largest, abs(height[i]))
@@ -179,8 +185,8 @@ def measure(block, axes, shear, ends, margin, per, sided, bounds, reach):
 
     block : (9 · CLUSTER,) the corners' x, y, z, each of all triangles
     sided : 1 leaves out triangles that surely face the light
-    bounds : (14 · CLUSTER,) to fill: ends across the light, highest corner, first corner, the plane's height there and
-        its slopes, and two sides
+    bounds : (15 · CLUSTER,) to fill: ends across the light, highest corner, first corner, the plane's height there and
+        its slopes, two sides, and how far below that plane a point is surely below the triangle's
     reach : (4 · CLUSTER,) to fill: first and last column of cells, first and last row; none where last is before first
     """
     x, y, z = axes
@@ -233,7 +239,8 @@ def measure(block, axes, shear, ends, margin, per, sided, bounds, reach):
             bounds[np.uint64(11 * CLUSTER) + i],
             bounds[np.uint64(12 * CLUSTER) + i],
             bounds[np.uint64(13 * CLUSTER) + i],
-        ) = ua, ub, va, vb
+            bounds[np.uint64(14 * CLUSTER) + i],
+        ) = ua, ub, va, vb, 2 * off if flat else np.float32(np.inf)
 
 
 @exact_small

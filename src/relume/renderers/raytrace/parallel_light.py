@@ -9,6 +9,7 @@ lies, need not ask it; holes are closed by triangles that only say where that is
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -25,6 +26,22 @@ _CLOSED = 0.1
 
 _FEW = 2000
 """Points up to which rays are faster than shadows."""
+
+
+@dataclass(frozen=True, eq=False)
+class Asking:
+    """Points that ask for the light from a direction.
+
+    points : (N, 3) float64, metres, world
+    numbers : (K,) int64, those of them that ask
+    outside : (N,) bool, which points are known to be outside (`Shadows.outside`)
+    direction : (3,) float64, unit, world, towards the light
+    """
+
+    points: np.ndarray
+    numbers: np.ndarray
+    outside: np.ndarray
+    direction: np.ndarray
 
 
 @dataclass(frozen=True, eq=False)
@@ -93,23 +110,36 @@ class Shadows:
         points = np.require(points, np.float64, ["C", "A", "W"])
         if points.ndim != 2 or points.shape[1] != 3 or not np.all(np.isfinite(points)):
             raise ValueError(f"points are {points.shape}; expected (N, 3), finite metres")
-        if outside is None or self.closing is None or not outside.any():
-            return self._asked(points, towards[0], 0)[0]
-        hidden, doubtful = self._asked(points, towards[0], 1)
-        # What the first answer hid is hidden; of the others all triangles are asked.
-        others = np.flatnonzero((doubtful | ~outside) & ~hidden)
-        if len(others) > _FEW:
-            hidden[others] = self._asked(points[others], towards[0], 0)[0]
-        elif len(others):
-            rays = np.repeat(towards, len(others), axis=0)
-            hidden[others] = self.caster.occluded(points[others], rays, threads=1)
-        return hidden
+        known = np.zeros(len(points), bool) if outside is None else outside
+        return self.over_each([Asking(points, np.arange(len(points)), known, towards[0])])[0]
 
-    def _asked(self, points: np.ndarray, direction: np.ndarray, sided: int) -> tuple[np.ndarray, np.ndarray]:
-        """Which points are hidden, and of which that is in doubt."""
-        hidden, doubtful = np.zeros(len(points), np.bool_), np.zeros(len(points), np.bool_)
-        ready = (self.corners, self.blocks, self.boxes, self.cones)
-        hide(*ready, self.own, np.float32(sided), points, direction, hidden, doubtful)
+    def over_each(self, several: Sequence[Asking]) -> list[np.ndarray]:
+        """`over` for several directions, of some points each: (K,) bool of each; what is asked is not checked."""
+        answers, left = [], []
+        for one in several:
+            hidden, doubtful = self._asked(one, one.numbers, int(self.closing is not None))
+            # What the first answer hid is hidden; of the others all triangles are asked.
+            others = np.flatnonzero((doubtful | ~one.outside[one.numbers]) & ~hidden)
+            if self.closing is None:
+                others = others[:0]
+            elif len(others) > _FEW:
+                hidden[others], others = self._asked(one, one.numbers[others], 0)[0], others[:0]
+            answers.append(hidden)
+            left.append(others)
+        points = [one.points[one.numbers[others]] for one, others in zip(several, left, strict=True)]
+        ends = np.cumsum([len(others) for others in left])
+        if len(ends) and ends[-1]:
+            ways = np.repeat([one.direction for one in several], [len(others) for others in left], axis=0)
+            found = np.split(self.caster.occluded(np.concatenate(points), ways, threads=1), ends[:-1])
+            for hidden, others, by_rays in zip(answers, left, found, strict=True):
+                hidden[others] = by_rays
+        return answers
+
+    def _asked(self, one: Asking, numbers: np.ndarray, sided: int) -> tuple[np.ndarray, np.ndarray]:
+        """Which of the points `numbers` are hidden, and of which that is in doubt."""
+        hidden, doubtful = np.zeros(len(numbers), np.bool_), np.zeros(len(numbers), np.bool_)
+        ready = self.corners, self.blocks, self.boxes, self.cones, self.own
+        hide(*ready, np.float32(sided), one.points, numbers, one.direction, hidden, doubtful)
         return hidden, doubtful
 
 
