@@ -28,7 +28,7 @@ def by_rays(caster: RayCaster, points: np.ndarray, direction: np.ndarray) -> np.
     return caster.occluded(points, np.tile(direction, (len(points), 1)))
 
 
-@pytest.mark.parametrize("count", [2, 63, 64, 65, 400])
+@pytest.mark.parametrize("count", [2, 15, 16, 17, 400])
 def test_shadows_are_those_of_the_slow_twin(count: int) -> None:
     mesh, random = triangles(count, count, size=3.0 if count == 2 else 0.5), np.random.default_rng(2)
     shadows, points = Shadows.of(RayCaster.of([mesh])), random.normal(scale=1.0, size=(60, 3))

@@ -12,7 +12,7 @@ from relume.image.kernel import exact_kernel, exact_small
 from relume.renderers.raytrace.kernel import _meet_triangle as meet_triangle
 from relume.renderers.raytrace.kernel import _shear_along as shear_along
 
-CLUSTER = 64
+CLUSTER = 16
 """Triangles that are passed over together where no point lies below them."""
 IN_CELL = 2
 """Points of a cell, about."""
