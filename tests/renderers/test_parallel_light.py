@@ -7,6 +7,7 @@ import pytest
 
 import naive
 import solids
+from relume.renderers.raytrace import parallel_light
 from relume.renderers.raytrace.closing import alike, closing_triangles, facing_cones, unit_normals
 from relume.renderers.raytrace.parallel_light import Shadows
 from relume.renderers.raytrace.raycast import RayCaster
@@ -94,6 +95,8 @@ def test_what_cannot_be_is_refused() -> None:
         shadows.over(np.zeros((1, 3)), 2 * UP)
     with pytest.raises(ValueError, match="finite metres"):
         shadows.over(np.full((1, 3), np.nan), UP)
+    with pytest.raises(ValueError, match=r"outside is \(3,\)"):
+        shadows.over(np.zeros((2, 3)), UP, np.ones(3, bool))
     with pytest.raises(ValueError, match="cast rays"):
         Shadows.of(RayCaster.of([Sphere((0.0, 0.0, 0.0), 1.0, GREY)]))
 
@@ -119,8 +122,10 @@ def closed_bodies() -> dict[str, list[Mesh]]:
     }
 
 
+@pytest.mark.parametrize("few", [0, 2000], ids=["left over to triangles", "left over to rays"])
 @pytest.mark.parametrize("name", closed_bodies())
-def test_points_known_to_be_outside_are_as_rays_find_them(name: str) -> None:
+def test_points_known_to_be_outside_are_as_rays_find_them(name: str, few: int, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(parallel_light, "_FEW", few)
     meshes, random, eye = closed_bodies()[name], np.random.default_rng(11), np.array([0.5, 1.0, 6.0])
     caster = RayCaster.of(meshes)
     shadows = Shadows.of(caster)
@@ -131,7 +136,10 @@ def test_points_known_to_be_outside_are_as_rays_find_them(name: str) -> None:
         off += [(corners.mean(axis=1) + away * normals)[::7] for away in (1e-5, -1e-5)]
     points = np.concatenate(off)
     outside = shadows.outside(points, eye)
-    assert 0.1 < outside.mean() < 0.9
+    # More than half, as only then half of the triangles are asked.
+    points = np.concatenate([points[outside], points[~outside][: np.count_nonzero(outside) // 2]])
+    outside = shadows.outside(points, eye)
+    assert 0.6 < outside.mean() < 0.7
     for direction in [UP, -UP, np.array([0.0, 0.0, 1.0]), *normalised(random.normal(size=(5, 3)))]:
         hidden = shadows.over(points, direction, outside)
         np.testing.assert_array_equal(hidden, by_rays(caster, points, direction))

@@ -104,25 +104,28 @@ class Shadows:
         points : (N, 3), metres, world
         direction : (3,) unit vector, world, towards the light
         outside : (N,) bool, which points are known to be outside (`outside`); they are asked in less time
-        Raises ValueError for points that are not finite, and a direction that is no unit vector.
+        Raises ValueError for points that are not finite, a direction that is no unit vector, and another count of
+        `outside`.
         """
         _, towards = checked_rays(np.zeros(3), np.reshape(direction, (1, 3)))
         points = np.require(points, np.float64, ["C", "A", "W"])
         if points.ndim != 2 or points.shape[1] != 3 or not np.all(np.isfinite(points)):
             raise ValueError(f"points are {points.shape}; expected (N, 3), finite metres")
-        known = np.zeros(len(points), bool) if outside is None else outside
+        known = np.zeros(len(points), bool) if outside is None else np.asarray(outside, bool)
+        if known.shape != (len(points),):
+            raise ValueError(f"outside is {known.shape}; expected ({len(points)},), a bool for each point")
         return self.over_each([Asking(points, np.arange(len(points)), known, towards[0])])[0]
 
     def over_each(self, several: Sequence[Asking]) -> list[np.ndarray]:
         """`over` for several directions, of some points each: (K,) bool of each; what is asked is not checked."""
         answers, left = [], []
         for one in several:
-            hidden, doubtful = self._asked(one, one.numbers, int(self.closing is not None))
+            known = one.outside[one.numbers]
+            sided = self.closing is not None and 2 * np.count_nonzero(known) > len(known)
+            hidden, doubtful = self._asked(one, one.numbers, int(sided))
             # What the first answer hid is hidden; of the others all triangles are asked.
-            others = np.flatnonzero((doubtful | ~one.outside[one.numbers]) & ~hidden)
-            if self.closing is None:
-                others = others[:0]
-            elif len(others) > _FEW:
+            others = np.flatnonzero((doubtful | ~known) & ~hidden) if sided else np.zeros(0, np.int64)
+            if len(others) > _FEW:
                 hidden[others], others = self._asked(one, one.numbers[others], 0)[0], others[:0]
             answers.append(hidden)
             left.append(others)
