@@ -148,7 +148,7 @@ def _rings(coefficients: np.ndarray, weights: np.ndarray, spin: int, rows: int) 
     a_l,−m = (−1)^m a*_lm give the lower one, which is their difference where the upper one is their sum.
     """
     degree, complexes = len(coefficients) - 1, coefficients.dtype
-    reals = np.empty(0, complexes).real.dtype
+    reals = np.finfo(complexes).dtype
     orders, half = np.arange(-degree if spin else 0, degree + 1), (rows + 1) // 2
     signs = (-1.0) ** orders
     found = np.zeros((2, len(orders), half, 2 * weights.shape[1] * coefficients.shape[2]), reals)
