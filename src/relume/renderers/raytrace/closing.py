@@ -1,7 +1,7 @@
 """What closes a surface of triangles, and how its triangles face.
 
-A ray that starts outside a closed surface leaves it as often as it enters it, so that half of the triangles tell
-whether anything is met. Edges that are passed more often one way than the other are the rims of holes; a cone over a
+A ray that starts outside a closed surface leaves it as often as it enters it, so that the triangles of one side are
+enough to find whether it meets any. Edges that are passed more often one way than the other are the rims of holes; a cone over a
 rim closes it, whatever the holes look like, since rims are closed paths.
 """
 
