@@ -1,8 +1,8 @@
 """What closes a surface of triangles, and how its triangles face.
 
 A ray that starts outside a closed surface leaves it as often as it enters it, so that the triangles of one side are
-enough to find whether it meets any. Edges that are passed more often one way than the other are the rims of holes; a cone over a
-rim closes it, whatever the holes look like, since rims are closed paths.
+enough to find whether it meets any. Edges that are passed more often one way than the other are the rims of holes; a
+cone over a rim closes it, whatever the holes look like, since rims are closed paths.
 """
 
 from __future__ import annotations
