@@ -61,7 +61,8 @@ USERS_OF_THE_PUBLIC_API = ["cli", "studio"]  # they alone may say `import relume
 
 IMAGE_READERS = {"OpenEXR", "OpenImageIO", "PIL", "rawpy", "imageio", "imagecodecs", "tifffile"}
 IMAGE_FILE_CALLS = {"imread", "imwrite", "imdecode", "imencode", "imsave"}  # cv2, matplotlib and imageio spell it so
-MAY_OPEN_IMAGES: dict[str, str] = {}  # path in the package → the reason why it may, beside image/files/
+# Path in the package → the reason why it may, beside image/files/.
+MAY_OPEN_IMAGES: dict[str, str] = {"virtual_camera/tone/display/lettering.py": "draws words on pixels, opens no file"}
 RENDERERS = {"mitsuba", "drjit", "mitsuba_oidn"}
 # Where import and distribution differ in name.
 INSTALLED_AS = {

@@ -169,6 +169,16 @@ def test_several_kernels_at_once_are_each_alone():
         np.testing.assert_allclose(together[k], synthesised(coefficients, kernels[k : k + 1], 2, 5)[0], rtol=1e-12)
 
 
+@pytest.mark.parametrize(("spin", "rows"), [(0, 7), (2, 8), (3, 9)])
+def test_in_single_precision_the_sums_are_off_by_what_that_rounds(spin, rows):
+    coefficients, kernels = analysed(flux_of(spiky(6)), 60), np.stack([kernel(spin, 60)])
+    exact = synthesised(coefficients, kernels, spin, rows)
+    single = synthesised(coefficients.astype(np.complex64), kernels, spin, rows)
+    assert exact.dtype == np.complex128
+    assert single.dtype == np.complex64
+    assert 0 < np.abs(single - exact).max() < 2e-6 * np.abs(exact).max()
+
+
 def test_rows_that_are_made_as_they_are_asked_for_give_the_same_bits():
     radiance = np.random.default_rng(3).random((100, 200, 3)).astype(np.float32)
     areas = LatLong().solid_angles(100)

@@ -233,3 +233,19 @@ def test_wrong_calls_are_refused() -> None:
 
 def test_the_nearest_cell_may_stand_for_the_rest() -> None:
     assert error_of(upsampled(FIELD, BETWEEN, MESHES, replace(EXACT, remainder=NearestLight()))) < 0.01
+
+
+def test_pixels_beside_the_mesh_leave_the_others_fits_as_they_are() -> None:
+    random = np.random.default_rng(4)
+    basis = random.uniform(size=(len(LIGHTS), 2, 40)).astype(np.float32)
+    scales = random.uniform(0.2, 1, size=(40, 2, 3))
+    values = np.einsum("nbk,kbc->nkc", basis, scales).astype(np.float32)
+    beside = np.zeros(40, bool)
+    beside[[0, 5, 6, 39]] = True
+    alone = fit_direct_light(values[:, ~beside], basis[..., ~beside], LIGHTS)
+    basis[..., beside] = 0
+    found = fit_direct_light(values, basis, LIGHTS)
+    np.testing.assert_allclose(found[~beside], alone, rtol=1e-4)
+    np.testing.assert_allclose(alone, scales[~beside], atol=1e-3)
+    assert not found[beside].any()
+    assert fit_direct_light(values, 0 * basis, LIGHTS).shape == (40, 2, 3)

@@ -118,42 +118,61 @@ def synthesised(coefficients: np.ndarray, kernels: np.ndarray, spin: int, rows: 
 
     γ is the angle from the entry's direction and χ the azimuth about it, from the south towards growing longitude.
 
-    coefficients : (L + 1, L + 1, C) of `analysed`
+    coefficients : (L + 1, L + 1, C) of `analysed`; the sums over degrees are in their precision, single or double
     kernels : (K, L + 1), 2π ∫ g(γ) λ_{l,spin}(γ) sin γ dγ, where Y_lm = λ_lm(θ) e^{imφ}
     """
     from scipy.fft import ifft
 
     degree, channels = len(coefficients) - 1, coefficients.shape[2]
     columns = 2 * rows
-    angles = np.pi * (np.arange(rows) + 0.5) / rows
     # ∫ I g e^{i·spin·χ} dω = Σ a_lm e^{imφ} d^l_{m,−spin}(θ) (−1)^spin g_l, by Y_lm turned to the entry's frame.
     orders = np.arange(-degree if spin else 0, degree + 1)
-    negative = orders < 0
-    parity = np.where(negative, (-1.0) ** orders, 1.0)
-    rings = np.zeros((len(orders), rows, 2 * len(kernels) * channels))
-    weights = (-1.0) ** spin * kernels.T
-    degrees = enumerate(wigner(orders, -spin, angles, degree))
-    while block := list(islice(degrees, _BLOCK)):
-        first, last = block[0][0], block[-1][0] + 1
-        # Orders beyond the block's degrees hold nothing.
-        of = slice(max(0, degree + 1 - last) if spin else 0, min(len(orders), degree + last) if spin else last)
-        a = coefficients[first:last, np.abs(orders[of])]
-        a = np.where(negative[of, None], np.conj(a), a) * parity[of, None]
-        # One product of real matrices an order: angles × degrees by degrees × (kernels, channels, parts).
-        terms = np.einsum("lmc,lk->mlkc", a, weights[first:last]).view(float).reshape(a.shape[1], last - first, -1)
-        rings[of] += np.stack([values[of] for _, values in block], axis=-1) @ terms
-    rings = rings.view(complex)
-    rings *= np.exp(1j * np.pi * orders / columns)[:, None, None]
+    rings = _rings(coefficients, (-1.0) ** spin * kernels.T, spin, rows)
+    rings *= np.exp(1j * np.pi * orders / columns)[:, None, None].astype(rings.dtype)
     if spin == 0:
         # The light is real: what negative orders hold is the conjugate of the positive ones.
         rings[1:] *= 2
-    waves = np.zeros((columns, rows, rings.shape[2]), complex)
+    waves = np.zeros((columns, rows, rings.shape[2]), rings.dtype)
     # Orders beyond the table's own frequencies come down to them.
     for begin in range(0, len(orders), columns):
         waves[orders[begin : begin + columns] % columns] += rings[begin : begin + columns]
-    table = np.asarray(ifft(waves, axis=0, workers=-1)) * columns
+    table = np.asarray(ifft(waves, axis=0, norm="forward", workers=-1))
     table = table.reshape(columns, rows, len(kernels), channels)
     return np.moveaxis(table, (0, 1, 2), (2, 1, 0))
+
+
+def _rings(coefficients: np.ndarray, weights: np.ndarray, spin: int, rows: int) -> np.ndarray:
+    """Σ_l a_lm d^l_{m,−spin}(θ) weights_l for every order and row: (orders, rows, K · C) complex.
+
+    Only the upper half is summed, even and odd degrees apart: d^l_mk(π−θ) = (−1)^{l−k} d^l_{−m,k}(θ) and
+    a_l,−m = (−1)^m a*_lm give the lower one, which is their difference where the upper one is their sum.
+    """
+    degree, complexes = len(coefficients) - 1, coefficients.dtype
+    reals = np.finfo(complexes).dtype
+    orders, half = np.arange(-degree if spin else 0, degree + 1), (rows + 1) // 2
+    signs = (-1.0) ** orders
+    found = np.zeros((2, len(orders), half, 2 * weights.shape[1] * coefficients.shape[2]), reals)
+    weights = weights.astype(reals)
+    degrees = enumerate(wigner(orders, -spin, np.pi * (np.arange(half) + 0.5) / rows, degree))
+    while block := list(islice(degrees, 2 * _BLOCK)):
+        for odd in range(2):
+            some = [(n, values) for n, values in block if n % 2 == odd]
+            if not some:
+                continue
+            first, last = some[0][0], some[-1][0] + 1
+            # Orders beyond the block's degrees hold nothing.
+            of = slice(max(0, degree + 1 - last) if spin else 0, min(len(orders), degree + last) if spin else last)
+            a = coefficients[first:last:2, np.abs(orders[of])]
+            a = np.where(orders[of, None] < 0, np.conj(a) * signs[of, None].astype(reals), a)
+            # One product of real matrices an order: angles × degrees by degrees × (kernels, channels, parts).
+            terms = np.einsum("lmc,lk->mlkc", a, weights[first:last:2]).view(reals).reshape(a.shape[1], len(some), -1)
+            found[odd, of] += np.stack([values[of] for _, values in some], axis=-1, dtype=reals) @ terms
+    even, odd = found.view(complexes)
+    rings = np.empty((len(orders), rows, even.shape[2]), complexes)
+    rings[:, :half] = even + odd
+    lower = (even - odd)[:, : rows // 2][:, ::-1] * (signs * (-1.0) ** spin)[:, None, None].astype(reals)
+    rings[:, half:] = np.conj(lower[::-1]) if spin else lower
+    return rings
 
 
 def as_complex(real: np.ndarray) -> np.ndarray:

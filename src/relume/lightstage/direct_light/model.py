@@ -212,6 +212,16 @@ def fit_direct_light(values: np.ndarray, basis: np.ndarray, lights: StageLights)
     values : (N, K, 3) of a reflectance field
     basis : (N, 2, K) of `direct_light`
     """
+    scales = np.zeros((values.shape[1], 2, 3), np.float32)
+    # Beside the mesh there is nothing to fit, which is half of many pictures.
+    shown = basis.any(axis=(0, 1))
+    if shown.any():
+        scales[shown] = _fit_shown(values[:, shown], basis[..., shown], lights)
+    return scales
+
+
+def _fit_shown(values: np.ndarray, basis: np.ndarray, lights: StageLights) -> np.ndarray:
+    """`fit_direct_light` of pixels that direct light reaches."""
     indirect = np.concatenate([np.ones((len(lights), 1)), lights.directions], axis=1)
     root = np.sqrt(lights.solid_angles)[:, None]
     orthogonal = np.linalg.qr(indirect * root)[0].astype(np.float32)
@@ -219,7 +229,8 @@ def fit_direct_light(values: np.ndarray, basis: np.ndarray, lights: StageLights)
     def remaining(array: np.ndarray) -> np.ndarray:
         """(K, N, …) weighted, without what the indirect terms can explain."""
         flat = (array * root.astype(np.float32).reshape(-1, 1, 1)).reshape(len(lights), -1)
-        return (flat - orthogonal @ (orthogonal.T @ flat)).reshape(array.shape)
+        flat -= orthogonal @ (orthogonal.T @ flat)
+        return flat.reshape(array.shape)
 
     causes, effects = remaining(basis).transpose(2, 0, 1), remaining(values).transpose(1, 0, 2)
     normal = np.einsum("knb,knc->kbc", causes, causes).astype(np.float64)

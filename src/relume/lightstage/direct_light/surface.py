@@ -11,7 +11,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from relume.renderers.raytrace.parallel_light import Shadows
+from relume.renderers.raytrace.parallel_light import Asking, Shadows
 from relume.renderers.raytrace.raycast import RayCaster
 from relume.renderers.raytrace.surface import Surfaces
 from relume.scene.cameras.camera import Camera
@@ -29,12 +29,14 @@ class Sample:
     points : (K, 3) float64, metres, a hair off the surface
     normals : (K, 3) float32, towards the camera's side
     towards_eye : (K, 3) float32
+    outside : (K,) bool, which points are surely outside the closed mesh (`Shadows.outside`)
     """
 
     pixels: np.ndarray
     points: np.ndarray
     normals: np.ndarray
     towards_eye: np.ndarray
+    outside: np.ndarray
 
 
 @dataclass(frozen=True, eq=False)
@@ -78,7 +80,8 @@ def _sample(geometry: Geometry, camera: Camera, x: np.ndarray, y: np.ndarray, th
     surface = geometry.surfaces.at(camera.position, through, hits)
     facing = [_towards(normal[met], -through[met]) for normal in (surface.shading_normal, surface.geometric_normal)]
     points = surface.point[met] + 2e-5 * geometry.extent * facing[1]
-    return Sample(met, points, facing[0].astype(np.float32), -through[met].astype(np.float32))
+    outside = geometry.shadows.outside(points, camera.position, threads)
+    return Sample(met, points, facing[0].astype(np.float32), -through[met].astype(np.float32), outside)
 
 
 def _towards(normals: np.ndarray, side: np.ndarray) -> np.ndarray:
@@ -116,15 +119,16 @@ class Reached:
     @staticmethod
     def of(geometry: Geometry, samples: Sequence[Sample], direction: np.ndarray, radius: float) -> Reached:
         """Light comes to each sample from a place of its own on the disc of `radius` radians about a direction."""
-        lights, incidents, lit = [], [], []
-        for sample, towards in zip(samples, disc_directions(direction, radius, len(samples)), strict=True):
-            light = towards.astype(np.float32)
-            incident = sample.normals @ light
-            facing = np.flatnonzero(incident > 0)
-            lit.append(facing[~geometry.shadows.over(sample.points[facing], towards)])
-            lights.append(light)
-            incidents.append(incident)
-        return Reached(samples, tuple(lights), tuple(incidents), tuple(lit))
+        places = disc_directions(direction, radius, len(samples))
+        lights = tuple(places.astype(np.float32))
+        incident = tuple(sample.normals @ light for sample, light in zip(samples, lights, strict=True))
+        asking = [
+            Asking(sample.points, np.flatnonzero(cosines > 0), sample.outside, place)
+            for sample, cosines, place in zip(samples, incident, places, strict=True)
+        ]
+        hidden = geometry.shadows.over_each(asking)
+        lit = tuple(one.numbers[~dark] for one, dark in zip(asking, hidden, strict=True))
+        return Reached(samples, lights, incident, lit)
 
     def shone(self, pixels: int, alpha: float) -> np.ndarray:
         """`direct_light` of so many pixels, for a width of gloss."""

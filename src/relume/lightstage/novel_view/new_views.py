@@ -39,7 +39,8 @@ from relume.scene.shapes.shapes import Mesh
 
 PIXELS = 8192
 """Pixels worked on at once: with 300 lights a block of one part is 30 MB."""
-_ROWS = 32
+_ROWS, _FITTED_PIXELS = 32, 2**15
+"""Rows of a source that are fitted at once: so many at least, and as many as have so many pixels."""
 _LIT_PIXELS = 2**16
 _BESIDE = 8
 """Rows beside those of the mesh that are looked at too: its background, and what a pixel gathers."""
@@ -189,7 +190,9 @@ def _layers_under(
         for by in (model.settings.remainder, model.settings.spike_interpolation)
     )
     left, scales = np.zeros((*field.shape, 3)), np.zeros((*field.shape, 6))
-    bands = [rows for rows in cut(field.shape[0], _ROWS) if _near(met, rows)]
+    # Every band asks the mesh anew under each light.
+    step = max(_ROWS, _FITTED_PIXELS // field.shape[1])
+    bands = [rows for rows in cut(field.shape[0], step) if _near(met, rows)]
     shared = model, amounts, spike_irradiances
     made = by_bands(_layers_of_rows, shared, bands, cluster=cluster, place=place)
     for number, rows in enumerate(bands):

@@ -1,7 +1,7 @@
 """The loop below `parallel_light`: points in cells across the light, and triangles that ask them.
 
-Heights, bounds and planes are of float32 and widened by what that rounds; a point that none of them clears is put to
-the test of `kernel`, in double precision.
+Heights, bounds and planes are of float32 and widened by what that rounds; a point that is neither surely clear of a
+triangle nor surely below it is put to the test of `kernel`, in double precision.
 """
 
 from __future__ import annotations
@@ -12,7 +12,7 @@ from relume.image.kernel import exact_kernel, exact_small
 from relume.renderers.raytrace.kernel import _meet_triangle as meet_triangle
 from relume.renderers.raytrace.kernel import _shear_along as shear_along
 
-CLUSTER = 64
+CLUSTER = 16
 """Triangles that are passed over together where no point lies below them."""
 IN_CELL = 2
 """Points of a cell, about."""
@@ -25,22 +25,31 @@ MARGIN = np.float32(2e-6)
 
 
 @exact_kernel
-def hide(corners, blocks, boxes, points, direction, hidden):
-    """Mark the points (N, 3) that lie in the shadow of a triangle; the other arguments as of `Shadows`."""
-    if len(points) == 0:
+def hide(corners, blocks, boxes, cones, own, sided, points, asking, direction, hidden, doubtful):
+    """Mark which of the points (N, 3) that ask lie in the shadow of a triangle; corners … own as of `Shadows`.
+
+    asking : (K,) int64, numbers of points; `hidden` and `doubtful` (K,) are theirs
+    sided : 1 asks only triangles that face away from the light, and marks as doubtful what is not hidden and lies
+        below a triangle that closes the surface; 0 asks all triangles of the surface itself
+    """
+    if len(asking) == 0:
         return
     axes, _, shear = shear_along((0.0, 0.0, 0.0), (direction[0], direction[1], direction[2]))
     x, y, z = axes
-    across, along, height, ends, margin = seen_along(points, axes, shear, boxes)
+    across, along, height, ends, margin = seen_along(points, asking, axes, shear, boxes)
     place, a, b, h, begins, lowest, per, wide = in_cells(across, along, height, ends, margin)
-    bounds, reach = np.empty(14 * CLUSTER, np.float32), np.empty(4 * CLUSTER, np.int32)
-    for cluster in range(len(boxes)):
+    bounds, reach = np.empty(15 * CLUSTER, np.float32), np.empty(4 * CLUSTER, np.int32)
+    for cluster in range(len(boxes) if sided else own):
+        once = sided if cluster < own else np.float32(0)
+        cosine = cones[cluster, 0] * direction[0] + cones[cluster, 1] * direction[1] + cones[cluster, 2] * direction[2]
+        if once and cosine > cones[cluster, 3]:
+            continue
         most, deepest = lowest_under(boxes[cluster], axes, shear, ends, margin, lowest, per, wide)
         if deepest >= most:
             continue
         begin = cluster * CLUSTER
         size = min(CLUSTER, len(corners) - begin)
-        measure(blocks[cluster], axes, shear, ends, margin, per, bounds, reach)
+        measure(blocks[cluster], axes, shear, ends, margin, per, once, bounds, reach)
         for i in range(size):
             most = bounds[4 * CLUSTER + i]
             if most <= deepest or reach[i] > reach[1 * CLUSTER + i]:
@@ -64,6 +73,7 @@ def hide(corners, blocks, boxes, points, direction, hidden):
                 bounds[12 * CLUSTER + i],
                 bounds[13 * CLUSTER + i],
             )
+            sure = bounds[14 * CLUSTER + i]
             area, edge = ua * vb - ub * va, 4 * margin * (abs(ua) + abs(ub) + abs(va) + abs(vb))
             turn = np.float32(1 if area > 0 else -1)
             for row in range(reach[2 * CLUSTER + i], reach[3 * CLUSTER + i] + 1):
@@ -83,29 +93,34 @@ def hide(corners, blocks, boxes, points, direction, hidden):
                         # Outside one of the triangle's sides, seen along the light?
                         ra, rb = a[k] - here_a, b[k] - here_b
                         one, other = (ua * rb - ub * ra) * turn, (ra * vb - rb * va) * turn
-                        if one < -edge or other < -edge or area * turn - one - other < -edge:
+                        least = min(one, other, area * turn - one - other)
+                        if least < -edge:
                             continue
-                        # The test that a ray makes.
-                        point = place[k]
-                        eye = (points[point, x], points[point, y], points[point, z])
-                        distance, _, _ = meet_triangle(corners, begin + i, axes, eye, shear)
+                        which, distance = place[k], 1.0
+                        if not (least > edge and h[k] < base + pa * ra + pb * rb - sure):
+                            # Too near for float32: the test that a ray makes.
+                            point = asking[which]
+                            eye = (points[point, x], points[point, y], points[point, z])
+                            distance, _, _ = meet_triangle(corners, begin + i, axes, eye, shear)
                         if 0 < distance < np.inf:
-                            hidden[point] = True
+                            hidden[which] |= cluster < own
+                            doubtful[which] |= cluster >= own
                             h[k] = np.inf
 
 
 @exact_kernel
-def seen_along(points, axes, shear, boxes):
-    """The points across the light, twice, and towards it; their ends across it; and how far bounds are widened."""
+def seen_along(points, asking, axes, shear, boxes):
+    """Asking points across the light, twice, and towards it; their ends across it; and how far bounds are widened."""
     x, y, z = axes
-    count, up = len(points), 1 if shear[2] > 0 else -1
+    count, up = len(asking), 1 if shear[2] > 0 else -1
     across, along, height = np.empty(count, np.float32), np.empty(count, np.float32), np.empty(count, np.float32)
     low_a, low_b, high_a, high_b = np.float32(np.inf), np.float32(np.inf), np.float32(-np.inf), np.float32(-np.inf)
     largest = np.float32(1e-30)
     for i in range(count):
-        across[i] = points[i, x] - shear[0] * points[i, z]
-        along[i] = points[i, y] - shear[1] * points[i, z]
-        height[i] = up * points[i, z]
+        point = asking[i]
+        across[i] = points[point, x] - shear[0] * points[point, z]
+        along[i] = points[point, y] - shear[1] * points[point, z]
+        height[i] = up * points[point, z]
         low_a, high_a = min(low_a, across[i]), max(high_a, across[i])
         low_b, high_b = min(low_b, along[i]), max(high_b, along[i])
         largest = max(largest, abs(height[i]))
@@ -165,12 +180,13 @@ def lowest_under(box, axes, shear, ends, margin, lowest, per, wide):
 
 
 @exact_kernel
-def measure(block, axes, shear, ends, margin, per, bounds, reach):
+def measure(block, axes, shear, ends, margin, per, sided, bounds, reach):
     """What each triangle of a cluster covers, as seen along the light.
 
     block : (9 · CLUSTER,) the corners' x, y, z, each of all triangles
-    bounds : (14 · CLUSTER,) to fill: ends across the light, highest corner, first corner, the plane's height there and
-        its slopes, and two sides
+    sided : 1 leaves out triangles that surely face the light
+    bounds : (15 · CLUSTER,) to fill: ends across the light, highest corner, first corner, the plane's height there and
+        its slopes, two sides, and how far below that plane a point is surely below the triangle's
     reach : (4 · CLUSTER,) to fill: first and last column of cells, first and last row; none where last is before first
     """
     x, y, z = axes
@@ -187,14 +203,16 @@ def measure(block, axes, shear, ends, margin, per, bounds, reach):
         h1, h2, h3 = up * z1, up * z2, up * z3
         left, right = min(a1, a2, a3) - margin, max(a1, a2, a3) + margin
         front, back = min(b1, b2, b3) - margin, max(b1, b2, b3) + margin
+        ua, ub, va, vb, rise, other = a2 - a1, b2 - b1, a3 - a1, b3 - b1, h2 - h1, h3 - h1
+        area = ua * vb - ub * va
         beside = right < low_a or left > high_a or back < low_b or front > high_b
+        beside |= sided * up * area > 4 * margin * (abs(ua) + abs(ub) + abs(va) + abs(vb))
         reach[i] = np.int32(1) if beside else cell_of(max(left, low_a), low_a, per)
         reach[np.uint64(1 * CLUSTER) + i] = np.int32(0) if beside else cell_of(min(right, high_a), low_a, per)
         reach[np.uint64(2 * CLUSTER) + i] = np.int32(0) if beside else cell_of(max(front, low_b), low_b, per)
         reach[np.uint64(3 * CLUSTER) + i] = np.int32(0) if beside else cell_of(min(back, high_b), low_b, per)
         # The plane, raised by what differences round, as slopes and area make that grow.
-        ua, ub, va, vb, rise, other = a2 - a1, b2 - b1, a3 - a1, b3 - b1, h2 - h1, h3 - h1
-        inverse, highest = 1 / (ua * vb - ub * va), max(h1, h2, h3) + margin
+        inverse, highest = 1 / area, max(h1, h2, h3) + margin
         pa, pb = (rise * vb - ub * other) * inverse, (ua * other - rise * va) * inverse
         spread = max(right - left, back - front)
         off = margin * (1 + 4 * spread * (spread + abs(rise) + abs(other)) * abs(inverse))
@@ -221,7 +239,8 @@ def measure(block, axes, shear, ends, margin, per, bounds, reach):
             bounds[np.uint64(11 * CLUSTER) + i],
             bounds[np.uint64(12 * CLUSTER) + i],
             bounds[np.uint64(13 * CLUSTER) + i],
-        ) = ua, ub, va, vb
+            bounds[np.uint64(14 * CLUSTER) + i],
+        ) = ua, ub, va, vb, 2 * off if flat else np.float32(np.inf)
 
 
 @exact_small

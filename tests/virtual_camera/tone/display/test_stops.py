@@ -68,3 +68,13 @@ def test_words_leave_other_pixels_as_they_are_and_stand_where_they_are_reported(
     y, x = np.nonzero(changed)
     assert 80 < x.min() and x.max() <= 101 and 20 < y.min() and y.max() < 40
     assert np.array_equal(lettered(page, []), page)
+
+
+@pytest.mark.parametrize(("align", "left"), [("left", 101), ("center", 94), ("right", 86)])
+@pytest.mark.parametrize(("level", "top"), [("top", 40), ("center", 33), ("bottom", 26)])
+def test_words_stand_as_their_alignment_says(align, left, level, top):
+    # As matplotlib's figures set them, whose font and measures these are.
+    page = np.zeros((80, 200, 3), np.uint8)
+    y, x = np.nonzero(lettered(page, [Words(100, 40, "HI", 10, "#ffffff", align, level)]).max(-1) > 60)
+    assert abs(x.min() - left) <= 1 and abs(x.max() - x.min() - 12) <= 1
+    assert abs(y.min() - top) <= 1 and abs(y.max() - y.min() - 10) <= 1

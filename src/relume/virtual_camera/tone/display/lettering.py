@@ -1,9 +1,12 @@
-"""Words on a page of pixels, by matplotlib's own fonts: the same on every machine."""
+"""Words on a page of pixels, in the font that matplotlib brings: the same on every machine."""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import cache
+from importlib.util import find_spec
+from pathlib import Path
 from typing import Literal
 
 import numpy as np
@@ -17,7 +20,7 @@ class Words:
 
     x, y : pixels from the page's left and top, of the point that `align` and `level` name
     points : size; at 100 dots an inch one point is 1.39 pixels
-    colour : as matplotlib has them, "#e8e6e1"
+    colour : "#e8e6e1"
     """
 
     x: float
@@ -31,15 +34,26 @@ class Words:
 
 def lettered(page: np.ndarray, words: Sequence[Words]) -> np.ndarray:
     """The page (H, W, 3) uint8 with words on it, its other pixels untouched."""
-    from matplotlib.backends.backend_agg import FigureCanvasAgg
-    from matplotlib.figure import Figure
+    # Drawn by Pillow: to import matplotlib's figures takes longer than to draw many pages.
+    from PIL import Image, ImageDraw, ImageFont
 
-    height, width = page.shape[:2]
-    figure = Figure(figsize=(width / _DPI, height / _DPI), dpi=_DPI)
-    canvas = FigureCanvasAgg(figure)
-    figure.figimage(page)
+    image = Image.fromarray(page)
+    draw = ImageDraw.Draw(image)
     for one in words:
-        place = (one.x / width, 1 - one.y / height)
-        figure.text(*place, one.text, fontsize=one.points, color=one.colour, va=one.level, ha=one.align)
-    canvas.draw()
-    return np.asarray(canvas.buffer_rgba())[..., :3].copy()
+        font = ImageFont.truetype(_font(), one.points * _DPI / 72)
+        left, top, right, bottom = font.getbbox(one.text, anchor="ls")
+        # As high as a line, whichever letters it has.
+        _, highest, _, lowest = font.getbbox("lp", anchor="ls")
+        top, bottom = min(top, highest), max(bottom, lowest)
+        x = one.x - {"left": left, "center": (left + right) / 2, "right": right}[one.align]
+        y = one.y - {"top": top, "center": (top + bottom) / 2, "bottom": bottom}[one.level]
+        draw.text((x, y), one.text, font=font, fill=one.colour, anchor="ls")
+    return np.array(image)
+
+
+@cache
+def _font() -> str:
+    """The file of DejaVu Sans among matplotlib's, which is found without its import."""
+    found = find_spec("matplotlib")
+    assert found is not None and found.origin is not None
+    return str(Path(found.origin).parent / "mpl-data" / "fonts" / "ttf" / "DejaVuSans.ttf")
