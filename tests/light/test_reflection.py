@@ -74,7 +74,7 @@ def test_the_normalisations_differ_by_their_named_divisors_and_nothing_else(lobe
     assert (paper.normalisation, radiometric.normalisation) == (PAPER, RADIOMETRIC)
 
 
-@pytest.mark.parametrize("n", [1, 10, 50, 200, 1000])
+@pytest.mark.parametrize("n", [1, 50, 1000])
 def test_phongs_map_by_the_papers_constant_and_the_radiometric_one(n):
     light = constant(256)
     paper, radiometric = (reflection_map(light, Phong(n), 9, norm).table for norm in (PAPER, RADIOMETRIC))
@@ -121,7 +121,7 @@ def test_a_lobe_damps_a_harmonic_of_the_light_by_its_zonal_coefficient(lobe):
     np.testing.assert_allclose(table[..., 0], expected, atol=2e-3 * lobe.integral)
 
 
-@pytest.mark.parametrize("n", [1, 10, 50, 200, 1000])
+@pytest.mark.parametrize("n", [1, 50, 1000])
 def test_on_the_edge_of_a_half_lit_sphere_a_highlight_is_half_as_bright(n):
     # A8. The edge is where pixels meet, so that each is lit or dark.
     light = of_directions(lambda d: (d[..., 0] > 0) * 1.0, 256)
@@ -142,7 +142,7 @@ def test_a_table_is_the_sum_over_all_pixels(lobe, rows):
     # Of 10, 32 and 72 columns only the first divide the map's 30. No pixel lies on an entry's horizon, where steps are.
     light = cut_up(spiky(15), lobe.width)
     # Of larger tables one column in so many, at all places within those of the map.
-    every = {5: 1, 16: 3, 36: 7}[rows]
+    every = {5: 1, 16: 3, 36: 14}[rows]
     slow = naive.reflection_sums(light.radiance, lobe, rows, every)
     table, bound = convolved(light, lobe, rows)
     error = np.abs(table[:, ::every] / slow - 1).max()

@@ -38,7 +38,7 @@ BLOCK = 4
 PASSES = 16
 WHITE = Diffuse((1, 1, 1))
 SKIES = ["synthetic", pytest.param("venice", marks=pytest.mark.slow)]
-MANY = {"synthetic": 4096, "venice": 65536}
+MANY = {"synthetic": 2048, "venice": 65536}
 """Rays a pixel: for the photographed sky, whose sun is small, as many as its noise needs."""
 
 

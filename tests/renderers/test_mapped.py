@@ -458,7 +458,7 @@ def test_the_number_of_threads_does_not_change_a_bit():
         (Layer(Lambert(), Towards.NORMAL), Layer(GGX(0.5)), Layer(Phong(), weight=Schlick(0.04))),
         bumps=Wrinkles(),
     )
-    camera = Camera(200, 150, 900.0, np.array([0, 0, 10.0]), np.eye(3))
+    camera = Camera(100, 150, 900.0, np.array([0, 0, 10.0]), np.eye(3))
     one, two = (picture(material, light, camera, threads=threads) for threads in (1, 2))
     for plane in ("radiance", "matte", "depth", "normal", "albedo"):
         np.testing.assert_array_equal(getattr(two, plane), getattr(one, plane))

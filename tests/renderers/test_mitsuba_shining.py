@@ -39,7 +39,7 @@ def test_what_shines_in_a_body_lights_what_lies_in_it_as_chance_finds(filling):
     # At the ball that is lit.
     camera = Camera.looking_at(np.array([0.1, 0.6, 2.4]), np.array(lit.centre), width=8, height=8, focal_length=200)
     means, errors = [], []
-    for looks, samples in ((True, 256), (False, 1024)):
+    for looks, samples in ((True, 192), (False, 768)):
         made = Plain(scene, camera, 12)
         made.world.looks_for_objects = looks
         found = [made.traced(samples, pass_seed(looks, index))["radiance"].mean() for index in range(PASSES)]
