@@ -57,7 +57,7 @@ def test_self_luminous_material_glows_with_the_mean_light(normalisation, value):
 
 
 @pytest.mark.parametrize(
-    ("n", "total"), [(1, np.pi), (10, 0.571199), (50, 0.123200), (200, 0.031260), (1000, 0.006277)]
+    ("n", "total"), [(1, np.pi), (50, 0.123200), (1000, 0.006277)]
 )
 def test_phongs_map_of_constant_light(n, total):
     # A7; of 512 rows, because at the poles a pixel's centre is not its middle: 1.4e-4 at 256 with n = 50, 3.4e-5 here.

@@ -21,7 +21,7 @@ GREY = Diffuse((0.5, 0.5, 0.5))
 GROUND = quad([[-1, 0, 1], [1, 0, 1], [1, 0, -1], [-1, 0, -1]], GREY)
 CAMERA = rl.Camera.looking_at(np.array([0, 2.0, 0.1]), np.zeros(3), width=4, height=4, focal_length=4)
 LOOKED = [
-    rl.renderers.Radiosity(rays=20_000, refinements=1, unshot=5e-3, samples=16),
+    rl.renderers.Radiosity(rays=10_000, refinements=0, unshot=5e-3, samples=16),
     rl.renderers.Radiosity(rays=10_000, refinements=0, unshot=5e-3, samples=16, gather=16),
     rl.renderers.IrradianceCache(samples=16, shadow_rays=4, rays=256),
 ]

@@ -339,7 +339,7 @@ def test_a_texture_on_a_sphere_stands_as_a_map_of_the_world_does():
 
 
 def test_a_roughness_image_makes_each_place_as_smooth_as_it_says():
-    light, buffer = sunny(32), facing(COSINES[:3])
+    light, buffer = sunny(16), facing(COSINES[:3])
     image = np.repeat(np.array([[0.8, 1.0]]), 4, axis=1).repeat(4, axis=0)
     varied, smooth, middling, rough = (
         Shading.of([Material(metallic=1.0, roughness=roughness)], light) for roughness in (image, 0.8, 0.9, 1.0)

@@ -241,7 +241,7 @@ def room() -> list[EnvironmentMap]:
     )
     scene = Scene(EnvironmentMap(np.zeros((4, 8, 3), np.float32)), (walls,), (), lights)
     renderer = Mitsuba(samples=16, depth=5)
-    return [environment(scene, place, renderer, size=96, seed=i) for i, place in enumerate((LEFT, RIGHT, BETWEEN))]
+    return [environment(scene, place, renderer, size=64, seed=i) for i, place in enumerate((LEFT, RIGHT, BETWEEN))]
 
 
 def test_light_between_two_probes_is_many_times_nearer_the_truth_than_the_nearest(room):

@@ -37,7 +37,7 @@ def rows(mapping, scale=1):
 
 @lru_cache
 def middles(mapping, size):
-    """The mean direction of each pixel, by 8 × 8 cells, of small pixels by 4 × 4: (rows, columns, 3), shorter than 1."""
+    """The mean direction of each pixel, by 8 × 8 cells, or 4 × 4 of small ones: (rows, columns, 3), shorter than 1."""
     cells = 8 if size < 256 else 4
     height, width = mapping.shape(size)
     towards = np.nan_to_num(mapping.directions(mapping.shown(pixel_points(mapping, size, cells))))
