@@ -105,5 +105,6 @@ def _half(view_angle: float, directions: np.ndarray) -> tuple[np.ndarray, np.nda
     """N·H and E·H for H half-way between E and L."""
     view = np.array([np.sin(view_angle), 0.0, np.cos(view_angle)])
     half = directions + view
-    length = np.maximum(np.linalg.norm(half, axis=-1), 1e-12)
-    return half[..., 2] / length, np.clip(half @ view / length, 0, 1)
+    x, y, z = half[..., 0], half[..., 1], half[..., 2]
+    length = np.maximum(np.sqrt(x * x + y * y + z * z), 1e-12)  # thrice as fast as `norm` along a short axis
+    return z / length, np.clip(half @ view / length, 0, 1)
