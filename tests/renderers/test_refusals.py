@@ -110,7 +110,7 @@ def test_what_cannot_be_shown_is_refused_in_one_line(renderer, scene, camera, li
     ],
 )
 def test_the_renderer_that_a_refusal_of_a_light_names_takes_it(renderer: Renderer, light: Light):
-    scene = replace(SCENE, lights=(light,))
+    scene = replace(SCENE, light=lights.constant(4, 0.0), lights=(light,))
     try:
         renderer.render(scene, replace(CAMERA, width=2, height=2))
     except UnsupportedScene as refused:
