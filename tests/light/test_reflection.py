@@ -56,9 +56,7 @@ def test_self_luminous_material_glows_with_the_mean_light(normalisation, value):
     np.testing.assert_allclose(table, np.broadcast_to(np.array([1, 2, 0.5]) * value, table.shape), rtol=1e-6)
 
 
-@pytest.mark.parametrize(
-    ("n", "total"), [(1, np.pi), (50, 0.123200), (1000, 0.006277)]
-)
+@pytest.mark.parametrize(("n", "total"), [(1, np.pi), (50, 0.123200), (1000, 0.006277)])
 def test_phongs_map_of_constant_light(n, total):
     # A7; of 512 rows, because at the poles a pixel's centre is not its middle: 1.4e-4 at 256 with n = 50, 3.4e-5 here.
     np.testing.assert_allclose(reflection_map(constant(512), Phong(n), 9, SUM).table, total, rtol=1e-4)

@@ -83,7 +83,9 @@ def test_a_point_lights_milk_as_a_small_sphere_of_its_intensity_does():
 
 def test_a_sun_lights_milk_and_photons_do_not_depend_on_the_threads():
     sun = DistantLight((0.4, 1.0, 0.6), (1.0, 1.0, 1.0))
-    pictures = [Mitsuba(4, threads=threads, passes=2).render(scene(body(0.1), sun), CAMERA, seed=4) for threads in (1, 2)]
+    pictures = [
+        Mitsuba(4, threads=threads, passes=2).render(scene(body(0.1), sun), CAMERA, seed=4) for threads in (1, 2)
+    ]
     assert pictures[0].radiance[pictures[0].matte == 1].mean() > 0.05
     assert np.array_equal(pictures[0].radiance, pictures[1].radiance)
 

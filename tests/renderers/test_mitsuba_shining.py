@@ -30,9 +30,7 @@ def shining(radiance: float) -> Material:
 
 
 # slow: what fills the body changes only what is left of the light; that of coloured glass goes red for the same break.
-@pytest.mark.parametrize(
-    "filling", [pytest.param(MILK, marks=pytest.mark.slow), INK], ids=["milk", "coloured glass"]
-)
+@pytest.mark.parametrize("filling", [pytest.param(MILK, marks=pytest.mark.slow), INK], ids=["milk", "coloured glass"])
 def test_what_shines_in_a_body_lights_what_lies_in_it_as_chance_finds(filling):
     from relume.renderers.mitsuba.transport.plain import Plain
 
