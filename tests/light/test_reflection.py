@@ -56,9 +56,7 @@ def test_self_luminous_material_glows_with_the_mean_light(normalisation, value):
     np.testing.assert_allclose(table, np.broadcast_to(np.array([1, 2, 0.5]) * value, table.shape), rtol=1e-6)
 
 
-@pytest.mark.parametrize(
-    ("n", "total"), [(1, np.pi), (10, 0.571199), (50, 0.123200), (200, 0.031260), (1000, 0.006277)]
-)
+@pytest.mark.parametrize(("n", "total"), [(1, np.pi), (50, 0.123200), (1000, 0.006277)])
 def test_phongs_map_of_constant_light(n, total):
     # A7; of 512 rows, because at the poles a pixel's centre is not its middle: 1.4e-4 at 256 with n = 50, 3.4e-5 here.
     np.testing.assert_allclose(reflection_map(constant(512), Phong(n), 9, SUM).table, total, rtol=1e-4)
@@ -74,7 +72,7 @@ def test_the_normalisations_differ_by_their_named_divisors_and_nothing_else(lobe
     assert (paper.normalisation, radiometric.normalisation) == (PAPER, RADIOMETRIC)
 
 
-@pytest.mark.parametrize("n", [1, 10, 50, 200, 1000])
+@pytest.mark.parametrize("n", [1, 50, 1000])
 def test_phongs_map_by_the_papers_constant_and_the_radiometric_one(n):
     light = constant(256)
     paper, radiometric = (reflection_map(light, Phong(n), 9, norm).table for norm in (PAPER, RADIOMETRIC))
@@ -121,7 +119,7 @@ def test_a_lobe_damps_a_harmonic_of_the_light_by_its_zonal_coefficient(lobe):
     np.testing.assert_allclose(table[..., 0], expected, atol=2e-3 * lobe.integral)
 
 
-@pytest.mark.parametrize("n", [1, 10, 50, 200, 1000])
+@pytest.mark.parametrize("n", [1, 50, 1000])
 def test_on_the_edge_of_a_half_lit_sphere_a_highlight_is_half_as_bright(n):
     # A8. The edge is where pixels meet, so that each is lit or dark.
     light = of_directions(lambda d: (d[..., 0] > 0) * 1.0, 256)
@@ -142,7 +140,7 @@ def test_a_table_is_the_sum_over_all_pixels(lobe, rows):
     # Of 10, 32 and 72 columns only the first divide the map's 30. No pixel lies on an entry's horizon, where steps are.
     light = cut_up(spiky(15), lobe.width)
     # Of larger tables one column in so many, at all places within those of the map.
-    every = {5: 1, 16: 3, 36: 7}[rows]
+    every = {5: 1, 16: 3, 36: 14}[rows]
     slow = naive.reflection_sums(light.radiance, lobe, rows, every)
     table, bound = convolved(light, lobe, rows)
     error = np.abs(table[:, ::every] / slow - 1).max()

@@ -131,8 +131,8 @@ def plain(scene, camera, samples):
 def test_the_change_has_the_mean_of_plain_subtraction(name):
     scene, camera = SCENES[name]
     fast = name in FAST
-    change = Differential(samples=512 if fast else 2048).change(scene, camera, seed=1)
-    with_, difference = plain(scene, camera, 32 if fast else 256)
+    change = Differential(samples=256 if fast else 2048).change(scene, camera, seed=1)
+    with_, difference = plain(scene, camera, 16 if fast else 256)
     beside, covered = change.matte == 0, change.matte == 1
     assert np.any(change.difference[beside] != 0)
     for mine, variance, theirs, where in (

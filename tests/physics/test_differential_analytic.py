@@ -189,7 +189,7 @@ def test_a_mirrored_ball_scatters_parallel_light_alike_in_all_directions():
     camera = looking_at_the_floor((0.6, 0, 0), (0.6, 0.9, 1.5), focal_length=150)
     # A small piece of floor: a wide one lit by the sun is itself mirrored in the ball.
     piece = quad([[0.4, 0, 0.2], [0.8, 0, 0.2], [0.8, 0, -0.2], [0.4, 0, -0.2]], FLOOR.material)
-    change = Differential(samples=8192).change(Scene(DARKNESS, (piece,), (ball,), (sun,)), camera, seed=9)
+    change = Differential(samples=4096).change(Scene(DARKNESS, (piece,), (ball,), (sun,)), camera, seed=9)
     foot = np.hypot(*np.moveaxis(floor_points(camera)[..., [0, 2]], -1, 0))
     assert not change.matte.any()
     intensity = np.array(sun.irradiance) * radius**2 / 4

@@ -38,7 +38,7 @@ BLOCK = 4
 PASSES = 16
 WHITE = Diffuse((1, 1, 1))
 SKIES = ["synthetic", pytest.param("venice", marks=pytest.mark.slow)]
-MANY = {"synthetic": 4096, "venice": 65536}
+MANY = {"synthetic": 2048, "venice": 65536}
 """Rays a pixel: for the photographed sky, whose sun is small, as many as its noise needs."""
 
 
@@ -170,8 +170,11 @@ def test_a_ball_and_the_light_round_it_are_one_picture_with_path_tracings(sky):
 
 
 @pytest.mark.parametrize("sky", SKIES, indirect=True)
-# Between the two that stay the same code meets the same integral.
-@pytest.mark.parametrize("alpha", [0.1, pytest.param(0.25, marks=pytest.mark.slow), 0.5])
+# slow: a finer table for narrower lobes; by one code all meet the same integral, and that of 0.5 goes red for the same
+# break, as does light/test_glossy.py::test_under_a_bare_sun_the_map_is_the_integral_within_a_per_cent.
+@pytest.mark.parametrize(
+    "alpha", [pytest.param(0.1, marks=pytest.mark.slow), pytest.param(0.25, marks=pytest.mark.slow), 0.5]
+)
 def test_white_ggx_is_within_a_per_cent_of_path_tracing(sky, alpha, capsys):
     name, light = sky
     ours, flat = mapped(Reflective((Layer(GGX(alpha)),)), light), mapped(flat_ggx(alpha), light)

@@ -51,8 +51,8 @@ def probe(light):
     )
     views = []
     for position in CAMERAS:
-        camera = Camera.looking_at(position, CENTRE, width=256, height=256, focal_length=256 * 8.4)
-        picture = render(Scene(light, objects=(ball,)), camera, Mitsuba(samples=32), seed=1)
+        camera = Camera.looking_at(position, CENTRE, width=192, height=192, focal_length=192 * 8.4)
+        picture = render(Scene(light, objects=(ball,)), camera, Mitsuba(samples=16), seed=1)
         views.append(
             unwrap_ball(RadianceMap(picture.radiance), camera=position, centre=CENTRE, focal_length=camera.focal_length)
         )

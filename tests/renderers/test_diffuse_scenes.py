@@ -21,8 +21,8 @@ GREY = Diffuse((0.5, 0.5, 0.5))
 GROUND = quad([[-1, 0, 1], [1, 0, 1], [1, 0, -1], [-1, 0, -1]], GREY)
 CAMERA = rl.Camera.looking_at(np.array([0, 2.0, 0.1]), np.zeros(3), width=4, height=4, focal_length=4)
 LOOKED = [
-    rl.renderers.Radiosity(rays=50_000, samples=16),
-    rl.renderers.Radiosity(rays=20_000, refinements=0, samples=16, gather=16),
+    rl.renderers.Radiosity(rays=10_000, refinements=0, unshot=5e-3, samples=16),
+    rl.renderers.Radiosity(rays=10_000, refinements=0, unshot=5e-3, samples=16, gather=16),
     rl.renderers.IrradianceCache(samples=16, shadow_rays=4, rays=256),
 ]
 BOTH = [rl.renderers.Radiosity(rays=64), rl.renderers.IrradianceCache(rays=8)]
@@ -105,16 +105,23 @@ def test_an_eye_sees_lamps_without_a_body_from_their_front_and_what_lies_behind(
         np.testing.assert_allclose(ready.look(eye, way).emission[0], 0.5)
 
 
+LIGHTS = (
+    rl.scene.SphereLight((0.3, 0.6, 0.4), 0.1, (6.0, 4.0, 3.0)),
+    rl.scene.RectangleLight((0.6, 0.9, 0.4), (0.2, -1, 0), (0.3, 0.2), (5.0, 6.0, 8.0)),
+)
+LIT = Scene(BLACK, room(GREY), lights=LIGHTS)
+EYE = rl.Camera.looking_at(np.array([0.5, 0.5, 0.9]), np.array([0.5, 0.3, 0]), width=8, height=8, focal_length=5)
+
+
+@pytest.fixture(scope="module")
+def truth() -> np.ndarray:
+    """The lit room by Mitsuba."""
+    return rl.Mitsuba(samples=256).render(LIT, EYE).radiance
+
+
 @pytest.mark.parametrize("renderer", LOOKED, ids=["radiosity", "gathered", "cache"])
-def test_a_room_under_lamps_without_a_body_is_as_bright_as_mitsubas(renderer: rl.Renderer):
-    lights = (
-        rl.scene.SphereLight((0.3, 0.6, 0.4), 0.1, (6.0, 4.0, 3.0)),
-        rl.scene.RectangleLight((0.6, 0.9, 0.4), (0.2, -1, 0), (0.3, 0.2), (5.0, 6.0, 8.0)),
-    )
-    scene = Scene(BLACK, room(GREY), lights=lights)
-    eye = rl.Camera.looking_at(np.array([0.5, 0.5, 0.9]), np.array([0.5, 0.3, 0]), width=8, height=8, focal_length=5)
-    truth = rl.Mitsuba(samples=256).render(scene, eye).radiance
-    found = rl.render(scene, eye, renderer).radiance
+def test_a_room_under_lamps_without_a_body_is_as_bright_as_mitsubas(renderer: rl.Renderer, truth: np.ndarray):
+    found = rl.render(LIT, EYE, renderer).radiance
     np.testing.assert_allclose(found.mean((0, 1)), truth.mean((0, 1)), rtol=0.03)
     # Where no lamp is seen, and no edge is.
     np.testing.assert_allclose(found[4:, 2:6].mean((0, 1)), truth[4:, 2:6].mean((0, 1)), rtol=0.03)

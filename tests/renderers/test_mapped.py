@@ -339,7 +339,7 @@ def test_a_texture_on_a_sphere_stands_as_a_map_of_the_world_does():
 
 
 def test_a_roughness_image_makes_each_place_as_smooth_as_it_says():
-    light, buffer = sunny(32), facing(COSINES[:3])
+    light, buffer = sunny(16), facing(COSINES[:3])
     image = np.repeat(np.array([[0.8, 1.0]]), 4, axis=1).repeat(4, axis=0)
     varied, smooth, middling, rough = (
         Shading.of([Material(metallic=1.0, roughness=roughness)], light) for roughness in (image, 0.8, 0.9, 1.0)
@@ -458,7 +458,7 @@ def test_the_number_of_threads_does_not_change_a_bit():
         (Layer(Lambert(), Towards.NORMAL), Layer(GGX(0.5)), Layer(Phong(), weight=Schlick(0.04))),
         bumps=Wrinkles(),
     )
-    camera = Camera(200, 150, 900.0, np.array([0, 0, 10.0]), np.eye(3))
+    camera = Camera(100, 150, 900.0, np.array([0, 0, 10.0]), np.eye(3))
     one, two = (picture(material, light, camera, threads=threads) for threads in (1, 2))
     for plane in ("radiance", "matte", "depth", "normal", "albedo"):
         np.testing.assert_array_equal(getattr(two, plane), getattr(one, plane))

@@ -22,7 +22,7 @@ BRUSHED = Material((0.9, 0.7, 0.4), metallic=1.0, roughness=0.25)
 FROSTED = Material(roughness=0.25, transmission=1.0)
 MIRROR = Material((0.9, 0.8, 0.7), metallic=1.0, roughness=0.0)
 FLOOR = Plane(Diffuse((0.7, 0.5, 0.3)), (4.0, 4.0))
-PASSES, SAMPLES = 8, 384
+PASSES, SAMPLES = 8, 256
 LAMP = SphereLight((-0.8, 1.5, 0.4), 0.3, (40.0, 34.0, 28.0))
 """Beside the map's own lamp as ball and table see it: it hides none of it."""
 

@@ -143,7 +143,7 @@ def test_what_is_left_of_the_light_in_a_deep_shadow_is_clean():
 
 def test_the_number_of_threads_changes_no_bit():
     random = np.random.default_rng(4)
-    picture, albedo, normal = (random.random((256, 256, 3)).astype(np.float32) for _ in range(3))
+    picture, albedo, normal = (random.random((128, 128, 3)).astype(np.float32) for _ in range(3))
     cleaned = []
     for threads in (1, 2, 3, 16):  # with other sums of other threads three and sixteen differ from two
         with _mitsuba(None, threads):

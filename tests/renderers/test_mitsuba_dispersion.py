@@ -242,7 +242,7 @@ def test_the_spectrum_of_a_prism_lands_where_the_catalogue_says(mi):
     estimator = Estimator(scene, camera, 2)
     assert estimator.world.smooth
     light = np.stack(
-        [each["difference"].sum(axis=1) for each in estimator._lit(500_000, [pass_seed(3, n) for n in range(4)])]
+        [each["difference"].sum(axis=1) for each in estimator._lit(250_000, [pass_seed(3, n) for n in range(4)])]
     )
     ends, weights, _ = strata()
     heights, shares = landing(GLASSES["SF11"].index((ends[1:] + ends[:-1]) / 2), way, wall)

@@ -39,14 +39,14 @@ def test_a_balls_caustic_under_a_point_is_the_particle_tracers(mi: Any, material
         BLACK, (Plane(Diffuse((0.6, 0.5, 0.4)), (4.0, 4.0)),), (Sphere((0.0, 0.45, 0.0), 0.3, material),), (lamp,)
     )
     plain = Plain(scene, CAMERA, 8)
-    ours = np.stack([plain.traced(128, pass_seed(1, index))["radiance"] for index in range(PASSES)])
+    ours = np.stack([plain.traced(64, pass_seed(1, index))["radiance"] for index in range(PASSES)])
     world = mi.load_dict(scene_dictionary(mi, scene, CAMERA))
     particles = mi.load_dict({"type": "ptracer", "max_depth": 9, "rr_depth": 8, "hide_emitters": True})
     theirs = np.stack([
-        np.array(mi.render(world, integrator=particles, spp=2048, seed=pass_seed(9, index))) for index in range(PASSES)
+        np.array(mi.render(world, integrator=particles, spp=1024, seed=pass_seed(9, index))) for index in range(PASSES)
     ])  # fmt: skip
     # Where the ball is not seen, for its own picture no particle finds: the brightest twentieth, and all of it.
-    chosen = plain.traced(512, 77)
+    chosen = plain.traced(128, 77)
     beside = chosen["matte"] == 0
     bright = beside & (chosen["radiance"].mean(-1) > np.quantile(chosen["radiance"].mean(-1), 0.95))
     for where in (bright, beside):

@@ -139,12 +139,12 @@ print(mitsuba.variant())
 
 
 @pytest.mark.skipif(sys.platform != "linux", reason="the folders and names are those of Linux")
-# Of the others, tests above show that they are passed over and what is chosen then.
+# slow: of the others, tests above show that they are passed over and what is chosen then.
 @pytest.mark.parametrize(
     ("version", "by"),
     [
         (15, "folder"),
-        (19, "environment"),
+        pytest.param(19, "environment", marks=pytest.mark.slow),
         pytest.param(14, "folder", marks=pytest.mark.slow),
         pytest.param(14, "environment", marks=pytest.mark.slow),
         pytest.param(15, "environment", marks=pytest.mark.slow),

@@ -54,9 +54,9 @@ def scene() -> Scene:
 
 
 def test_where_objects_fill_a_pixel_render_and_change_have_the_same_bits():
-    change = Differential(16).change(scene(), CAMERA, seed=3)
+    change = Differential(8).change(scene(), CAMERA, seed=3)
     # A change has fewer and larger passes: as many of the same size.
-    whole = replace(Mitsuba(32), passes=change.passes).render(scene(), CAMERA, seed=3)
+    whole = replace(Mitsuba(16), passes=change.passes).render(scene(), CAMERA, seed=3)
     assert (whole.samples, whole.passes) == (change.samples, change.passes)
     assert np.array_equal(whole.matte, change.matte)
     # Lamps before the object are in the whole picture alone.
@@ -190,8 +190,8 @@ def test_a_motion_that_was_stopped_goes_on_with_the_same_bits(tmp_path):
 
 
 def test_a_denoised_picture_is_nearer_to_the_truth_and_as_bright():
-    camera = CAMERA.resized(72, 48)
-    few, truth = Mitsuba(8).render(scene(), camera, seed=1), Mitsuba(128).render(scene(), camera, seed=2)
+    camera = CAMERA.resized(48, 32)
+    few, truth = Mitsuba(8).render(scene(), camera, seed=1), Mitsuba(96, passes=4).render(scene(), camera, seed=2)
     clean = denoised_render(few)
     noise, left = (np.abs(found.radiance - truth.radiance).mean() for found in (few, clean))
     assert left < 0.5 * noise

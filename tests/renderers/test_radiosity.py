@@ -204,7 +204,7 @@ def test_the_same_seed_gives_the_same_pixels_with_any_threads():
         rl.render(
             cornell_box(),
             cornell_camera(8),
-            rl.renderers.Radiosity(patch=0.5, element=0.2, rays=3000, threads=t, gather=2),
+            rl.renderers.Radiosity(patch=0.5, element=0.2, refinements=1, unshot=0.1, rays=3000, threads=t, gather=2),
             seed=s,
         ).radiance
         for t, s in ((1, 4), (2, 4), (1, 5))

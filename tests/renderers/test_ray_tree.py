@@ -93,12 +93,12 @@ def test_the_breakdown_adds_up_and_most_of_a_mesh_is_intersection():
     corners = random.normal(size=(3000, 1, 3)) * 0.7 + random.normal(size=(3000, 3, 3)) * 0.2
     faces = np.arange(9000).reshape(-1, 3).astype(np.int32)
     thorns = rl.Mesh(corners.reshape(-1, 3).astype(np.float32), faces, rl.Diffuse((0.5, 0.5, 0.5)))
-    camera = rl.Camera.looking_at(np.array([0, 0.5, 4.0]), np.zeros(3), width=80, height=60, focal_length=80)
+    camera = rl.Camera.looking_at(np.array([0, 0.5, 4.0]), np.zeros(3), width=40, height=30, focal_length=40)
     shares = breakdown(rl.Whitted().prepared(rl.Scene(SKY, objects=(thorns,))), camera)
     assert shares.overhead + shares.intersection + shares.shading == pytest.approx(1)
     assert min(shares.overhead, shares.intersection, shares.shading) >= 0
     assert shares.intersection > 0.5
-    assert shares.rays > 80 * 60
+    assert shares.rays > 40 * 30
     assert shares.seconds > 0
 
 

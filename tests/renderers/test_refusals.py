@@ -101,9 +101,17 @@ def test_what_cannot_be_shown_is_refused_in_one_line(renderer, scene, camera, li
     ],
     ids=lambda light: light_name(light),
 )
-@pytest.mark.parametrize("renderer", [Prefiltered(), Radiosity(rays=8), IrradianceCache(rays=8), PhotonMap(photons=8)])
+@pytest.mark.parametrize(
+    "renderer",
+    [
+        Prefiltered(),
+        Radiosity(rays=8, refinements=0, unshot=0.5),
+        IrradianceCache(rays=8),
+        PhotonMap(photons=8, passes=1),
+    ],
+)
 def test_the_renderer_that_a_refusal_of_a_light_names_takes_it(renderer: Renderer, light: Light):
-    scene = replace(SCENE, lights=(light,))
+    scene = replace(SCENE, light=lights.constant(4, 0.0), lights=(light,))
     try:
         renderer.render(scene, replace(CAMERA, width=2, height=2))
     except UnsupportedScene as refused:

@@ -240,8 +240,8 @@ def room() -> list[EnvironmentMap]:
         RectangleLight((1.99, 1.4, 0.2), (-1.0, 0.0, 0.0), (1.2, 1.0), (4.0, 5.0, 7.0)),
     )
     scene = Scene(EnvironmentMap(np.zeros((4, 8, 3), np.float32)), (walls,), (), lights)
-    renderer = Mitsuba(samples=32, depth=5)
-    return [environment(scene, place, renderer, size=96, seed=i) for i, place in enumerate((LEFT, RIGHT, BETWEEN))]
+    renderer = Mitsuba(samples=16, depth=5)
+    return [environment(scene, place, renderer, size=64, seed=i) for i, place in enumerate((LEFT, RIGHT, BETWEEN))]
 
 
 def test_light_between_two_probes_is_many_times_nearer_the_truth_than_the_nearest(room):

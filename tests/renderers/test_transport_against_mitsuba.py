@@ -155,8 +155,8 @@ def test_fog_round_everything_is_that_of_a_ball_of_it(mi):
                 if words["type"] == "sphere" and key.startswith("light_"):
                     words["interior"] = medium
 
-    ours = own(replace(scene), 64)
+    ours = own(replace(scene), 32)
     smoky = replace(scene, objects=(*scene.objects, Sphere((0.0, 50.0, 0.0), 0.01, Material(
         roughness=0.0, transmission=1.0, ior=1.0, scattering_distance=(1.0, 1.0, 1.0), scattering_albedo=(0.5, 0.5, 0.5)
     ))), medium=None)  # fmt: skip
-    require_same(ours, theirs(mi, smoky, 64, change=filled), 0.03)
+    require_same(ours, theirs(mi, smoky, 32, change=filled), 0.03)

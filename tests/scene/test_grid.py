@@ -62,7 +62,7 @@ def reprojection_error(found, true, turn=(1.0, 1.0, 1.0)):
 
 @pytest.mark.parametrize(
     ("azimuth", "elevation"),
-    [(0, 35), (12, 26), (-30, 25), (30, 40), (60, 25), (-75, 60), (85, 25), (-89, 60)],
+    [(0, 35), (-30, 25), (30, 40), (85, 25), (-89, 60)],
 )
 def test_a_photographed_board_gives_back_the_camera(azimuth, elevation):
     true = camera_at(azimuth, elevation)

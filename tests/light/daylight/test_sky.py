@@ -20,8 +20,8 @@ def standing(degrees: float, azimuth: float = 40.0, **more: float) -> Sky:
     return Sky(SunPosition(np.radians(degrees), np.radians(azimuth)), **more)  # type: ignore[arg-type]
 
 
-@pytest.mark.parametrize("rows", [64, 400])
-@pytest.mark.parametrize("degrees", [5.0, 42.0, 88.0])
+# A finer map draws the same sky: one height of the sun shows that its pixels are weighed as a coarse one's.
+@pytest.mark.parametrize(("degrees", "rows"), [(5.0, 64), (42.0, 64), (88.0, 64), (5.0, 400)])
 def test_level_ground_gets_from_the_map_what_sky_and_sun_give(degrees: float, rows: int):
     description = standing(degrees)
     light = sky(description, rows)

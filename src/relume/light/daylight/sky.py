@@ -18,6 +18,7 @@ from relume.image.primaries import inside_gamut
 from relume.light.daylight.hosek_wilkie import (
     CLEAREST,
     HAZIEST,
+    WAVELENGTHS,
     HosekWilkie,
     limb_darkening,
     reflectances,
@@ -98,8 +99,10 @@ class Sky:
         ground = np.asarray(self.ground) / np.pi * (self.sky_illuminance + self.sun_illuminance)
         chord = np.linalg.norm(directions - self.sun_direction, axis=-1)
         angle = 2 * np.arcsin(np.minimum(chord / 2, 1))
-        seen = to_rgb(self._model.sky(np.maximum(up, 0), angle))
-        return np.where(up[..., None] >= 0, seen, ground)
+        above = up >= 0
+        spectral = np.zeros((*up.shape, len(WAVELENGTHS)))
+        spectral[above] = self._model.sky(up[above], angle[above])
+        return np.where(above[..., None], to_rgb(spectral), ground)
 
     @cached_property
     def sun_flux(self) -> np.ndarray:

@@ -46,26 +46,30 @@ class Flux:
 def wigner(orders: np.ndarray, spin: int | np.ndarray, angles: float | np.ndarray, degree: int) -> Iterator[np.ndarray]:
     """d^l_{m,spin}(θ) for l = 0 … degree, one (len(orders), len(angles)) array a degree; 0 where l < |m| or l < |spin|.
 
-    spin : one for all angles, or many (K,) for a single angle: (len(orders), K) a degree
+    orders : ascending; spin : one for all angles, or many (K,) for a single angle: (len(orders), K) a degree
 
     By the three-term recurrence upwards in l (Varshalovich et al. 1988, §4.8.2), stable in that direction.
     """
     m, k = np.asarray(orders, np.float64)[:, None], np.asarray(spin, np.float64)
     product, cosine, first = m * k, np.cos(angles), np.maximum(np.abs(m), np.abs(k))
     begins = _first_values(m, k, np.asarray(angles))
-    before, now, root_before = (np.zeros_like(begins) for _ in range(3))
+    before, now, root_before = np.zeros_like(begins), np.zeros_like(begins), np.zeros_like(first)
     for l in range(degree + 1):  # noqa: E741
         if l:
             n = l - 1
+            # Orders beyond hold nothing yet.
+            of = slice(*np.searchsorted(m[:, 0], (-n, l)))
+            root, ahead = np.zeros_like(first), np.zeros_like(begins)
             with np.errstate(invalid="ignore", divide="ignore"):
-                root = np.sqrt((l**2 - m**2) * (l**2 - k**2))
+                root[of] = np.sqrt((l**2 - m[of] ** 2) * (l**2 - k**2))
                 if n == 0:
-                    ahead = cosine * now / root
+                    found = cosine * now[of] / root[of]
                 else:
-                    ahead = (2 * n + 1) * (l * cosine - product / n) * now
-                    ahead -= l / n * root_before * before
-                    ahead /= root
-            before, now, root_before = now, np.where(l > first, ahead, 0), root
+                    found = (2 * n + 1) * (l * cosine - product[of] / n) * now[of]
+                    found -= l / n * root_before[of] * before[of]
+                    found /= root[of]
+            ahead[of] = np.where(l > first[of], found, 0)
+            before, now, root_before = now, ahead, root
         np.copyto(now, begins, where=first == l)
         yield now
 

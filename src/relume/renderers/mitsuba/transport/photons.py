@@ -67,7 +67,7 @@ class Photons:
         # Sorted by the cell that each lies in, those of a cell in the order of their rays.
         cells = np.floor(place / (2 * sizes[number, 1:2])).astype(np.int64).astype(np.uint32)
         bucket = _hashed(cells, number, PRIMES) % np.uint32(BUCKETS)
-        order = np.argsort(bucket, kind="stable")
+        order = _sorted(bucket)
         starts = np.concatenate([[0], np.cumsum(np.bincount(bucket, minlength=BUCKETS))])
         self.starts = mi.UInt32(aligned(starts, np.uint32))
         # One that nothing counts, so that there always is one.
@@ -115,9 +115,17 @@ def _kept(
     dr.eval(times, kept, number)
     # Those that stand for more than themselves.
     weight = np.maximum(np.broadcast_to(np.array(times, np.float64), count) / SLOTS, 1) / count
-    columns = [np.array(values) for values in kept]
+    numbers = np.array(number)
+    there = np.flatnonzero(numbers)
+    columns = [np.array(values)[there] for values in kept]
     place, direction, flux = (np.stack(columns[i : i + 3], axis=1) for i in (0, 3, 6))
-    return np.array(number), place, direction, flux * np.repeat(weight, SLOTS)[:, None]
+    return numbers[there], place, direction, flux * weight[there // SLOTS][:, None]
+
+
+def _sorted(buckets: np.ndarray) -> np.ndarray:
+    """The stable order of whole numbers below 2³², their lower halves first: NumPy sorts 16 bits much faster."""
+    order = np.argsort(buckets.astype(np.uint16), kind="stable")
+    return order[np.argsort((buckets >> 16).astype(np.uint16)[order], kind="stable")]
 
 
 def _hashed(cells: np.ndarray, medium: np.ndarray, primes: tuple[int, int, int]) -> np.ndarray:
