@@ -13,6 +13,7 @@ import numpy as np
 import pytest
 
 from dng_files import sensed, write_dng
+from half_room import RIM, ROOM
 from relume.capture.brackets.result import MergedBracket, MergedCamera
 from relume.capture.lens.vignetting import Vignetting
 from relume.capture.response.camera_profile import CameraProfile, write_profile
@@ -25,10 +26,6 @@ from relume.project.merging.merged_photographs import merged_brackets
 from relume.project.shot_file.shot import Shot, read_shot
 from relume.project.stages import Stages, Steps
 from shoots import textured
-
-ROOM = Path(__file__).parents[2] / "examples" / "room"
-RIM = (320.0, 320.0, 296.255)
-"""Of the ball in its photographs: 5960.26 pixels of focal length, √(20.144² − 1) radii away."""
 
 
 @pytest.fixture
