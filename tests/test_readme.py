@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 import relume as rl
-from documents.reader import smaller
+from half_room import smaller
 
 REPOSITORY = Path(__file__).parents[1]
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-import re
+from functools import cache
 from pathlib import Path
 
 from architecture.warned import GAP, texts, warned
@@ -25,7 +25,17 @@ def first_cells(page: str) -> list[str]:
 
 def said(row: str, words: str) -> bool:
     """Whether the words have the row's pieces, which … parts, in their order."""
-    return re.search(".*?".join(re.escape(piece.strip()) for piece in row.split(GAP)), words, re.S) is not None
+    at = 0
+    for piece in pieces(row):
+        if (found := words.find(piece, at)) < 0:
+            return False
+        at = found + len(piece)
+    return True
+
+
+@cache
+def pieces(row: str) -> tuple[str, ...]:
+    return tuple(piece.strip() for piece in row.split(GAP))
 
 
 def without_a_row(rows: list[str], source: Path) -> list[str]:

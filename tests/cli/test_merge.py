@@ -10,6 +10,7 @@ import numpy as np
 import pytest
 
 from command_line import printed, refused, reported
+from half_room import smaller
 from moving_scenes import known_response
 from relume.capture.brackets.settings import MergeSettings
 from relume.capture.brackets.shoot import targets
@@ -139,11 +140,13 @@ def test_a_bracket_is_merged_with_its_report_and_its_profile(shoot, scene, tmp_p
 
 
 def test_the_example_s_plate_is_merged_and_reported_as_lines(tmp_path, capsys):
-    out = tmp_path / "plate.hdr"
-    lines = printed(["merge", *PLATE, "-o", str(out)], capsys).out.splitlines()
+    out, plate = tmp_path / "plate.hdr", [tmp_path / Path(path).name for path in PLATE]
+    for path, copy in zip(PLATE, plate, strict=True):
+        smaller(Path(path), copy, 4)
+    lines = printed(["merge", *map(str, plate), "-o", str(out)], capsys).out.splitlines()
     assert [line.split()[0] for line in lines[:3]] == ["written", "exposures", "unit"]
     assert "IMG_0001.jpg 1/4 s (EXIF), IMG_0002.jpg 1 s (EXIF)" in lines[1]
-    assert read_radiance(out).size == (768, 512)
+    assert read_radiance(out).size == (192, 128)
 
 
 SWITCHES = {
@@ -665,8 +668,7 @@ def test_brackets_of_raws_share_the_reading_of_the_first(tmp_path, capsys):
 
 
 def test_a_raw_bracket_that_moved_exits_with_4(tmp_path, capsys):
-    light = textured(480, 320).mean(2) / 30
-    paths = raw_files(tmp_path / "raws", [light, np.roll(light, 4, 1), light], (0.25, 1.0, 4.0))
+    paths = raw_files(tmp_path / "raws", [LIGHT, np.roll(LIGHT, 4, 1), LIGHT], (0.25, 1.0, 4.0))
     words = ["merge", *map(str, paths), "-o", str(tmp_path / "a.exr"), "-q"]
     # What -q keeps from being noted above is reported in the line itself.
     line = refused(words, capsys, 4)

@@ -14,10 +14,10 @@ from typing import Any
 
 import numpy as np
 import trimesh
-from PIL import Image
 
 import relume as rl
 from documents.pages import ROOT
+from half_room import smaller
 from relume.image.response import Response
 from small_shot import write_small_shot
 from small_stages import write_stage
@@ -52,13 +52,6 @@ def _made() -> Path:
     write_small_shot(folder / "OUT")  # as `relume insert -o OUT/` wrote it
     _map(folder / "light.exr")  # with a sun
     return folder
-
-
-def smaller(path: Path, copy: Path, times: int = 4) -> None:
-    """A photograph of so many times less width, with what the camera wrote beside it."""
-    with Image.open(path) as picture:
-        size = (picture.width // times, picture.height // times)
-        picture.resize(size, Image.Resampling.BOX).save(copy, exif=picture.info["exif"], quality=95)
 
 
 def small_scene(text: str) -> str:

@@ -159,11 +159,19 @@ def test_absolute_paths_are_warned_of_by_their_names(shot, tmp_path):
 
 @pytest.fixture(scope="module")
 def alone(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, Path]:
-    """A shot file and what one command makes of its frames."""
+    """A shot file and what one command makes of three of its frames."""
     folder = tmp_path_factory.mktemp("alone")
     shot = write_sequence(folder / "shot")
-    rl.insert_frames(rl.read_shot(shot), folder / "out")
+    rl.insert_frames(rl.read_shot(shot), folder / "out", frames="1-2,4")
     return shot, folder / "out"
+
+
+@pytest.fixture(scope="module")
+def whole(alone: tuple[Path, Path]) -> tuple[Path, Path]:
+    """The same with all frames and what is made of them together."""
+    shot, out = alone
+    rl.insert_frames(rl.read_shot(shot), out)
+    return shot, out
 
 
 def test_a_frame_takes_all_but_its_render_from_what_was_prepared(alone, tmp_path):
@@ -224,8 +232,8 @@ def test_openjd_runs_the_job_to_its_end_with_mapped_paths_and_the_same_bits(alon
 
 @pytest.mark.slow
 @pytest.mark.parametrize("frames", [("1-2", "3-4", "5-6"), ("1-4", "3-6", "1-5:2,6"), ("1-6", "1-6", "1-6")])
-def test_processes_that_start_at_once_make_each_frame_once(alone, tmp_path, frames):
-    shot, out = alone[0], tmp_path / "out"
+def test_processes_that_start_at_once_make_each_frame_once(whole, tmp_path, frames):
+    shot, out = whole[0], tmp_path / "out"
     assert run(["relume", "insert", shot, "-o", out, "--prepare"]).returncode == 0
     prepared = {path: path.stat().st_mtime_ns for path in (out / "stages").iterdir()}
     environment = {**os.environ, "PATH": f"{BIN}{os.pathsep}{os.environ['PATH']}"}
@@ -242,13 +250,13 @@ def test_processes_that_start_at_once_make_each_frame_once(alone, tmp_path, fram
     assert {path: path.stat().st_mtime_ns for path in (out / "stages").iterdir()} == prepared
     assert not (out / "report.html").exists() and not (out / "sequence.mp4").exists()
     made = rl.insert_frames(rl.read_shot(shot), out)
-    assert [frame.kept for frame in made.frames] == [True] * 6 and bits(out) == bits(alone[1])
+    assert [frame.kept for frame in made.frames] == [True] * 6 and bits(out) == bits(whole[1])
     assert [path.name for path in out.iterdir() if path.name.startswith(".")] == []
 
 
 @pytest.mark.slow
-def test_a_process_that_is_killed_leaves_its_frame_to_the_next(alone, tmp_path):
-    shot, out = alone[0], tmp_path / "out"
+def test_a_process_that_is_killed_leaves_its_frame_to_the_next(whole, tmp_path):
+    shot, out = whole[0], tmp_path / "out"
     environment = {**os.environ, "PATH": f"{BIN}{os.pathsep}{os.environ['PATH']}"}
     words = ["relume", "insert", shot, "-o", out, "--frames", "1-6", "--progress", "openjd"]
     child = subprocess.Popen(words, stdout=subprocess.PIPE, stderr=subprocess.DEVNULL, text=True, env=environment)
@@ -261,14 +269,14 @@ def test_a_process_that_is_killed_leaves_its_frame_to_the_next(alone, tmp_path):
     assert (out / ".frame_0003.lock").is_file() and not (out / "frame_0003" / "frame.json").exists()
     again = run(["relume", "insert", shot, "-o", out, "--accept", "--json"])
     facts = json.loads(again.stdout)
-    assert facts["frames"] == 6 and facts["kept from before"] == 2 and bits(out) == bits(alone[1])
+    assert facts["frames"] == 6 and facts["kept from before"] == 2 and bits(out) == bits(whole[1])
 
 
 @pytest.mark.slow
 @pytest.mark.skipif(sys.platform == "win32", reason="commands for a POSIX shell")
 @pytest.mark.parametrize("way", ["bash", "parallel", "slurm"])
-def test_the_lists_of_commands_make_the_same_bits(alone, tmp_path, way):
-    made = rl.report.write_job(alone[0], tmp_path / "a job", chunk=2)
+def test_the_lists_of_commands_make_the_same_bits(whole, tmp_path, way):
+    made = rl.report.write_job(whole[0], tmp_path / "a job", chunk=2)
     page = (made.folder / "README.md").read_text()
     folder = re.findall(r"^J=.*$", page, re.MULTILINE)[0]
     snippet = {
@@ -289,4 +297,4 @@ def test_the_lists_of_commands_make_the_same_bits(alone, tmp_path, way):
     (bin / "sbatch").chmod(0o755)
     done = run(["bash", "-ec", "\n".join([f"PATH={bin}:$PATH", folder, *commands])])
     assert len(commands) == 1 and done.returncode == 0, done.stderr[-3000:]
-    assert bits(made.folder / "out") == bits(alone[1])
+    assert bits(made.folder / "out") == bits(whole[1])

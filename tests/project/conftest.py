@@ -1,4 +1,4 @@
-"""The example room, inserted once with the fake renderer: everything but light transport is real.
+"""The example room, inserted once with the fake renderer at half its width: everything but light transport is real.
 
 The table's reflectance is given: the fake lights no surface, so nothing can be recovered by it.
 """
@@ -10,29 +10,26 @@ from pathlib import Path
 
 import pytest
 
+from half_room import RIM, write_half_room
 from relume.project.insertion.insert import insert
 from relume.project.insertion.outcome import Inserted
 from relume.project.shot_file.shot import read_shot
 from relume.renderers.renderer import ConstantRenderer
 from relume.report.write_report import write_report
 
-ROOM = Path(__file__).parents[2] / "examples" / "room"
-RIM = (320.0, 320.0, 296.255)
-"""Of the ball in its photographs: 5960.26 pixels of focal length, √(20.144² − 1) radii away."""
 
-
-def copy_of_room(folder: Path) -> Path:
+def copy_of_room(source: Path, folder: Path) -> Path:
     """The shot file of a copy of the room, with nothing to be found that other tests find.
 
     Not denoised, as the fake has no noise; its table's reflectance and the balls' rims are given, and of each ball
     four photographs as they lie.
     """
-    shutil.copytree(ROOM, folder)
+    shutil.copytree(source, folder)
     shot = folder / "shot.toml"
     plate, render = shot.read_text().split("[render]")
     # A small light, and nothing of the plate's look measured: each job would take seconds for either.
     plate = plate.replace("[light]", "[match]\ngrain = false\nsharpness = 0.4\n\n[light]\nsize = 128")
-    known = f"rim = {list(RIM)}, align = false, deghost = false, "
+    known = f"rim = {[each / 2 for each in RIM]}, align = false, deghost = false, "
     plate = plate.replace('0/*.jpg"], camera = [', f'0/IMG_000[1357].jpg"], {known}camera = [')
     assert plate.count(known) == 2
     plate = plate.replace('reflectance = "recover"\ngloss = "recover"', "reflectance = [0.4, 0.3, 0.2]")
@@ -42,19 +39,28 @@ def copy_of_room(folder: Path) -> Path:
 
 
 @pytest.fixture(scope="session")
-def room(tmp_path_factory: pytest.TempPathFactory) -> tuple[Inserted, Path]:
+def half_room(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """The example room, its photographs at half their width; nothing in it may be changed."""
+    folder = tmp_path_factory.mktemp("half") / "room"
+    write_half_room(folder)
+    return folder
+
+
+@pytest.fixture(scope="session")
+def room(tmp_path_factory: pytest.TempPathFactory, half_room: Path) -> tuple[Inserted, Path]:
     """The outcome and its folder."""
     folder = tmp_path_factory.mktemp("room")
     out = folder / "out"
-    result = insert(read_shot(copy_of_room(folder / "room")), out, renderer=ConstantRenderer((3.0, 2.0, 1.0)))
+    shot = read_shot(copy_of_room(half_room, folder / "room"))
+    result = insert(shot, out, renderer=ConstantRenderer((3.0, 2.0, 1.0)))
     write_report(result, out)
     return result, out
 
 
 @pytest.fixture
-def copied_room(room: tuple[Inserted, Path], tmp_path: Path) -> tuple[Path, Path]:
+def copied_room(room: tuple[Inserted, Path], half_room: Path, tmp_path: Path) -> tuple[Path, Path]:
     """A shot file that may be changed, and an output folder that already holds the kept stages."""
-    shot = copy_of_room(tmp_path / "room")
+    shot = copy_of_room(half_room, tmp_path / "room")
     out = tmp_path / "out"
     shutil.copytree(room[1], out)
     return shot, out

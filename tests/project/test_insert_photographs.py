@@ -13,6 +13,8 @@ import numpy as np
 import pytest
 
 from dng_files import sensed, write_dng
+from half_room import RIM as FULL_RIM
+from half_room import ROOM
 from relume.capture.brackets.result import MergedBracket, MergedCamera
 from relume.capture.lens.vignetting import Vignetting
 from relume.capture.response.camera_profile import CameraProfile, write_profile
@@ -26,21 +28,19 @@ from relume.project.shot_file.shot import Shot, read_shot
 from relume.project.stages import Stages, Steps
 from shoots import textured
 
-ROOM = Path(__file__).parents[2] / "examples" / "room"
-RIM = (320.0, 320.0, 296.255)
-"""Of the ball in its photographs: 5960.26 pixels of focal length, √(20.144² − 1) radii away."""
+RIM = (FULL_RIM[0] / 2, FULL_RIM[1] / 2, FULL_RIM[2] / 2)
 
 
 @pytest.fixture
-def shot(tmp_path: Path) -> Shot:
+def shot(half_room: Path, tmp_path: Path) -> Shot:
     """The room with one ball, merged as it lies: what is asked here needs no more."""
-    shutil.copytree(ROOM, tmp_path / "room")
+    shutil.copytree(half_room, tmp_path / "room")
     return as_it_lies(read_shot(tmp_path / "room" / "shot.toml"))
 
 
 def as_it_lies(room: Shot) -> Shot:
     """Not aligned nor deghosted, and of the ball four photographs: four stops apart are enough."""
-    ball = {"photographs": ["ball_0/IMG_000[1357].jpg"], "align": False, "deghost": False}
+    ball = {"photographs": ["ball_0/IMG_000[3579].jpg"], "align": False, "deghost": False}
     return changed(room, {"align": False, "deghost": False, "denoise": False}, ball)
 
 
@@ -81,9 +81,9 @@ def test_camera_raws_without_the_facts_of_the_others_are_refused(shot: Shot) -> 
 
 
 @pytest.fixture(scope="module")
-def merged() -> tuple[list[MergedBracket], MergedCamera]:
+def merged(half_room: Path) -> tuple[list[MergedBracket], MergedCamera]:
     """The room's one ball, and its camera."""
-    shot = as_it_lies(read_shot(ROOM / "shot.toml"))
+    shot = as_it_lies(read_shot(half_room / "shot.toml"))
     (_, *balls), cameras = merged_brackets(shot, read_photographs(shot))
     (camera,) = cameras.values()
     return balls, camera
@@ -127,8 +127,8 @@ def test_the_rim_of_a_ball_may_be_picked_or_given_in_the_shot_file(
     shot: Shot, merged: tuple[list[MergedBracket], MergedCamera]
 ) -> None:
     balls, _ = merged
-    assert balls[0].picture.size == (640, 640)
-    off = (RIM[0] + 1, RIM[1], 0.985 * RIM[2])
+    assert balls[0].picture.size == (320, 320)
+    off = (RIM[0] + 0.5, RIM[1], 0.985 * RIM[2])
 
     def lit(**ball: object) -> Probe:
         return blended(changed(shot, {}, ball), balls, None)
@@ -148,7 +148,7 @@ def test_a_ball_that_is_not_found_is_given_by_a_key_of_the_shot_file(
     shot: Shot, merged: tuple[list[MergedBracket], MergedCamera]
 ) -> None:
     ((bracket,), _) = merged
-    cut = RadianceMap(np.ascontiguousarray(bracket.picture.radiance[:, 160:]))
+    cut = RadianceMap(np.ascontiguousarray(bracket.picture.radiance[:, 80:]))
     with pytest.raises(BallNotFound, match="cuts off") as refused:
         blended(changed(shot, {}, {}), [replace(bracket, picture=cut)], None)
     said = re.fullmatch(
@@ -157,7 +157,7 @@ def test_a_ball_that_is_not_found_is_given_by_a_key_of_the_shot_file(
     )
     assert said is not None and "--pick " not in said[0]
     given = [float(value) for value in said[1].split(", ")]
-    assert given == pytest.approx([RIM[0] - 160, *RIM[1:]], abs=3)
+    assert given == pytest.approx([RIM[0] - 80, *RIM[1:]], abs=1.5)
 
 
 def test_a_coloured_ball_whose_reflectance_is_given_is_no_doubt(

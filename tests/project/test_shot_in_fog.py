@@ -75,8 +75,7 @@ def plate_of(folder: Path, text: str) -> tuple[RadianceMap, RadianceMap]:
     place = insert(shot, folder / "known").place
     scene = place.relit(shot)
     pictures = [
-        Mitsuba(1024).render(each, place.camera, seed=1).radiance
-        for each in (scene, scene.adding(*placed_meshes(shot)))
+        Mitsuba(384).render(each, place.camera, seed=1).radiance for each in (scene, scene.adding(*placed_meshes(shot)))
     ]
     write(folder / "plate.exr", RadianceMap(pictures[0]))
     return RadianceMap(pictures[0]), RadianceMap(pictures[1])
