@@ -82,7 +82,7 @@ def test_workers_are_given_the_variant_of_the_process_that_gives_the_work(render
 def shared_of(renderer: Any, folder: Path) -> list[Any]:
     return [
         PlainPasses(Mitsuba(samples=4, variant=renderer.variant), SCENE, CAMERA, 1),
-        ChangeParts(renderer, SCENE, CAMERA, 4),
+        ChangeParts(renderer, SCENE, CAMERA, 4, False),
         SharedByTiles(renderer, SCENE, CAMERA, folder),
     ]
 
