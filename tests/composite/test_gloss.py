@@ -12,7 +12,7 @@ from relume.composite.surface.recovery import Recovery
 from relume.composite.surface.reflectance import recover_reflectance
 from relume.composite.surface.two_views import ViewOfProbe, common_points
 from relume.image.radiance import RadianceMap
-from relume.renderers.mitsuba.lobes import arriving, ready
+from relume.renderers.mitsuba.lobes import Arriving, arriving, ready
 from relume.renderers.mitsuba.path_tracer import Mitsuba
 from relume.scene.cameras.camera import Camera
 from relume.scene.materials.materials import Diffuse
@@ -280,3 +280,17 @@ def test_a_light_that_is_a_little_too_bright_stays_within_the_errors(taken):
     found = fit_gloss(plate, CAMERA, replace(scene, light=brighter), 0, USABLE, VIEW)
     assert abs(found.gloss.f0 - TRUE.f0) < 2.5 * found.f0_error
     assert abs(found.gloss.f0 - TRUE.f0) < 0.03
+
+
+def test_what_a_matte_surface_sends_is_the_sum_over_each_points_own_directions() -> None:
+    rng = np.random.default_rng(5)
+    directions = rng.normal(size=(2, 21, 3)).astype(np.float32)
+    directions[..., 2] = np.abs(directions[..., 2]) + 0.1
+    directions /= np.linalg.norm(directions, axis=-1, keepdims=True)
+    # Three points of seven directions; the light differs by point, direction and channel.
+    weight = rng.random((21, 3)).astype(np.float32)
+    albedo = np.array([0.2, 0.5, 0.8])
+    sent = Arriving(directions[0], directions[1], weight, 3).reflected(Diffuse(tuple(albedo)))
+    each = albedo / np.pi * directions[1][:, 2:] * weight.astype(np.float64)
+    assert sent.dtype == np.float64
+    np.testing.assert_allclose(sent, each.reshape(3, 7, 3).sum(1), rtol=1e-6)

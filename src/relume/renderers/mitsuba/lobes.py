@@ -8,6 +8,7 @@ the picture and can be descended.
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
+from functools import cached_property
 from typing import Any
 
 import numpy as np
@@ -43,7 +44,9 @@ class Arriving:
 
     def reflected(self, material: Diffuse | Material) -> np.ndarray:
         """(N, 3) radiance that points of this material send to the viewer."""
-        return self._summed(self._response(material))
+        with _mitsuba(None, None) as mi:
+            response = self._response(mi, material)
+            return self._summed(mi, [[response.x, response.y, response.z]])[0]
 
     def gloss_and_base(self, material: Material) -> tuple[np.ndarray, np.ndarray]:
         """(N, 3) radiance of a material's colourless gloss, and (N, 3) of the diffuse base under it for an albedo of 1.
@@ -51,23 +54,45 @@ class Arriving:
         material : whose base colour is not used; its gloss must be alike in red and green
         """
         # One look at the BSDF is enough where red has a white base and green a black one.
-        response = self._response(replace(material, base_color=(1.0, 0.0, 0.0)))
-        return self._summed(response[:, 1:2]), self._summed(response[:, :1] - response[:, 1:2])
+        with _mitsuba(None, None) as mi:
+            response = self._response(mi, replace(material, base_color=(1.0, 0.0, 0.0)))
+            gloss, base = self._summed(mi, [[response.y] * 3, [response.x - response.y] * 3])
+        return gloss, base
 
-    def _summed(self, response: np.ndarray) -> np.ndarray:
-        return (response * self.weight).reshape(self.points, -1, 3).sum(1, dtype=np.float64)
+    def _summed(self, mi: Any, parts: list[list[Any]]) -> list[np.ndarray]:
+        """(N, 3) of each part, by channel what is sent on of the light: the sums over a point's directions."""
+        import drjit as dr
 
-    def _response(self, material: Diffuse | Material) -> np.ndarray:
-        """(N·K, 3): the BSDF times the cosine at the light."""
+        # Multiplied in single precision and added up in double, in the order of the directions.
+        light = self._evaluated[2]
+        sent = [mi.Float64(part[channel] * light[channel]) for part in parts for channel in range(3)]
+        # Once for all: a sum evaluates what it is of, and each would look at the BSDF again.
+        dr.eval(sent)
+        each = len(self.weight) // self.points
+        sums = np.array([np.array(dr.block_sum(values, each)) for values in sent])
+        return list(sums.reshape(len(parts), 3, self.points).transpose(0, 2, 1))
+
+    def _response(self, mi: Any, material: Diffuse | Material) -> Any:
+        """Of each direction the BSDF times the cosine at the light."""
+        import drjit as dr
+
+        surface = bsdf(mi, material)
+        surface = mi.load_dict(surface) if isinstance(surface, dict) else surface
+        towards_viewer, towards_light, _ = self._evaluated
+        si = dr.zeros(mi.SurfaceInteraction3f, len(self.weight))
+        si.wi = towards_viewer
+        si.t = 1.0
+        return surface.eval(mi.BSDFContext(), si, towards_light)
+
+    @cached_property
+    def _evaluated(self) -> tuple[Any, Any, Any]:
+        """Directions and weights as Dr.Jit has them, for one material after the other."""
         with _mitsuba(None, None) as mi:
             import drjit as dr
 
-            surface = bsdf(mi, material)
-            surface = mi.load_dict(surface) if isinstance(surface, dict) else surface
-            si = dr.zeros(mi.SurfaceInteraction3f, len(self.weight))
-            si.wi = mi.Vector3f(self.towards_viewer.T)
-            si.t = 1.0
-            return np.array(surface.eval(mi.BSDFContext(), si, mi.Vector3f(self.towards_light.T))).T
+            found = mi.Vector3f(self.towards_viewer.T), mi.Vector3f(self.towards_light.T), mi.Color3f(self.weight.T)
+            dr.eval(found)
+            return found
 
 
 @dataclass(frozen=True, eq=False)
@@ -119,6 +144,8 @@ def arriving(scene: Ready, points: np.ndarray, normals: np.ndarray, viewers: np.
             for lobe, number in lobes:
                 density += number * lobe.pdf(mi.BSDFContext(), si, local)
             weight = dr.select(density > 0, radiance / dr.maximum(density, 1e-30), 0)
+            # Once for all three: each by itself would draw the directions again.
+            dr.eval(si.wi, local, weight)
             found.append([np.array(v).T.reshape(len(points), count, 3) for v in (si.wi, local, weight)])
         joined = [np.concatenate(parts, axis=1).reshape(-1, 3).astype(np.float32) for parts in zip(*found, strict=True)]
     return Arriving(joined[0], joined[1], np.nan_to_num(joined[2]), len(points))
