@@ -151,6 +151,18 @@ def test_the_number_of_threads_changes_no_bit():
     assert all(np.array_equal(cleaned[0], other) for other in cleaned[1:])
 
 
+@pytest.mark.parametrize("quick", [False, True])
+def test_what_shows_has_the_bits_it_has_in_the_whole_picture(quick):
+    random = np.random.default_rng(4)
+    picture, albedo, normal = (random.random((400, 420, 3)).astype(np.float32) for _ in range(3))
+    shown = np.zeros((400, 420), bool)
+    shown[203:221, 150:187] = True
+    whole, part = (_clean(picture, albedo, normal, quick, where) for where in (None, shown))
+    assert np.array_equal(part[shown], whole[shown])
+    assert not part[:90].any() and not part[:, :40].any()
+    assert not _clean(picture, albedo, normal, quick, np.zeros_like(shown))[200:].any()
+
+
 def test_a_picture_is_as_bright_to_the_filter_as_it_is_by_itself():
     import mitsuba_oidn
 

@@ -20,6 +20,10 @@ ROUNDING = 1e-5
 """Of sums of float32, as a share of their parts."""
 FAINT = 0.1
 """Of a pixel: less than that shows more noise than colour."""
+BORDER, GRID = 96, 16
+"""Pixels about what shows that a filter is given too, and those at whose multiples its networks halve pictures: half of
+the 174 that a pixel depends on, in whole steps of the grid. With them what shows has the bits that it has in the whole
+picture, without the grid an error of some per cent."""
 _BLOCK, _DARK = 16, 1e-8
 """Pixels along the blocks whose means are taken, and of a block that is not counted."""
 NEIGHBOURS, EDGE = 16.0, 2.0
@@ -54,11 +58,11 @@ def denoised(
     if change.guide_albedo is not None and change.guide_normal is not None:
         through = np.clip(change.guide_albedo, 0, 1), change.guide_normal
     cover = change.matte[..., None]
-    clean_up: Cleaner = partial(_clean, quick=quick)
-    objects = clean_up(_unmatted(change.objects, change.matte), *through)
+    objects = _clean(_unmatted(change.objects, change.matte), *through, quick, change.matte > 0)
     difference, beside = change.difference, 1 - change.matte
     changes = np.any(difference != 0, axis=-1, keepdims=True)
     shows = beside[..., None] * changes
+    clean_up: Cleaner = partial(_clean, quick=quick, shown=shows[..., 0] > 0)
     taken = np.maximum(-difference, 0) if change.taken is None else change.taken
     added = difference + taken
     # What was added up in another order may be below 0 by its rounding; pure wavelengths are by more.
@@ -156,20 +160,37 @@ def _unmatted(premultiplied: np.ndarray, matte: np.ndarray) -> np.ndarray:
     return plain[rows, columns].astype(np.float32)
 
 
-def _clean(radiance: np.ndarray, albedo: np.ndarray, normal: np.ndarray, quick: bool = False) -> np.ndarray:
+def _clean(
+    radiance: np.ndarray, albedo: np.ndarray, normal: np.ndarray, quick: bool = False, shown: np.ndarray | None = None
+) -> np.ndarray:
+    """The picture (H, W, 3) without its noise, and 0 far from where it is `shown`, (H, W) bool; all is unless given."""
     import mitsuba_oidn
 
     picture = np.ascontiguousarray(radiance, np.float32)
     if not picture.any():
         return picture
-    guides = (np.ascontiguousarray(p, np.float32) for p in (albedo, normal))
     quality = mitsuba_oidn.Quality.Fast if quick else mitsuba_oidn.Quality.High
     # OIDN takes what is below 0 for 0. Pure wavelengths are outside of Rec. 709, and none is outside of X, Y, Z.
     pure = bool(picture.min() < 0)
     if pure:
         picture = np.ascontiguousarray(picture @ WHITE_XYZ.T, np.float32)
-    clean = mitsuba_oidn.denoise(picture, *guides, hdr=True, quality=quality, input_scale=exposure(picture))
-    return np.asarray(clean) @ np.linalg.inv(WHITE_XYZ).T.astype(np.float32) if pure else np.asarray(clean)
+    part = (slice(None), slice(None)) if shown is None else _about(shown)
+    inputs = (np.ascontiguousarray(plane[part], np.float32) for plane in (picture, albedo, normal))
+    clean = mitsuba_oidn.denoise(*inputs, hdr=True, quality=quality, input_scale=exposure(picture))
+    whole = np.zeros_like(picture)
+    whole[part] = clean
+    return whole @ np.linalg.inv(WHITE_XYZ).T.astype(np.float32) if pure else whole
+
+
+def _about(shown: np.ndarray) -> tuple[slice, slice]:
+    """Rows and columns that hold all that shows, and the border that a filter looks at."""
+    parts = []
+    for axis in (1, 0):
+        size, there = shown.shape[1 - axis], np.flatnonzero(shown.any(axis))
+        first, last = (there[0], there[-1] + 1) if there.size else (0, 1)
+        begin, end = max(first - BORDER, 0) // GRID * GRID, -(-(last + BORDER) // GRID) * GRID
+        parts.append(slice(int(begin), min(int(end), size)))
+    return parts[0], parts[1]
 
 
 def exposure(picture: np.ndarray) -> float:
