@@ -127,6 +127,17 @@ def test_squares_are_added_only_where_a_variance_is_asked_for():
     assert sums.squares.keys() == {"radiance"} and sums.totals.keys() == {"radiance", "matte"}
 
 
+def test_of_many_rows_each_is_added_once_and_the_sums_before_stay():
+    passes = np.random.default_rng(3).random((3, 150, 70, 3)).astype(np.float32)
+    first = Sums().plus({"radiance": passes[0]})
+    kept = first.totals["radiance"].copy(), first.squares["radiance"].copy()
+    sums = first.plus({"radiance": passes[1]}).plus({"radiance": passes[2]})
+    wide = passes.astype(np.float64)
+    assert np.array_equal(sums.totals["radiance"], wide[0] + wide[1] + wide[2])
+    assert np.array_equal(sums.squares["radiance"], wide[0] ** 2 + wide[1] ** 2 + wide[2] ** 2)
+    assert np.array_equal(first.totals["radiance"], kept[0]) and np.array_equal(first.squares["radiance"], kept[1])
+
+
 def test_a_pass_with_other_planes_is_refused():
     with pytest.raises(ValueError, match="expected the same"):
         Sums().plus({"a": np.zeros(2)}).plus({"b": np.zeros(2)})

@@ -15,6 +15,8 @@ HELD = 0.99
 pixels would only dilute the error."""
 
 
+VALUES_AT_ONCE = 2**14
+"""Values of a plane that are added at once."""
 LIGHT = "light of "
 """Begins the name of a plane that every pass has for all pixels, whichever it traced: what was followed from the light.
 It belongs to the plane whose name comes after."""
@@ -56,10 +58,10 @@ class Sums:
         """
         if self.passes and planes.keys() != self.totals.keys():
             raise ValueError(f"a pass of {sorted(planes)} after passes of {sorted(self.totals)}; expected the same")
-        wide = {name: np.asarray(plane, np.float64) for name, plane in planes.items()}
-        varied = [name for name in wide if scattered is None or name.removeprefix(LIGHT) in scattered]
+        varied = [name for name in planes if scattered is None or name.removeprefix(LIGHT) in scattered]
         if not self.passes:
-            return Sums({n: p.copy() for n, p in wide.items()}, {n: wide[n] ** 2 for n in varied}, 1)
+            totals = {name: np.array(plane, np.float64) for name, plane in planes.items()}
+            return Sums(totals, {name: np.square(totals[name]) for name in varied}, 1)
         counts = self.counts
         if traced is not None:
             before = np.full(traced.shape, self.passes, np.int32) if counts is None else counts
@@ -67,8 +69,8 @@ class Sums:
         elif counts is not None:
             counts = counts + np.int32(1)
         return Sums(
-            {name: self.totals[name] + plane for name, plane in wide.items()},
-            {name: self.squares[name] + wide[name] ** 2 for name in varied},
+            {name: _with(self.totals[name], plane) for name, plane in planes.items()},
+            {name: _with(self.squares[name], planes[name], squared=True) for name in varied},
             self.passes + 1,
             counts,
             traced,
@@ -112,6 +114,17 @@ class Sums:
         squares = {n.removeprefix(_SQUARES): p for n, p in planes.items() if n.startswith(_SQUARES)}
         totals = {n: p for n, p in planes.items() if not n.startswith(_SQUARES) and n not in (_COUNTS, _LATEST)}
         return Sums(totals, squares, passes, planes.get(_COUNTS), planes.get(_LATEST))
+
+
+def _with(sum_so_far: np.ndarray, plane: np.ndarray, squared: bool = False) -> np.ndarray:
+    """A new sum, float64, with a plane or its square; some rows at a time, so that no plane is held in float64."""
+    result = np.empty_like(sum_so_far)
+    step = max(1, VALUES_AT_ONCE * len(plane) // max(plane.size, 1))
+    for first in range(0, len(plane), step):
+        rows = slice(first, first + step)
+        wide = plane[rows].astype(np.float64, copy=False)
+        np.add(sum_so_far[rows], np.square(wide) if squared else wide, out=result[rows])
+    return result
 
 
 @dataclass(frozen=True)
