@@ -12,7 +12,7 @@ from relume.capture.brackets.merging import merge_brackets
 from relume.capture.exposure.bracket import Bracket, read_bracket
 from relume.capture.ghosts.deghosting import Consistency, Deghosted, deghost
 from relume.capture.ghosts.kernel import consensus, disagreement, square_bounds
-from relume.capture.ghosts.levels import Scale, corrections
+from relume.capture.ghosts.levels import Scale, _offset, corrections
 from relume.capture.ghosts.regions import Regions, excluded_frames, moving_regions
 from relume.capture.merging import merge
 from relume.capture.response.calibration import recover_response
@@ -367,3 +367,11 @@ def test_squares_white_in_all_that_is_kept_come_from_the_longest_frame_that_meas
     np.testing.assert_array_equal(sources, np.repeat([[1], [0], [1], [2]], 4, axis=1))
     np.testing.assert_array_equal(np.argmin(excluded, axis=0), sources)
     assert np.all(excluded.sum(0) == 2)
+
+
+def test_frames_are_put_on_one_scale_by_what_is_known_best():
+    width, apart = np.repeat([0.0, 1.0], [40, 60]), np.repeat([0.1, 0.5], [40, 60])
+    frame = np.stack([-width / 2, width / 2])[..., None]
+    where = [np.ones(100, bool)]
+    assert _offset(frame, frame + apart[:, None], where) == pytest.approx(0.1)
+    assert _offset(0 * frame, 0 * frame + apart[:, None], where) == pytest.approx(0.5)

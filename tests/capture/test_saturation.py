@@ -14,7 +14,7 @@ from relume.capture.merging import merge
 from relume.capture.response.calibration import Calibration
 from relume.capture.response.nearly_white import below_white
 from relume.capture.response.neutral import neutral_exposures, tied
-from relume.capture.response.saturation import White, whitened
+from relume.capture.response.saturation import EDGE, White, _insides, whitened
 from relume.image.radiance import SATURATED
 from relume.image.response import Response
 from synthetic import VirtualCamera, wide_scene
@@ -83,6 +83,15 @@ def straight(*shown: int, top: float = 0.0) -> Calibration:
     curve[2] += top * np.clip(np.arange(256) - 150, 0, None) / 105
     red, green, blue = (np.column_stack([np.zeros(1000), np.linspace(10, most, 1000)]) for most in shown)
     return Calibration(Response(curve, np.full(3, 1.0)), (red, green, blue), np.zeros(3))
+
+
+@pytest.mark.parametrize("size", [(30, 41), (1, 1), (3, 2), (9, 4)])
+def test_the_inside_of_what_is_white_is_white_all_about_as_far_as_the_picture_goes(size):
+    white = np.random.default_rng(7).random((*size, 3)) < 0.95
+    rows, columns = np.indices(size)
+    for row, column in np.ndindex(size):
+        about = white[(abs(rows - row) <= EDGE) & (abs(columns - column) <= EDGE)]
+        assert np.array_equal(_insides(white)[row, column], about.all(0))
 
 
 def test_channels_are_tied_where_each_is_white():

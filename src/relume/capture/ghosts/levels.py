@@ -105,7 +105,7 @@ def _offset(frame: np.ndarray, towards: np.ndarray, inner: list[np.ndarray]) -> 
     """The weighted median of the frames' difference: the error of the exposure times; 0 where none was measured."""
     ours = np.concatenate([frame[:, places, channel] for channel, places in enumerate(inner)], axis=1)
     theirs = np.concatenate([towards[:, places, channel] for channel, places in enumerate(inner)], axis=1)
-    differences, widths = (theirs - ours).mean(0), np.ptp(ours, 0) + np.ptp(theirs, 0)
+    differences, widths = (theirs - ours).mean(0), (ours[1] - ours[0]) + (theirs[1] - theirs[0])
     if len(differences) < FEWEST:
         return 0.0
     order = np.argsort(differences)

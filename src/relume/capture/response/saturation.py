@@ -27,6 +27,10 @@ SPREAD = 14 / 256
 """Share of the values over which eight tenths of a plateau may be spread, by noise and JPEG."""
 
 
+EDGE = 2
+"""Pixels about what is not white that do not count as white."""
+
+
 @dataclass(frozen=True)
 class White:
     """The value at which a channel of a frame ends, as places show it that are white in a shorter frame.
@@ -48,8 +52,6 @@ def whitened(bracket: Bracket) -> tuple[Bracket, tuple[White, ...]]:
 
     bracket : aligned, so that a place is the same in all frames
     """
-    from scipy.ndimage import minimum_filter
-
     photographs = list(bracket.photographs)
     levels = levels_of(bracket)
     width, height = photographs[0].size
@@ -67,10 +69,21 @@ def whitened(bracket: Bracket) -> tuple[Bracket, tuple[White, ...]]:
             photographs[index] = photograph = _made_white(photograph, found[-3:], levels)
             small = photograph.pixels[::step, ::step]
         # The insides of what is white: at its edges frames are out of register, and JPEG rings.
-        bright = minimum_filter(small, (5, 5, 1)) >= WHITE * levels
-        white |= bright & inside[..., None]
+        white |= _insides(small >= WHITE * levels) & inside[..., None]
     pressed = any(each.least is not None for each in found)
     return (replace(bracket, photographs=tuple(photographs)) if pressed else bracket), tuple(found)
+
+
+def _insides(white: np.ndarray) -> np.ndarray:
+    """Where all is white (H, W, 3) within `EDGE` pixels both ways, as far as the picture goes."""
+    for axis in (0, 1):
+        along = np.moveaxis(white, axis, 0)
+        white = white.copy()
+        inside = np.moveaxis(white, axis, 0)
+        for away in range(1, EDGE + 1):
+            inside[away:] &= along[:-away]
+            inside[:-away] &= along[away:]
+    return white
 
 
 def _end(values: np.ndarray, inside: np.ndarray, white: np.ndarray, levels: int) -> tuple[int, int | None] | None:
