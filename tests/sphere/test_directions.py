@@ -5,6 +5,7 @@ import pytest
 
 from relume.sphere.directions import (
     UP,
+    lengths,
     look_at,
     normalised,
     rotation_about,
@@ -74,3 +75,10 @@ def test_a_camera_looking_down_a_slope_keeps_its_horizon_level():
 def test_a_camera_looking_straight_down_is_refused_by_name():
     with pytest.raises(ValueError, match=r"\[0, 5, 0\] looking at \[0, 0, 0\] has no level horizon"):
         look_at([0, 5, 0], [0, 0, 0])
+
+
+@pytest.mark.parametrize("shape", [(3,), (50, 3), (7, 50, 3)])
+def test_lengths_are_those_of_numpy_to_the_bit(shape):
+    random = np.random.default_rng(4)
+    vectors = random.normal(size=shape) * np.exp(5 * random.normal(size=shape))
+    assert np.array_equal(lengths(vectors), np.linalg.norm(vectors, axis=-1))
