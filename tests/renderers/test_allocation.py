@@ -11,7 +11,7 @@ import pytest
 from relume.renderers.mitsuba import differential
 from relume.renderers.mitsuba.differential import Differential
 from relume.renderers.progressive.accumulation import RenderSession, accumulate, pass_seed
-from relume.renderers.progressive.allocation import Neediest, weighed_variance
+from relume.renderers.progressive.allocation import REACH, Neediest, _about, weighed_variance
 from relume.renderers.progressive.convergence import LIGHT as LIGHT_OF
 from relume.renderers.progressive.convergence import Sums
 from relume.scene.cameras.camera import Camera
@@ -310,3 +310,21 @@ def test_spread_rays_that_light_is_kept_apart_of_have_the_mean_of_even_ones(few,
         errors = [np.sqrt(np.mean([getattr(c, f"{plane}_variance").sum(dtype=np.float64) for c in each]) / 4)
                   for each in (spread, even)]  # fmt: skip
         assert abs(sums[0].mean() - sums[1].mean()) < 4 * np.hypot(*errors), plane
+
+
+@pytest.mark.parametrize("size", [(30, 41), (1, 1), (5, 2)])
+def test_a_place_is_about_a_pixel_of_its_square_as_far_as_the_picture_goes(size):
+    there = np.random.default_rng(7).random(size) < 0.02
+    there[0, -1] = True
+    rows, columns = np.indices(size)
+    for row, column in np.ndindex(size):
+        near = (abs(rows - row) <= REACH // 2) & (abs(columns - column) <= REACH // 2)
+        assert _about(there)[row, column] == there[near].any()
+
+
+def test_the_weighed_variance_is_that_of_all_channels():
+    random = np.random.default_rng(7)
+    picture, variance = random.normal(size=(20, 30, 3)), random.random((20, 30, 3))
+    radiance = np.maximum(picture, 0).sum(-1)
+    expected = variance.sum(-1) / (radiance + radiance.mean()) ** 2
+    assert np.array_equal(weighed_variance(picture, variance), expected)

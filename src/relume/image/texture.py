@@ -7,6 +7,8 @@ in a deep shadow several times as strong as beside it. Light that is added may b
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 import numpy as np
 
 DARK, AROUND = 0.01, 8.0
@@ -24,22 +26,29 @@ def texture(picture: np.ndarray, textured: np.ndarray | None = None, *, rendered
         light on them knows nothing of the picture, and one even value stands, the mean of the texture. All unless given
     rendered : as such surfaces look: a little softer
     """
+    return textures(picture, textured, (rendered,))[0]
+
+
+def textures(picture: np.ndarray, textured: np.ndarray | None, rendered: Sequence[bool]) -> list[np.ndarray]:
+    """The same once for each of `rendered`; what lies about a pixel is looked at once for all of them."""
     from scipy.ndimage import gaussian_filter
 
     least, reach = max(1e-6 * float(picture.max()), 1e-30), round(4 * AROUND)
-    result = np.empty(picture.shape, np.float32)
-    # By rows, so that a large picture takes no more memory than the result.
+    results = [np.empty(picture.shape, np.float32) for _ in rendered]
+    # By rows, so that a large picture takes no more memory than the results.
     for top in range(0, len(picture), ROWS):
         bottom = min(top + ROWS, len(picture))
         begin = max(top - reach, 0)
         part, own = np.asarray(picture[begin : bottom + reach], np.float32), slice(top - begin, bottom - begin)
         floor = np.maximum(DARK * gaussian_filter(part, (AROUND, AROUND, 0), mode="nearest")[own], least)
-        shown = as_rendered(part)[own] if rendered else part[own]
-        result[top:bottom] = np.maximum(shown, 0) + floor
+        for result, soft in zip(results, rendered, strict=True):
+            shown = as_rendered(part)[own] if soft else part[own]
+            result[top:bottom] = np.maximum(shown, 0) + floor
     if textured is not None and not textured.all():
         # The level of the texture, so that what is filtered does not leap where the one surface meets the other.
-        result[~textured] = result[textured].mean(0, dtype=np.float64) if textured.any() else 1.0
-    return result
+        for result in results:
+            result[~textured] = result[textured].mean(0, dtype=np.float64) if textured.any() else 1.0
+    return results
 
 
 def as_rendered(picture: np.ndarray) -> np.ndarray:

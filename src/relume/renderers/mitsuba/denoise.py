@@ -10,7 +10,7 @@ import numpy as np
 from scipy.ndimage import distance_transform_edt, gaussian_filter
 
 from relume.image.primaries import REC709
-from relume.image.texture import texture
+from relume.image.texture import textures
 from relume.renderers.results import Change, Render
 
 WHITE_XYZ = (REC709.to_xyz() / REC709.to_xyz().sum(axis=1, keepdims=True)).astype(np.float32)
@@ -71,9 +71,10 @@ def denoised(
     if plate is None:
         clean = clean_up(_unmatted(taken, beside), *guides)
     else:
-        share = _unmatted(taken / texture(plate, textured, rendered=True), beside)
+        as_seen, as_rendered = textures(plate, textured, (False, True))
+        share = _unmatted(taken / as_rendered, beside)
         albedo = np.where(True if textured is None else textured[..., None], 1, guides[0])
-        clean = texture(plate, textured) * _share(share, albedo, change.normal, textured, clean_up)
+        clean = as_seen * _share(share, albedo, change.normal, textured, clean_up)
     taken = _as_bright(clean, taken, shows)
     return replace(
         change,
@@ -140,8 +141,10 @@ def _as_bright(clean: np.ndarray, traced: np.ndarray, shows: np.ndarray, highlig
         return np.where(lit, arrived / np.where(lit, left, 1), 1)
 
     shown, bright = ((light.sum(-1, dtype=np.float64)) for light in (shows * clean, traced))
+    if not highlights:
+        return clean * ratio(shown, bright, NEIGHBOURS)[..., None].astype(np.float32)
     # A highlight keeps its own light: spread about it, what the filter took of it would stand as a halo.
-    peaks = highlights & (shown > PEAK * about(shown))
+    peaks = shown > PEAK * about(shown)
     own = ratio(shown * peaks, bright * peaks, NARROW)
     # What the filter made dark by far was a rare bright path, which stands for the light about it.
     kept = np.minimum(own, MOST)

@@ -45,8 +45,6 @@ class Neediest:
             return None
         if sums.latest is not None and (sums.passes - self.even) % AT_ONCE:
             return sums.latest
-        from scipy.ndimage import maximum_filter
-
         objects, difference, matte = (sums.mean(name) for name in ("objects", "difference", "matte"))
         # What is followed from the light is as noisy whichever pixels are traced.
         variance = sums.own_variance("objects") + sums.own_variance("difference")
@@ -55,7 +53,7 @@ class Neediest:
         # Of a single pass, so that how often the others were traced says nothing of this one.
         each = _of_others(seen * passes)
         # What nothing changes has nothing to gain; running sums leave rounding there.
-        each = np.where(maximum_filter(seen, REACH) > 0, each, 0)
+        each = np.where(_about(seen > 0), each, 0)
         # Rounded: a pixel that lacks less than half of them has enough.
         return np.asarray(self._needed(each, passes) - passes >= 0.5 * AT_ONCE)
 
@@ -90,7 +88,24 @@ def _of_others(values: np.ndarray) -> np.ndarray:
     return np.maximum(sums, 0) / np.maximum(counts, 1)
 
 
+def _about(there: np.ndarray) -> np.ndarray:
+    """(H, W) bool: where any pixel of the square about it is `there`, as far as the picture goes."""
+    for axis in (0, 1):
+        along = np.moveaxis(there, axis, 0)
+        there = there.copy()
+        about = np.moveaxis(there, axis, 0)
+        for away in range(1, REACH // 2 + 1):
+            about[away:] |= along[:-away]
+            about[:-away] |= along[away:]
+    return there
+
+
+def _of_channels(values: np.ndarray) -> np.ndarray:
+    """The sum over the channels (…, 3), which NumPy takes three times as long for along an axis."""
+    return values[..., 0] + values[..., 1] + values[..., 2]
+
+
 def weighed_variance(picture: np.ndarray, variance: np.ndarray) -> np.ndarray:
     """(H, W): the variance (H, W, 3) of a picture's pixels as the eye weighs it, by the radiance there and the mean."""
-    radiance = np.maximum(picture, 0).sum(-1)
-    return variance.sum(-1) / np.maximum(radiance + radiance.mean(), 1e-30) ** 2
+    radiance = _of_channels(np.maximum(picture, 0))
+    return _of_channels(variance) / np.maximum(radiance + radiance.mean(), 1e-30) ** 2
