@@ -13,10 +13,12 @@ from __future__ import annotations
 
 import hashlib
 import os
+import pickle
 import re
 import shutil
 import tempfile
 from collections.abc import Callable, Iterator, Mapping
+from contextlib import suppress
 from functools import lru_cache
 from pathlib import Path
 from threading import Lock
@@ -24,8 +26,8 @@ from typing import Any
 
 import llvmlite.binding as llvm
 import numba
-from numba.core.caching import FunctionCache, InTreeCacheLocator
-from numba.core.runtime.nrt import rtsys
+from numba.core.caching import CompileResultCacheImpl, FunctionCache, InTreeCacheLocator
+from numba.core.serialize import dumps
 
 _CONFIG: Any = numba.config  # pyright: ignore[reportPrivateImportUsage]
 
@@ -147,19 +149,66 @@ class KeptWithSource(InTreeCacheLocator):
         return Path(self._cache_path).name
 
 
+class _Sealed(CompileResultCacheImpl):
+    """What is written of a compiled form, with a hash of it, of the Numba and of the processor that it is for.
+
+    Numba numbers its files of forms, and two processes that keep forms at once may give one number to two.
+    """
+
+    def reduce(self, cres: Any) -> tuple[bytes, bytes]:
+        """The hash and the form."""
+        form = dumps(super().reduce(cres))
+        return _seal(form, cres.library.codegen), form
+
+    def rebuild(self, target_context: Any, payload: tuple[bytes, bytes]) -> Any:
+        """The form as it was; raises ValueError for a damaged one, and another Numba's or processor's."""
+        seal, form = payload
+        if seal != _seal(form, target_context.codegen()):
+            raise ValueError("not the form that was kept")
+        return super().rebuild(target_context, pickle.loads(form))
+
+
+def _seal(form: bytes, codegen: Any) -> bytes:
+    return hashlib.sha1(repr((numba.__version__, codegen.magic_tuple())).encode() + form).digest()
+
+
 class KeptKernels(FunctionCache):
     """Compiled forms of one kernel on disk, loaded without making Numba ready to compile others.
 
     Numba first imports and registers all that its compiler knows, SciPy's linear algebra among it: 0.35 s of a process.
     Code that is compiled already needs only what counts references to its arrays; where a form is missing, Numba's
-    compiler makes itself ready.
+    compiler makes itself ready. So it does where a form cannot be read, or where Numba's own ways have changed.
     """
 
+    _impl_class = _Sealed
+
     def load_overload(self, sig: Any, target_context: Any) -> Any:
-        """The form for a signature, None where none is kept."""
+        """The form for a signature; None where none is kept, or not a sound one."""
+        for load in (self._at_once, super().load_overload):
+            # A damaged pickle may raise anything.
+            with suppress(Exception):
+                found = load(sig, target_context)
+                # Numba calls what it is given without another look at its arguments.
+                right = found is None or tuple(found.signature.args) == tuple(getattr(sig, "args", sig))
+                return found if right else None
+        return None
+
+    def _at_once(self, sig: Any, target_context: Any) -> Any:
+        from numba.core.runtime.nrt import rtsys
+
         rtsys.initialize(target_context)
-        with self._guard_against_spurious_io_errors():
-            return self._load_overload(sig, target_context)
+        return self._load_overload(sig, target_context)
+
+    def save_overload(self, sig: Any, data: Any) -> None:
+        """Keep a form, if the disk allows: it is in memory whether it is kept or not."""
+        with suppress(OSError):
+            try:
+                super().save_overload(sig, data)
+            except OSError:
+                raise
+            except Exception:  # a damaged index
+                self.flush()
+                super().save_overload(sig, data)
 
 
 def _compiled(fast: set[str] | bool) -> Callable[[Callable[..., Any]], Any]:
@@ -170,8 +219,10 @@ def _compiled(fast: set[str] | bool) -> Callable[[Callable[..., Any]], Any]:
             before = _CONFIG.CACHE_LOCATOR_CLASSES
             _CONFIG.CACHE_LOCATOR_CLASSES = before or f"{__name__}.{KeptWithSource.__name__},UserWideCacheLocator"
             try:
-                kept: Any = numba.njit(nogil=True, fastmath=fast, error_model="numpy")(function)
-                kept._cache = KeptKernels(function)
+                kept: Any = numba.njit(cache=True, nogil=True, fastmath=fast, error_model="numpy")(function)
+                # Where Numba keeps kernels in another way, or compiles none, that stays.
+                if isinstance(getattr(kept, "_cache", None), FunctionCache):
+                    kept._cache = KeptKernels(function)
                 return kept
             finally:
                 _CONFIG.CACHE_LOCATOR_CLASSES = before
