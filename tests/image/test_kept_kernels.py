@@ -158,6 +158,14 @@ def test_kernels_of_another_source_are_not_used(called, site, tmp_path):
     assert times_in(site / "relume" / "kernels") == before
 
 
+def test_what_a_process_compiles_of_an_older_source_is_not_kept_for_the_newer_one(called, site, tmp_path):
+    """As in a server that runs while another version is put in its place: what it has imported is the old one."""
+    changed = "import relume.image.kernel\nopen(relume.image.kernel.__file__, 'a').write('# changed')\n"
+    assert called(site, tmp_path, before=changed)[:2] == (1, 0)
+    for kept in (0, 1):
+        assert called(site, tmp_path)[:2] == (kept, 1 - kept)
+
+
 def test_in_a_write_protected_package_they_are_used_and_others_are_kept_with_the_user(called, site, tmp_path):
     folders, home = [site, *(path for path in site.rglob("*") if path.is_dir())], tmp_path / "home"
     for each in folders:

@@ -75,12 +75,12 @@ def cache_folder(module: str) -> str:
     """
     package = Path(__file__).parents[1]
     own = package / (module.removeprefix("relume.").replace(".", "/") + ".py")
-    waiting, sources = [own], {Path(__file__): Path(__file__).read_bytes()}
+    waiting, sources = [own], {Path(__file__): _source(Path(__file__))}
     while waiting:
         path = waiting.pop()
         if path in sources or not path.is_file():
             continue
-        sources[path] = path.read_bytes()
+        sources[path] = _source(path)
         names = re.findall(rb"^from relume\.([\w.]+) import", sources[path], re.MULTILINE)
         waiting += [package / (name.decode().replace(".", "/") + ".py") for name in names]
     digest = hashlib.sha1()
@@ -98,6 +98,15 @@ def cache_folder(module: str) -> str:
             continue
         break
     return str(folder)
+
+
+@lru_cache(None)
+def _source(path: Path) -> bytes:
+    """What a file held when it was first asked for: soon after this process imported it, whatever is written later."""
+    return path.read_bytes()
+
+
+_source(Path(__file__))
 
 
 def _writable(first: Path) -> Iterator[Path]:
