@@ -91,6 +91,14 @@ def _of_others(values: np.ndarray) -> np.ndarray:
 
 
 def weighed_variance(picture: np.ndarray, variance: np.ndarray) -> np.ndarray:
-    """(H, W): the variance (H, W, 3) of a picture's pixels as the eye weighs it, by the radiance there and the mean."""
-    radiance = np.maximum(picture, 0).sum(-1)
-    return variance.sum(-1) / np.maximum(radiance + radiance.mean(), 1e-30) ** 2
+    """(H, W): the variance (H, W, 3) of a picture's pixels as the eye weighs it, by the radiance there and the mean.
+
+    A pixel that is not finite, which no pass mends, is dark and has no variance.
+    """
+    # One of a plate, or of a pass, would make all others NaN: none would be traced any more.
+    radiance = _finite(np.maximum(picture, 0).sum(-1))
+    return _finite(variance.sum(-1)) / np.maximum(radiance + radiance.mean(), 1e-30) ** 2
+
+
+def _finite(values: np.ndarray) -> np.ndarray:
+    return np.where(np.isfinite(values), values, 0)
