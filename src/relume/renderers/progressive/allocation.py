@@ -59,6 +59,11 @@ class Neediest:
         # Rounded: a pixel that lacks less than half of them has enough.
         return np.asarray(self._needed(each, passes) - passes >= 0.5 * AT_ONCE)
 
+    def expected(self, variance: np.ndarray, most: int) -> float:
+        """How many passes a pixel is given on average, of `most`, by the weighed variance (H, W) in a small render."""
+        begun = np.full(variance.shape, self.even)
+        return float(np.clip(self._needed(_of_others(variance), begun), self.even, most).mean())
+
     def _needed(self, variance: np.ndarray, passes: np.ndarray) -> np.ndarray:
         """How many passes each pixel needs, of the variance of one, beside those that it has had."""
         deviation = np.sqrt(variance)
