@@ -8,6 +8,7 @@ import pickle
 import shutil
 import subprocess
 import sys
+import tempfile
 import zipfile
 from collections.abc import Callable, Iterator
 from pathlib import Path
@@ -15,7 +16,7 @@ from pathlib import Path
 import pytest
 
 import relume
-from relume.image.kernel import is_common
+from relume.image.kernel import _own_temporary, is_common
 
 ROOT = Path(__file__).parents[2]
 MODULE = "virtual_camera/tone/luminance_kernels.py"
@@ -244,6 +245,21 @@ def test_they_are_copied_to_the_folder_that_the_user_chose(called, site, tmp_pat
     hits, misses, folder = called(site, tmp_path / "home", NUMBA_CACHE_DIR=str(chosen))
     assert (hits, misses) == (1, 0)
     assert Path(folder).parent == chosen
+
+
+@pytest.mark.skipif(not hasattr(os, "getuid"), reason="no owners and modes of files as POSIX has them")
+def test_what_others_may_write_to_is_not_run(tmp_path, monkeypatch):
+    monkeypatch.setattr(tempfile, "tempdir", str(tmp_path))
+    usual = _own_temporary()
+    assert usual == tmp_path / f"relume-{os.getuid()}" == _own_temporary() and usual.stat().st_mode & 0o777 == 0o700
+    usual.chmod(0o777)
+    assert _own_temporary() != usual
+    usual.rmdir()
+    # Another's folder behind a link.
+    other = tmp_path / "other"
+    other.mkdir(mode=0o700)
+    usual.symlink_to(other)
+    assert _own_temporary() not in (usual, other)
 
 
 def test_the_common_processor_is_one_with_all_that_it_stands_for():

@@ -66,6 +66,10 @@ def test_a_picture_that_is_looked_at_pixel_by_pixel_gets_the_rays_that_its_noise
     small = forecast(shot, camera.resized(192, 128), meshes)
     noisy = forecast(shot.model_copy(update={"render": shot.render.model_copy(update={"noise": 0.01})}), camera, meshes)
     assert small is not None and small.rays == 64 and noisy is not None and expected.rays < noisy.rays <= 64
+    # What moves while the shutter is open: each pass sees another moment.
+    film = shot.model_copy(update={"sequence": SimpleNamespace(shutter=(-0.25, 0.25))})
+    blurred = forecast(film, camera, meshes)
+    assert blurred is not None and blurred.rays == 64
 
 
 def test_the_time_is_that_of_the_small_renders_rays(monkeypatch):

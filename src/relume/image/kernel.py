@@ -16,6 +16,7 @@ import os
 import pickle
 import re
 import shutil
+import stat
 import tempfile
 from collections.abc import Callable, Iterator, Mapping
 from contextlib import suppress
@@ -120,7 +121,19 @@ def _writable(first: Path) -> Iterator[Path]:
             continue
         if os.access(place, os.W_OK):
             yield place
-    yield Path(tempfile.gettempdir()) / f"relume-{os.getuid() if hasattr(os, 'getuid') else ''}"
+    yield _own_temporary()
+
+
+def _own_temporary() -> Path:
+    """A folder for temporary files that only this user may write to: what is kept there is run."""
+    user = os.getuid() if hasattr(os, "getuid") else None
+    place = Path(tempfile.gettempdir()) / f"relume-{'' if user is None else user}"
+    with suppress(OSError):
+        place.mkdir(mode=0o700)
+    found = place.lstat() if place.exists() else None
+    if found and stat.S_ISDIR(found.st_mode) and (user is None or (found.st_uid == user and not found.st_mode & 0o022)):
+        return place
+    return Path(tempfile.mkdtemp(prefix="relume-"))
 
 
 def _copied(brought: Path, folder: Path) -> None:

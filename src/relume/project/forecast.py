@@ -106,6 +106,9 @@ def _probed(shot: Shot, camera: Camera, meshes: Sequence[Mesh], threads: int | N
     if is_large(camera):
         shares, areas = shares_of_tiles(noise, grey, camera, shot.render.samples)
         return float(np.average(shares, weights=areas)), speed
+    # What moves while the shutter is open gets all its rays: each pass sees another moment.
+    if shot.sequence is not None and shot.sequence.shutter is not None:
+        return float(shot.render.samples), speed
     seen = noise.objects + noise.difference + (1 - noise.matte[..., None]) * grey
     variance = weighed_variance(seen, noise.objects_variance + noise.difference_variance)
     asked = Differential(shot.render.samples, shot.render.noise)
