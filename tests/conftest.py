@@ -12,6 +12,8 @@ from pathlib import Path
 
 import pytest
 
+from hanging import HangClock
+
 # The processes of the suite share the cores already. OpenBLAS's threads wait for each other in a loop: where another
 # process has a core, a matrix of 256 rows takes a hundred times as long by two threads as by one. Read at NumPy's
 # import, by the tests' own child processes too.
@@ -111,6 +113,8 @@ def pytest_configure(config: pytest.Config) -> None:
     # What the tests write need not outlive a power cut: 8 ms for each file and its folder. tests/image/test_atomic.py
     # has the real one.
     os.fsync = lambda fd: None
+    # A test that waits for ever ends the process that runs it, which says where; the others go on.
+    config.pluginmanager.register(HangClock(os.dup(2)))
     if "not long" in config.option.markexpr:
         sys.modules["mitsuba"] = None  # pyright: ignore[reportArgumentType]  # to import it is an error then
     elif int(os.environ.get("PYTEST_XDIST_WORKER_COUNT", "1")) >= (os.cpu_count() or 1):
