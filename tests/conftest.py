@@ -115,6 +115,8 @@ def pytest_configure(config: pytest.Config) -> None:
     os.fsync = lambda fd: None
     # A test that waits for ever ends the process that runs it, which says where; the others go on.
     config.pluginmanager.register(HangClock(os.dup(2)))
+    if "PYTEST_XDIST_WORKER" in os.environ:
+        config.pluginmanager.register(SharedCollection())
     if "not long" in config.option.markexpr:
         sys.modules["mitsuba"] = None  # pyright: ignore[reportArgumentType]  # to import it is an error then
     elif int(os.environ.get("PYTEST_XDIST_WORKER_COUNT", "1")) >= (os.cpu_count() or 1):
@@ -146,6 +148,25 @@ def pytest_collection() -> Generator[None, object, object]:
     finally:
         gc.freeze()
         gc.enable()
+
+
+class SharedCollection:
+    """In a fresh clone each process compiles what the other has not: one begins at the first file, one at the last."""
+
+    @pytest.hookimpl(wrapper=True)
+    def pytest_make_collect_report(
+        self, collector: pytest.Collector
+    ) -> Generator[None, pytest.CollectReport, pytest.CollectReport]:
+        report = yield
+        if isinstance(collector, pytest.Directory) and os.environ["PYTEST_XDIST_WORKER"] == "gw1":
+            report.result = [*reversed(report.result)]
+        return report
+
+    @pytest.hookimpl(wrapper=True, tryfirst=True)
+    def pytest_collection_modifyitems(self, items: list[pytest.Item]) -> Generator[None, None, None]:
+        # The processes have to name the tests in the same order, before it is made a random one.
+        items.sort(key=lambda item: item.path)
+        return (yield)
 
 
 @pytest.hookimpl(tryfirst=True)
