@@ -34,6 +34,7 @@ LONGEST = [
     *("test_studio_camera.py", "test_studio_radiance.py", "test_studio_faults.py", "test_patches.py"),
     *("test_resampling.py", "test_studio_light_edits.py", "test_farm_job.py", "test_round_matching.py"),
     *("test_architecture.py", "test_assembled.py", "test_probe_films.py", "test_consistency.py"),
+    *("test_page_sizes.py", "test_shot_in_fog.py", "test_shining_shot.py"),
     *("test_registration.py", "test_reflect.py", "test_measurement.py", "test_panorama.py"),
 ]
 # What `make quick` leaves out: what renders with Mitsuba, runs whole commands and shots, or takes more than 5 s.
