@@ -12,6 +12,8 @@ from pathlib import Path
 
 import pytest
 
+from hanging import HangClock
+
 # The processes of the suite share the cores already. OpenBLAS's threads wait for each other in a loop: where another
 # process has a core, a matrix of 256 rows takes a hundred times as long by two threads as by one. Read at NumPy's
 # import, by the tests' own child processes too.
@@ -32,6 +34,7 @@ LONGEST = [
     *("test_studio_camera.py", "test_studio_radiance.py", "test_studio_faults.py", "test_patches.py"),
     *("test_resampling.py", "test_studio_light_edits.py", "test_farm_job.py", "test_round_matching.py"),
     *("test_architecture.py", "test_assembled.py", "test_probe_films.py", "test_consistency.py"),
+    *("test_page_sizes.py", "test_shot_in_fog.py", "test_shining_shot.py"),
     *("test_registration.py", "test_reflect.py", "test_measurement.py", "test_panorama.py"),
 ]
 # What `make quick` leaves out: what renders with Mitsuba, runs whole commands and shots, or takes more than 5 s.
@@ -111,6 +114,10 @@ def pytest_configure(config: pytest.Config) -> None:
     # What the tests write need not outlive a power cut: 8 ms for each file and its folder. tests/image/test_atomic.py
     # has the real one.
     os.fsync = lambda fd: None
+    # A test that waits for ever ends the process that runs it, which says where; the others go on.
+    config.pluginmanager.register(HangClock(os.dup(2)))
+    if "PYTEST_XDIST_WORKER" in os.environ:
+        config.pluginmanager.register(SharedCollection())
     if "not long" in config.option.markexpr:
         sys.modules["mitsuba"] = None  # pyright: ignore[reportArgumentType]  # to import it is an error then
     elif int(os.environ.get("PYTEST_XDIST_WORKER_COUNT", "1")) >= (os.cpu_count() or 1):
@@ -142,6 +149,25 @@ def pytest_collection() -> Generator[None, object, object]:
     finally:
         gc.freeze()
         gc.enable()
+
+
+class SharedCollection:
+    """In a fresh clone each process compiles what the other has not: one begins at the first file, one at the last."""
+
+    @pytest.hookimpl(wrapper=True)
+    def pytest_make_collect_report(
+        self, collector: pytest.Collector
+    ) -> Generator[None, pytest.CollectReport, pytest.CollectReport]:
+        report = yield
+        if isinstance(collector, pytest.Directory) and os.environ["PYTEST_XDIST_WORKER"] == "gw1":
+            report.result = [*reversed(report.result)]
+        return report
+
+    @pytest.hookimpl(wrapper=True, tryfirst=True)
+    def pytest_collection_modifyitems(self, items: list[pytest.Item]) -> Generator[None, None, None]:
+        # The processes have to name the tests in the same order, before it is made a random one.
+        items.sort(key=lambda item: item.path)
+        return (yield)
 
 
 @pytest.hookimpl(tryfirst=True)

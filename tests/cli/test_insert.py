@@ -41,7 +41,9 @@ def test_a_dry_run_looks_at_the_board_the_balls_and_the_times(tmp_path, capsys):
     assert facts["balls"][0]["ball"]["from"].endswith(".jpg alone")
     assert facts["camera"]["at"] == pytest.approx([0.25, 0.55, 1.15], abs=0.004)
     assert "points, off by" in facts["camera"]["from"] and facts["pixels"] == "768 × 512"
-    assert facts["rays a pixel"] == 64 and facts["rays"] == "25.2 million" and facts["quick look"] == "--preview"
+    # Of the 64 that are allowed 33 are traced, on the room's own light and table.
+    assert 33 <= facts["rays a pixel"] < 48 and facts["quick look"] == "--preview"
+    assert float(facts["rays"].split()[0]) == pytest.approx(facts["rays a pixel"] * 0.768 * 0.512, rel=0.01)
     assert re.fullmatch(r"\d+ min on this machine .*, 1.3 GB of memory, 0.17 GB of disk", facts["estimate"])
     assert any("0.2" in size for size in facts["objects"].values()) and not (tmp_path / "out").exists()
     # Below the middle of the picture, right of it: where the composite shows it.

@@ -8,6 +8,7 @@ import pickle
 import shutil
 import subprocess
 import sys
+import tempfile
 import zipfile
 from collections.abc import Callable, Iterator
 from pathlib import Path
@@ -15,7 +16,7 @@ from pathlib import Path
 import pytest
 
 import relume
-from relume.image.kernel import is_common
+from relume.image.kernel import _own_temporary, is_common
 
 ROOT = Path(__file__).parents[2]
 MODULE = "virtual_camera/tone/luminance_kernels.py"
@@ -158,6 +159,14 @@ def test_kernels_of_another_source_are_not_used(called, site, tmp_path):
     assert times_in(site / "relume" / "kernels") == before
 
 
+def test_what_a_process_compiles_of_an_older_source_is_not_kept_for_the_newer_one(called, site, tmp_path):
+    """As in a server that runs while another version is put in its place: what it has imported is the old one."""
+    changed = "import relume.image.kernel\nopen(relume.image.kernel.__file__, 'a').write('# changed')\n"
+    assert called(site, tmp_path, before=changed)[:2] == (1, 0)
+    for kept in (0, 1):
+        assert called(site, tmp_path)[:2] == (kept, 1 - kept)
+
+
 def test_in_a_write_protected_package_they_are_used_and_others_are_kept_with_the_user(called, site, tmp_path):
     folders, home = [site, *(path for path in site.rglob("*") if path.is_dir())], tmp_path / "home"
     for each in folders:
@@ -178,11 +187,79 @@ def test_in_a_write_protected_package_they_are_used_and_others_are_kept_with_the
     assert list(Path(folder).parent.iterdir()) == [Path(folder)]  # nothing half-copied is left
 
 
+def kept_files(site: Path, end: str) -> list[Path]:
+    return sorted((site / "relume" / "kernels").rglob(f"*{end}"))
+
+
+@pytest.mark.parametrize("damage", ["empty", "half", "zeros behind"])
+@pytest.mark.parametrize("end", [".nbi", ".nbc"])
+def test_a_damaged_file_is_made_anew(called, site, tmp_path, end, damage):
+    """As a power cut leaves it, or a full disk; it would stop every further command."""
+    (file,) = kept_files(site, end)
+    whole = file.read_bytes()
+    half = len(whole) // 2
+    file.write_bytes({"empty": b"", "half": whole[:half], "zeros behind": whole[:half] + bytes(half)}[damage])
+    for kept in (0, 1):
+        assert called(site, tmp_path)[:2] == (kept, 1 - kept)
+
+
+@pytest.mark.parametrize("other", [{"numbers": "int32"}, {"NUMBA_CPU_NAME": "generic"}], ids=["types", "processor"])
+def test_a_form_in_the_place_of_another_is_not_called(called, site, tmp_path, other):
+    """As two processes leave them that each keep a form at once: Numba gives both the same number."""
+    assert called(site, tmp_path, **other)[:2] == (0, 1)
+    first, second = kept_files(site, ".nbc")
+    whole = first.read_bytes()
+    first.write_bytes(second.read_bytes())
+    second.write_bytes(whole)
+    for kept in (0, 1):
+        assert called(site, tmp_path)[:2] == (kept, 1 - kept)
+        assert called(site, tmp_path, **other)[:2] == (kept, 1 - kept)
+
+
+def test_on_a_full_disk_kernels_run_and_are_not_kept(called, site, tmp_path):
+    full = (
+        "import resource, signal; signal.signal(signal.SIGXFSZ, signal.SIG_IGN)\n"
+        "resource.setrlimit(resource.RLIMIT_FSIZE, (1000, resource.RLIM_INFINITY))\n"
+    )
+    before = times_in(site)
+    assert called(site, tmp_path, "float64", full, PYTHONDONTWRITEBYTECODE="1")[:2] == (0, 1)
+    assert set(times_in(site)) == set(before)  # nothing half-written is left
+
+
+@pytest.mark.parametrize(
+    "changed",
+    [
+        "del nrt.rtsys",
+        "Cache.other = Cache._load_overload; del Cache._load_overload\n"
+        "Cache.load_overload = lambda self, sig, target: (target.refresh(), self.other(sig, target))[1]",
+    ],
+    ids=["runtime", "cache"],
+)
+def test_a_numba_of_other_ways_loads_them_as_it_does(called, site, tmp_path, changed):
+    names = "from numba.core.caching import Cache; from numba.core.runtime import nrt\n"
+    assert called(site, tmp_path, before=f"{names}{changed}\n")[:2] == (1, 0)
+
+
 def test_they_are_copied_to_the_folder_that_the_user_chose(called, site, tmp_path):
     chosen = tmp_path / "chosen"
     hits, misses, folder = called(site, tmp_path / "home", NUMBA_CACHE_DIR=str(chosen))
     assert (hits, misses) == (1, 0)
     assert Path(folder).parent == chosen
+
+
+@pytest.mark.skipif(not hasattr(os, "getuid"), reason="no owners and modes of files as POSIX has them")
+def test_what_others_may_write_to_is_not_run(tmp_path, monkeypatch):
+    monkeypatch.setattr(tempfile, "tempdir", str(tmp_path))
+    usual = _own_temporary()
+    assert usual == tmp_path / f"relume-{os.getuid()}" == _own_temporary() and usual.stat().st_mode & 0o777 == 0o700
+    usual.chmod(0o777)
+    assert _own_temporary() != usual
+    usual.rmdir()
+    # Another's folder behind a link.
+    other = tmp_path / "other"
+    other.mkdir(mode=0o700)
+    usual.symlink_to(other)
+    assert _own_temporary() not in (usual, other)
 
 
 def test_the_common_processor_is_one_with_all_that_it_stands_for():

@@ -1,5 +1,7 @@
 """Radiance pictures against literal bytes of the format, references others decoded, and real files of 1990 to 2018."""
 
+import errno
+import mmap
 import os
 import re
 
@@ -10,6 +12,7 @@ from other_programs import by_opencv, by_openimageio
 from relume.errors import FormatError, UnreadableFile
 from relume.image.files import ReadOptions, read, read_radiance, write
 from relume.image.files.encodings import RadianceHDR
+from relume.image.files.hdr import radiance_hdr
 from relume.image.files.hdr.radiance_hdr import subtype
 from relume.image.files.hdr.scanlines import DARKEST, encoded
 from relume.image.primaries import EQUAL_ENERGY, REC709, Primaries, between
@@ -39,6 +42,24 @@ EIGHT_IN_NEW_RUNS = [2, 2, 0, 8, 128 + 8, 7, 8, *range(8), 128 + 3, 9, 5, *range
 )
 def test_a_pixel_is_mantissa_times_two_to_the_exponent_minus_136(tmp_path, rgbe, value):
     assert read_radiance(picture(tmp_path / "a.hdr", rgbe, "-Y 1 +X 1")).radiance[0, 0].tolist() == list(value)
+
+
+@pytest.mark.parametrize("left", [0, 1, 2])
+def test_where_the_system_gives_no_pages_of_its_own_those_of_numpy_are_taken(tmp_path, monkeypatch, left):
+    """And where there are none either, NumPy says that memory is short, which is no fault of ours."""
+    given = [mmap.mmap] * left
+
+    def mapped(*size, **flags):
+        if not given:
+            raise OSError(errno.ENOMEM, "Cannot allocate memory")
+        return given.pop()(*size, **flags)
+
+    path = picture(tmp_path / "a.hdr", SIX)
+    expected = read_radiance(path).radiance
+    monkeypatch.setattr(radiance_hdr, "_LARGE", 1)
+    monkeypatch.setattr(radiance_hdr.mmap, "mmap", mapped)
+    np.testing.assert_array_equal(read_radiance(path).radiance, expected)
+    assert not given
 
 
 def test_mantissas_are_read_as_the_middle_of_their_step_on_request(tmp_path):

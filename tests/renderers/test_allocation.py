@@ -143,6 +143,27 @@ def test_where_nothing_changes_the_first_passes_are_all():
         assert accumulate(nothing, passes=30, choose=Neediest(PLATE, 3, 10, enough)).passes == 3
 
 
+@pytest.mark.parametrize("where", ["plate", "passes"])
+@pytest.mark.parametrize("value", [np.nan, np.inf])
+def test_a_pixel_that_is_not_finite_leaves_the_others_their_passes(where, value):
+    """In the mean radiance it ended the render after the first passes, and said nothing."""
+    plate = PLATE.copy()
+
+    def spoilt(seed: int, chosen: np.ndarray | None = None) -> dict[str, np.ndarray]:
+        planes = trace(seed, chosen)
+        planes["difference"][2, 28] = value if where == "passes" else 0
+        return planes
+
+    if where == "plate":
+        plate[2, 28] = value
+    with np.errstate(invalid="ignore"):
+        sums = accumulate(spoilt, passes=400, choose=Neediest(plate, 8, 40))
+    expected = accumulate(trace, passes=400, choose=Neediest(PLATE, 8, 40))
+    assert sums.counts is not None and expected.counts is not None
+    assert sums.counts.mean() == pytest.approx(expected.counts.mean(), rel=0.02)
+    assert sums.counts[NOISY].mean() == pytest.approx(expected.counts[NOISY].mean(), rel=0.02)
+
+
 def test_a_mirror_in_the_light_of_its_neighbour_counts_by_what_the_eye_sees():
     """The same noise on a bright plate is a smaller share of it, and is looked at later."""
     bright = np.where(np.arange(WIDTH)[None, :, None] < WIDTH // 2, 20.0, 1.0) * PLATE

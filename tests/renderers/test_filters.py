@@ -457,6 +457,16 @@ def test_a_picture_of_several_materials_at_once_is_the_sum_of_their_terms():
     np.testing.assert_array_equal(found, expected[:, :3])
 
 
+@pytest.mark.parametrize("filter", [Plain(), Mip()])
+@pytest.mark.parametrize("materials", [(), (Reflective(()),)])
+def test_a_picture_without_any_term_is_black(materials, filter):
+    nothing, vectors = np.zeros((0, 3), np.float32), np.zeros((3, 3), np.float32)
+    corners = np.zeros((3, 4), np.int32), nothing, nothing, np.zeros(0, np.int32)
+    samples = Samples(vectors, vectors, np.full(3, len(materials) - 1, np.int32), *corners)
+    found = Shading.of(materials, constant(32), filter).light(samples, np.zeros((3, 2)))
+    np.testing.assert_array_equal(found, np.zeros((3, 3)))
+
+
 def test_a_normal_that_is_no_number_is_seen_and_harms_no_neighbour():
     light, quads = spiky(32), around(spread(40), 0.2)
     broken = quads.mean(1)

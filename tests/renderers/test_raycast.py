@@ -1,6 +1,7 @@
 """Rays against slow twins, through edges and vertices, from and along surfaces; and what is found where they hit."""
 
 import math
+from typing import Any
 
 import numpy as np
 import pytest
@@ -153,11 +154,29 @@ def test_a_tree_built_in_parts_is_the_tree_built_in_one_go(monkeypatch):
     middles = random.normal(size=(3000, 3)) * [4, 1, 0.2]
     middles[:500] = 0.5
     boxes = np.concatenate([middles - 0.05, middles + 0.05], axis=1).astype(np.float32)
+    build, fold, built, handed = bvh._build, bvh._fold, [], []
+
+    def building(*work: Any) -> Any:
+        built.append(work[4:6])
+        return build(*work)
+
+    def folding(nodes: np.ndarray, children: np.ndarray, root: int, depth: int, *wide: np.ndarray) -> Any:
+        # The depth is room that is set aside: a shallower one would be written beyond.
+        handed.append((root, depth, len(wide[0])))
+        return fold(nodes, children, root, depth, *wide)
+
+    monkeypatch.setattr(bvh, "_build", building)
+    monkeypatch.setattr(bvh, "_fold", folding)
     whole = build_tree(boxes)
+    assert built == [(0, 3000)]
     monkeypatch.setattr(bvh, "PART", 10)
     for parts in (2, 16, 100):
         monkeypatch.setattr(bvh, "PARTS", parts)
+        built.clear()
         tree = build_tree(boxes)
+        pieces = sorted(built[1:])
+        assert len(pieces) >= parts and all(end - begin <= 3000 // parts for begin, end in pieces)
+        assert handed[-1] == handed[0]
         for name in ("boxes", "children", "order", "root", "depth"):
             np.testing.assert_array_equal(getattr(tree, name), getattr(whole, name), err_msg=f"{name}, {parts} parts")
 

@@ -13,10 +13,13 @@ from __future__ import annotations
 
 import hashlib
 import os
+import pickle
 import re
 import shutil
+import stat
 import tempfile
 from collections.abc import Callable, Iterator, Mapping
+from contextlib import suppress
 from functools import lru_cache
 from pathlib import Path
 from threading import Lock
@@ -24,8 +27,8 @@ from typing import Any
 
 import llvmlite.binding as llvm
 import numba
-from numba.core.caching import FunctionCache, InTreeCacheLocator
-from numba.core.runtime.nrt import rtsys
+from numba.core.caching import CompileResultCacheImpl, FunctionCache, InTreeCacheLocator
+from numba.core.serialize import dumps
 
 _CONFIG: Any = numba.config  # pyright: ignore[reportPrivateImportUsage]
 
@@ -73,12 +76,12 @@ def cache_folder(module: str) -> str:
     """
     package = Path(__file__).parents[1]
     own = package / (module.removeprefix("relume.").replace(".", "/") + ".py")
-    waiting, sources = [own], {Path(__file__): Path(__file__).read_bytes()}
+    waiting, sources = [own], {Path(__file__): _source(Path(__file__))}
     while waiting:
         path = waiting.pop()
         if path in sources or not path.is_file():
             continue
-        sources[path] = path.read_bytes()
+        sources[path] = _source(path)
         names = re.findall(rb"^from relume\.([\w.]+) import", sources[path], re.MULTILINE)
         waiting += [package / (name.decode().replace(".", "/") + ".py") for name in names]
     digest = hashlib.sha1()
@@ -98,6 +101,15 @@ def cache_folder(module: str) -> str:
     return str(folder)
 
 
+@lru_cache(None)
+def _source(path: Path) -> bytes:
+    """What a file held when it was first asked for: soon after this process imported it, whatever is written later."""
+    return path.read_bytes()
+
+
+_source(Path(__file__))
+
+
 def _writable(first: Path) -> Iterator[Path]:
     """Places for kernels that may be written to, the best first; the user's choice goes before all."""
     # An installation may be write-protected, and so may the home of a user on a render node.
@@ -109,7 +121,19 @@ def _writable(first: Path) -> Iterator[Path]:
             continue
         if os.access(place, os.W_OK):
             yield place
-    yield Path(tempfile.gettempdir()) / f"relume-{os.getuid() if hasattr(os, 'getuid') else ''}"
+    yield _own_temporary()
+
+
+def _own_temporary() -> Path:
+    """A folder for temporary files that only this user may write to: what is kept there is run."""
+    user = os.getuid() if hasattr(os, "getuid") else None
+    place = Path(tempfile.gettempdir()) / f"relume-{'' if user is None else user}"
+    with suppress(OSError):
+        place.mkdir(mode=0o700)
+    found = place.lstat() if place.exists() else None
+    if found and stat.S_ISDIR(found.st_mode) and (user is None or (found.st_uid == user and not found.st_mode & 0o022)):
+        return place
+    return Path(tempfile.mkdtemp(prefix="relume-"))
 
 
 def _copied(brought: Path, folder: Path) -> None:
@@ -147,19 +171,66 @@ class KeptWithSource(InTreeCacheLocator):
         return Path(self._cache_path).name
 
 
+class _Sealed(CompileResultCacheImpl):
+    """What is written of a compiled form, with a hash of it, of the Numba and of the processor that it is for.
+
+    Numba numbers its files of forms, and two processes that keep forms at once may give one number to two.
+    """
+
+    def reduce(self, cres: Any) -> tuple[bytes, bytes]:
+        """The hash and the form."""
+        form = dumps(super().reduce(cres))
+        return _seal(form, cres.library.codegen), form
+
+    def rebuild(self, target_context: Any, payload: tuple[bytes, bytes]) -> Any:
+        """The form as it was; raises ValueError for a damaged one, and another Numba's or processor's."""
+        seal, form = payload
+        if seal != _seal(form, target_context.codegen()):
+            raise ValueError("not the form that was kept")
+        return super().rebuild(target_context, pickle.loads(form))
+
+
+def _seal(form: bytes, codegen: Any) -> bytes:
+    return hashlib.sha1(repr((numba.__version__, codegen.magic_tuple())).encode() + form).digest()
+
+
 class KeptKernels(FunctionCache):
     """Compiled forms of one kernel on disk, loaded without making Numba ready to compile others.
 
     Numba first imports and registers all that its compiler knows, SciPy's linear algebra among it: 0.35 s of a process.
     Code that is compiled already needs only what counts references to its arrays; where a form is missing, Numba's
-    compiler makes itself ready.
+    compiler makes itself ready. So it does where a form cannot be read, or where Numba's own ways have changed.
     """
 
+    _impl_class = _Sealed
+
     def load_overload(self, sig: Any, target_context: Any) -> Any:
-        """The form for a signature, None where none is kept."""
+        """The form for a signature; None where none is kept, or not a sound one."""
+        for load in (self._at_once, super().load_overload):
+            # A damaged pickle may raise anything.
+            with suppress(Exception):
+                found = load(sig, target_context)
+                # Numba calls what it is given without another look at its arguments.
+                right = found is None or tuple(found.signature.args) == tuple(getattr(sig, "args", sig))
+                return found if right else None
+        return None
+
+    def _at_once(self, sig: Any, target_context: Any) -> Any:
+        from numba.core.runtime.nrt import rtsys
+
         rtsys.initialize(target_context)
-        with self._guard_against_spurious_io_errors():
-            return self._load_overload(sig, target_context)
+        return self._load_overload(sig, target_context)
+
+    def save_overload(self, sig: Any, data: Any) -> None:
+        """Keep a form, if the disk allows: it is in memory whether it is kept or not."""
+        with suppress(OSError):
+            try:
+                super().save_overload(sig, data)
+            except OSError:
+                raise
+            except Exception:  # a damaged index
+                self.flush()
+                super().save_overload(sig, data)
 
 
 def _compiled(fast: set[str] | bool) -> Callable[[Callable[..., Any]], Any]:
@@ -170,8 +241,10 @@ def _compiled(fast: set[str] | bool) -> Callable[[Callable[..., Any]], Any]:
             before = _CONFIG.CACHE_LOCATOR_CLASSES
             _CONFIG.CACHE_LOCATOR_CLASSES = before or f"{__name__}.{KeptWithSource.__name__},UserWideCacheLocator"
             try:
-                kept: Any = numba.njit(nogil=True, fastmath=fast, error_model="numpy")(function)
-                kept._cache = KeptKernels(function)
+                kept: Any = numba.njit(cache=True, nogil=True, fastmath=fast, error_model="numpy")(function)
+                # Where Numba keeps kernels in another way, or compiles none, that stays.
+                if isinstance(getattr(kept, "_cache", None), FunctionCache):
+                    kept._cache = KeptKernels(function)
                 return kept
             finally:
                 _CONFIG.CACHE_LOCATOR_CLASSES = before

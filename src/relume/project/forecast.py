@@ -19,6 +19,7 @@ from relume.errors import GatheredDoubts, OutputNotWritten, RelumeError
 from relume.project.insertion.render_tiles import VIEWED, is_large, shares_of_tiles
 from relume.project.shot_file.shot import Shot
 from relume.renderers.mitsuba.differential import Differential
+from relume.renderers.progressive.allocation import weighed_variance
 from relume.scene.cameras.camera import Camera
 from relume.scene.materials.materials import Diffuse
 from relume.scene.scene import Scene
@@ -26,7 +27,7 @@ from relume.scene.shapes.shapes import Mesh
 from relume.sphere.environment_map import EnvironmentMap
 
 PROBE, PROBE_RAYS = 400_000, 4
-"""Pixels and rays a pixel of the small render, in passes so large that starting them is not what takes the time."""
+"""Pixels and rays a pixel of the small render, so many that starting it is not what takes the time."""
 LAMP = 100.0
 """Radiance of a lamp above, in light of 1: most places have one, and it decides where shadows and noise are."""
 GREY = 0.3
@@ -35,8 +36,9 @@ DISK = 440
 """Bytes a pixel that an insertion holds on the disk at most: plate 25, denoised 25, reflectance 37, render 80, pictures
 12; and either the render's parts 92 and its planes 80, or what was matched to the plate 52, the composite and the model
 48, and the layers while they are written 104 and written 56."""
-START, A_MEGAPIXEL = 25.0, 4.0
-"""Seconds of two cores for all but the rays: balls, light and gloss, and what is done to each pixel of the plate."""
+START, A_MEGAPIXEL = 25.0, 8.0
+"""Seconds of two cores for all but the rays: balls, light and gloss, and what is done to each pixel of the plate. The
+room took 16 s at 0.4 megapixels, all of its kernels compiled before, and 214 at 24."""
 SMALL_MEMORY, LARGE_MEMORY = (0.9, 0.9), (2.3, 0.07)
 """Gigabytes of memory, and more for each megapixel: of one render, and of a large plate, rendered in parts."""
 
@@ -91,19 +93,26 @@ def _probed(shot: Shot, camera: Camera, meshes: Sequence[Mesh], threads: int | N
     scene = Scene(EnvironmentMap(light), local, tuple(meshes))
     shrunk = min(1.0, sqrt(PROBE / (camera.width * camera.height)))
     small = camera.resized(max(1, round(camera.width * shrunk)), max(1, round(camera.height * shrunk)))
-    times: list[tuple[float, float]] = []
-    pilot = Differential(PROBE_RAYS, depth=shot.render.depth, threads=threads).change(
-        scene, small, progress=lambda share: times.append((share, time.perf_counter()))
-    )
-    # The first pass compiles what the others run.
-    (first, begun), (last, ended) = times[0], times[-1]
-    traced = (last - first) * pilot.samples * small.width * small.height
-    speed = max(traced, 1.0) / max(ended - begun, 1e-3)
-    if not is_large(camera):
-        return float(shot.render.samples), speed
+    # A few pixels compile what the others run.
+    pilot = Differential(PROBE_RAYS, depth=shot.render.depth, threads=threads)
+    prepared = pilot.prepare(scene, small)
+    pilot.change(scene, small.resized(8, 8), prepared=prepared)
+    begun = time.perf_counter()
+    ends = [begun]
+    # Passes are traced at once, so that the time between them says nothing; depth and normals come after the last.
+    noise = pilot.change(scene, small, prepared=prepared, progress=lambda _: ends.append(time.perf_counter()))
+    speed = noise.samples * small.width * small.height / max(ends[-1] - begun, 1e-3)
     grey = np.broadcast_to(np.float32(GREY), (small.height, small.width, 3))
-    shares, areas = shares_of_tiles(pilot, grey, camera, shot.render.samples)
-    return float(np.average(shares, weights=areas)), speed
+    if is_large(camera):
+        shares, areas = shares_of_tiles(noise, grey, camera, shot.render.samples)
+        return float(np.average(shares, weights=areas)), speed
+    # What moves while the shutter is open gets all its rays: each pass sees another moment.
+    if shot.sequence is not None and shot.sequence.shutter is not None:
+        return float(shot.render.samples), speed
+    seen = noise.objects + noise.difference + (1 - noise.matte[..., None]) * grey
+    variance = weighed_variance(seen, noise.objects_variance + noise.difference_variance)
+    asked = Differential(shot.render.samples, shot.render.noise)
+    return min(asked.expected_samples(camera, variance), float(shot.render.samples)), speed
 
 
 def require_room(out: Path, pixels: int) -> None:

@@ -213,6 +213,21 @@ class Differential(PathTracing):
             made.key = fingerprint(scene)
             return made
 
+    def expected_samples(self, camera: Camera, variance: np.ndarray) -> float:
+        """Rays a pixel that `change` will trace of a still on average; at most so many where `noise` is asked for.
+
+        camera : of the picture
+        variance : (h, w) of a small render of it, as it is weighed (`weighed_variance`)
+        """
+        samples = samples_a_pass(self.samples, camera, passes_of_change(self.samples, camera))
+        full = max(self.samples // samples, 2)
+        even, passes = _spread_of(full, samples, camera)
+        if even == passes:
+            return float(samples * full)
+        enough = AS_GOOD_AS * full if self.noise is None else None
+        # Of the backdrop no more is asked: it weighs the variance already.
+        return samples * Neediest(variance, even, full, enough).expected(variance, passes)
+
     def _key(
         self, scene: Scene | str, camera: Camera, seed: int, plate: np.ndarray | None, moments: Moments | None,
         times: np.ndarray,

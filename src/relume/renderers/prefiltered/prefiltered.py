@@ -150,7 +150,7 @@ class Shading:
         if np.any(self.first != np.arange(len(self.first))):
             # Of samples that see nothing, −1, the last entry says that they belong to no material.
             material = np.append(self.first, np.int32(-1))[samples.surface]
-        if isinstance(self.filter, Plain) and (even := self._even(uv)) is not None:
+        if isinstance(self.filter, Plain) and (even := self._even(uv)):
             return self.filter.shaded(samples, material, even, self.threads)[:, :3]
         light, spans = np.zeros((len(samples.normal), 4), np.float32), Spans(samples, self.threads)
         for index, layers in enumerate(self.layers):

@@ -57,6 +57,11 @@ class Neediest:
         # Rounded: a pixel that lacks less than half of them has enough.
         return np.asarray(self._needed(each, passes) - passes >= 0.5 * AT_ONCE)
 
+    def expected(self, variance: np.ndarray, most: int) -> float:
+        """How many passes a pixel is given on average, of `most`, by the weighed variance (H, W) in a small render."""
+        begun = np.full(variance.shape, self.even)
+        return float(np.clip(self._needed(_of_others(variance), begun), self.even, most).mean())
+
     def _needed(self, variance: np.ndarray, passes: np.ndarray) -> np.ndarray:
         """How many passes each pixel needs, of the variance of one, beside those that it has had."""
         deviation = np.sqrt(variance)
@@ -106,6 +111,14 @@ def _of_channels(values: np.ndarray) -> np.ndarray:
 
 
 def weighed_variance(picture: np.ndarray, variance: np.ndarray) -> np.ndarray:
-    """(H, W): the variance (H, W, 3) of a picture's pixels as the eye weighs it, by the radiance there and the mean."""
-    radiance = _of_channels(np.maximum(picture, 0))
-    return _of_channels(variance) / np.maximum(radiance + radiance.mean(), 1e-30) ** 2
+    """(H, W): the variance (H, W, 3) of a picture's pixels as the eye weighs it, by the radiance there and the mean.
+
+    A pixel that is not finite, which no pass mends, is dark and has no variance.
+    """
+    # One of a plate, or of a pass, would make all others NaN: none would be traced any more.
+    radiance = _finite(_of_channels(np.maximum(picture, 0)))
+    return _finite(_of_channels(variance)) / np.maximum(radiance + radiance.mean(), 1e-30) ** 2
+
+
+def _finite(values: np.ndarray) -> np.ndarray:
+    return np.where(np.isfinite(values), values, 0)

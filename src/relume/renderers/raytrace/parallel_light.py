@@ -86,7 +86,11 @@ class Shadows:
         return Shadows(caster, corners, blocks, boxes, cones, len(surface) // CLUSTER, closing)
 
     def outside(self, points: ArrayLike, eye: ArrayLike, threads: int | None = None) -> np.ndarray:
-        """Which points are surely outside the closed surface, (N,) bool: those that see an eye (3,) that is; metres."""
+        """Which points are surely outside the closed surface, (N,) bool: those that see an eye (3,) that is; metres.
+
+        points : (N, 3), off the surface, if by a hair; of one on it what rounds decides, and `over` may then differ
+            from rays
+        """
         points, eye = np.asarray(points, np.float64), np.asarray(eye, np.float64)
         if self.closing is None or not len(points) or not len(self.boxes):
             return np.zeros(len(points), bool)

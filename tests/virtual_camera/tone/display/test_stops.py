@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+from PIL import ImageFont
 
 from relume.image.photograph import Photograph
 from relume.image.radiance import RadianceMap
@@ -78,3 +79,14 @@ def test_words_stand_as_their_alignment_says(align, left, level, top):
     y, x = np.nonzero(lettered(page, [Words(100, 40, "HI", 10, "#ffffff", align, level)]).max(-1) > 60)
     assert abs(x.min() - left) <= 1 and abs(x.max() - x.min() - 12) <= 1
     assert abs(y.min() - top) <= 1 and abs(y.max() - y.min() - 10) <= 1
+
+
+def test_words_are_the_same_whichever_libraries_a_machine_has(monkeypatch):
+    """Where FriBiDi is installed Pillow lets libraqm lay out words: they were narrower there."""
+    page, words = np.zeros((40, 400, 3), np.uint8), [Words(5, 5, "GGX, α = 0.1: AVATAR", 9, "#ffffff")]
+    here = lettered(page, words)
+    monkeypatch.setattr(ImageFont.core, "HAVE_RAQM", not ImageFont.core.HAVE_RAQM)
+    monkeypatch.setattr(ImageFont.core, "HAVE_FRIBIDI", not ImageFont.core.HAVE_FRIBIDI, raising=False)
+    assert np.array_equal(lettered(page, words), here)
+    # A file's name may hold what it likes.
+    assert lettered(page, [Words(5, 5, "two\nlines", 9)]).any()

@@ -151,7 +151,10 @@ def _zeros(shape: tuple[int, ...], kind: type[np.generic]) -> np.ndarray:
     size = np.dtype(kind).itemsize * prod(shape)
     if size < _LARGE or not hasattr(mmap, "MAP_PRIVATE"):
         return np.zeros(shape, kind)
-    pages = mmap.mmap(-1, size, flags=mmap.MAP_PRIVATE | mmap.MAP_ANONYMOUS)
+    try:
+        pages = mmap.mmap(-1, size, flags=mmap.MAP_PRIVATE | mmap.MAP_ANONYMOUS)
+    except OSError:  # where memory is short NumPy says so by the error that callers know
+        return np.zeros(shape, kind)
     return np.frombuffer(pages, kind).reshape(shape)
 
 

@@ -40,7 +40,8 @@ def lettered(page: np.ndarray, words: Sequence[Words]) -> np.ndarray:
     image = Image.fromarray(page)
     draw = ImageDraw.Draw(image)
     for one in words:
-        font = ImageFont.truetype(_font(), one.points * _DPI / 72)
+        # Laid out by Pillow itself: libraqm, where a machine has FriBiDi for it, sets letters closer together.
+        font = ImageFont.truetype(_font(), one.points * _DPI / 72, layout_engine=ImageFont.Layout.BASIC)
         left, top, right, bottom = font.getbbox(one.text, anchor="ls")
         # As high as a line, whichever letters it has.
         _, highest, _, lowest = font.getbbox("lp", anchor="ls")
