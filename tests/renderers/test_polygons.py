@@ -127,7 +127,8 @@ def test_a_ray_nearly_in_its_plane_meets_it_no_farther_than_it_reaches():
     caster = RayCaster.of([shape])
     random = np.random.default_rng(4)
     targets = place(random.uniform(0, 1, size=(5000, 2)), at=(0, 0, 0))
-    along = place(normalised(random.normal(size=(5000, 2))), at=(0, 0, 0))
+    turns = random.uniform(0, 2 * np.pi, 5000)
+    along = place(np.stack([np.cos(turns), np.sin(turns)], axis=-1), at=(0, 0, 0))
     rise = 10.0 ** random.uniform(-18, -8, size=(5000, 1)) * TILT[:, 2]
     directions = normalised(along + rise)
     hits = caster.nearest(targets - 3 * directions, directions)

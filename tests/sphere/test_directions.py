@@ -82,3 +82,9 @@ def test_lengths_are_those_of_numpy_to_the_bit(shape):
     random = np.random.default_rng(4)
     vectors = random.normal(size=shape) * np.exp(5 * random.normal(size=shape))
     assert np.array_equal(lengths(vectors), np.linalg.norm(vectors, axis=-1))
+
+
+@pytest.mark.parametrize("components", [2, 4])
+def test_only_vectors_of_three_have_lengths(components):
+    with pytest.raises(ValueError):
+        lengths(np.ones((5, components)))

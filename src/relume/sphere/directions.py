@@ -14,7 +14,7 @@ UP = np.array([0.0, 1.0, 0.0])
 
 def lengths(vectors: np.ndarray) -> np.ndarray:
     """(…) of vectors (…, 3), float64: NumPy's norm, to the bit, in a fifth of its time."""
-    x, y, z = vectors[..., 0], vectors[..., 1], vectors[..., 2]
+    x, y, z = np.moveaxis(vectors, -1, 0)
     return np.sqrt(x * x + y * y + z * z)
 
 
