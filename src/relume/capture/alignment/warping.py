@@ -100,7 +100,10 @@ def _interpolated(photograph: Photograph, motion: Motion, whole_beside_white: bo
     in_threads(work, height, chunk=128)
     moved = moved.reshape(height, width, 3)
     if whole_beside_white:
-        y, x = np.nonzero((moved.max(axis=2) >= white) & ~outside)
+        # Of the values in a row: along an axis of three NumPy takes ten times as long.
+        beside = np.zeros(height * width, bool)
+        beside[np.flatnonzero(moved.reshape(-1) >= int(white)) // 3] = True
+        y, x = np.nonzero(beside.reshape(height, width) & ~outside)
         row = np.rint(y_start + cosine * y + sine * x).astype(np.intp).clip(0, height - 1)
         column = np.rint(x_start - sine * y + cosine * x).astype(np.intp).clip(0, width - 1)
         moved[y, x] = photograph.pixels[row, column]

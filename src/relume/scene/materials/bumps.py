@@ -10,6 +10,9 @@ import numpy as np
 from relume.image.bilinear import bilinear
 from relume.sphere.directions import normalised
 
+_STRIP = 4096
+"""Points whose waves stay in a core's cache."""
+
 
 class Bumps(Protocol):
     """How normals are turned."""
@@ -46,10 +49,15 @@ class Wrinkles:
         self, normals: np.ndarray, points: np.ndarray, uv: np.ndarray, dp_du: np.ndarray, dp_dv: np.ndarray
     ) -> np.ndarray:
         numbers, phases, amplitude = self.components()
-        gradient = np.cos(points @ numbers.T + phases) @ numbers * amplitude
-        # The gradient's part along the surface.
-        tangential = gradient - np.sum(gradient * normals, -1, keepdims=True) * normals
-        return normalised(normals - tangential)
+        turned = np.empty(np.shape(normals))
+        # In strips: all waves of all points would go through the memory again and again.
+        for begin in range(0, len(turned), _STRIP):
+            strip = slice(begin, begin + _STRIP)
+            gradient = np.cos(points[strip] @ numbers.T + phases) @ numbers * amplitude
+            # The gradient's part along the surface.
+            tangential = gradient - np.sum(gradient * normals[strip], -1, keepdims=True) * normals[strip]
+            turned[strip] = normalised(normals[strip] - tangential)
+        return turned
 
     def components(self) -> tuple[np.ndarray, np.ndarray, float]:
         """Wave vectors (waves, 3) radians to a metre, phases (waves,), and the amplitude of each, metres."""
