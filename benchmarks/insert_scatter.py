@@ -7,7 +7,8 @@ without bias, so that the variance over a few seeds is the error; no long refere
 object covers: the mean of squares, the same without the worst hundredth of the pixels, which fireflies decide, and
 both relative to the square of the radiance that is seen there (relMSE). Seconds: of one call with the scene loaded and
 kernels compiled, its trees built; Cycles keeps its from the picture before. By turns, but for Cycles, whose pictures
-are all made by one process. Last, how much of a pass is its start.
+are all made by one process. Last, how much of a pass is its start. Once more at the size of the room's plate, where
+relume spreads its rays by the noise (docs/decisions/0077), as it does for pictures of so many pixels.
 """
 
 from __future__ import annotations
@@ -45,13 +46,14 @@ class Way:
     estimate: Estimate
 
 
-def ours(scene: rl.Scene, camera: rl.Camera, clean: bool = False) -> Estimate:
+def ours(scene: rl.Scene, camera: rl.Camera, clean: bool = False, plate: np.ndarray | None = None) -> Estimate:
     """relume's change, of a scene made ready; cleaned as `relume insert` does where no plate is known."""
     ready = Differential(depth=BOUNCES).prepare(scene, camera)
 
     def estimate(samples: int, seed: int) -> tuple[np.ndarray, float]:
         start = time.perf_counter()
-        change = Differential(samples=samples, depth=BOUNCES).change(scene, camera, seed=seed, prepared=ready)
+        asked = Differential(samples=samples, depth=BOUNCES)
+        change = asked.change(scene, camera, seed=seed, prepared=ready, plate=plate)
         change = denoised(change) if clean else change
         return change.difference.astype(np.float64), time.perf_counter() - start
 
@@ -192,12 +194,24 @@ def start_share(scene: rl.Scene, camera: rl.Camera, samples: int) -> float:
 
 
 def main(rows: Rows, bpy: str | None, quick: bool) -> None:
-    width, counts, seeds = (128, (64,), (11, 12)) if quick else (256, (32, 64, 256), (11, 12, 13))
+    if quick:
+        at_size(rows, bpy, 128, (64,), (11, 12))
+    else:
+        at_size(rows, bpy, 256, (32, 64, 256), (11, 12, 13))
+        at_size(rows, bpy, 768, (64,), (11, 12, 13), ", 768 wide")
+    if bpy is None:
+        rows.absent("change, Cycles", "no --bpy was given", goal="change_cycles")
+
+
+def at_size(
+    rows: Rows, bpy: str | None, width: int, counts: Sequence[int], seeds: Sequence[int], size: str = ""
+) -> None:
+    """The rows of pictures so wide."""
     scene, camera = room(width)
     plate = plate_of(scene, camera)
     beside, _ = seen_beside(scene, camera)
     ways = [
-        Way("relume", ours(scene, camera)),
+        Way("relume", ours(scene, camera, plate=plate)),
         Way("two Mitsuba renders", path_pair(scene, camera, "multijitter", same_seed=False)),
         Way("two Mitsuba renders of one seed", path_pair(scene, camera, "multijitter", same_seed=True)),
     ]
@@ -215,13 +229,11 @@ def main(rows: Rows, bpy: str | None, quick: bool) -> None:
             for measure, theirs in measures.items():
                 mine = found["relume"][measure]
                 rows.value(
-                    f"change, {samples} samples, {measure}", theirs / mine, "×", goal=goal if "99 %" in measure else "",
-                    peer=name, ours=mine, theirs=theirs, note="error × seconds",
+                    f"change{size}, {samples} samples, {measure}", theirs / mine, "×",
+                    goal=goal if "99 %" in measure else "", peer=name, ours=mine, theirs=theirs, note="error × seconds",
                 )  # fmt: skip
-        rows.value(f"starting the passes of {samples} samples", start_share(scene, camera, samples), "%",
+        rows.value(f"starting the passes of {samples} samples{size}", start_share(scene, camera, samples), "%",
                    goal="pass_start")  # fmt: skip
-    if bpy is None:
-        rows.absent("change, Cycles", "no --bpy was given", goal="change_cycles")
 
 
 if __name__ == "__main__":

@@ -73,7 +73,7 @@ SCRIPTS = (
     Script("ray_casting.py", 1),
     Script("whitted.py", 5),
     Script("insert_size.py", 3),
-    Script("insert_scatter.py", 8, ("bpy",)),
+    Script("insert_scatter.py", 10, ("bpy",)),
     Script("growth.py", 5),
     Script("insert.py", 9, ("bpy",)),
     Script("first_run.py", 12, by_name=True),
