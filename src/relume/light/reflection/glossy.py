@@ -97,7 +97,7 @@ def glossy_map(
     source = cut_up(as_latlong(light), brdf.width / 2)
     coefficients = analysed(Flux(source.radiance, source.mapping.solid_angles(source.size)), degree)
     # In single precision, as the tables are kept: under lamps a thousand times as bright as what is around them entries
-    # are off by 4e-5 of their mean at most.
+    # are off by 1e-4 of their mean.
     coefficients = coefficients.astype(np.complex64)
     # Each part as it is made, then all parts of a row put side by side: one after the other would go over all memory.
     parts = np.empty((2 * azimuths + 1, 2 * rows, rows, views, 3), np.float32)
