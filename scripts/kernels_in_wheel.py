@@ -23,8 +23,7 @@ class KernelsInWheel(BuildHookInterface):
         if version == "editable":
             return
         self.folder = tempfile.mkdtemp()
-        paths = [str(Path(self.root, "src")), *filter(None, [os.environ.get("PYTHONPATH")])]
-        chosen = {**os.environ, "NUMBA_CACHE_DIR": self.folder, "PYTHONPATH": os.pathsep.join(paths)}
+        chosen = {**os.environ, "NUMBA_CACHE_DIR": self.folder}
         command = [sys.executable, str(Path(self.root, "scripts", "compile_kernels"))]
         self.app.display_info("Compiling kernels, once; this takes some minutes")
         done = subprocess.run(command, env=chosen, capture_output=True, text=True)
