@@ -222,7 +222,7 @@ def write_layers(
     *,
     unit: str = "relative",
     attributes: Mapping[str, str] | None = None,
-    between: Callable[[], None] = lambda: None,
+    between: Callable[[], None] | None = None,
 ) -> None:
     """Write named layers of one size as the parts of one EXR, always float32.
 
@@ -230,7 +230,7 @@ def write_layers(
     layers : name → (H, W, 3), stored as R, G, B, or (H, W), stored as Y
     unit : of the three-channel layers, "relative" or "cd/m²"
     attributes : strings stored with every layer
-    between : called when a layer was read for the last time, for what gives its memory back
+    between : called again and again while layers are written, for what gives back the memory of those in files
 
     Raises ValueError for another suffix, shape or unit, or sizes that differ; OutputNotWritten.
     """

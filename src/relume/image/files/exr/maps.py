@@ -84,7 +84,7 @@ def write_layers(
     unit: str,
     attributes: Mapping[str, str],
     halves: Collection[str] = (),
-    between: Callable[[], None] = lambda: None,
+    between: Callable[[], None] | None = None,
 ) -> None:
     """As `formats.write_layers`; those named in `halves` are stored as half, all others as float32.
 
@@ -102,8 +102,16 @@ def write_layers(
     for name, layer in layers.items():
         pixels = _pixels(name, layer, np.float16 if name in halves else np.float32, Path(path).parent, mapped)
         parts.append(Part(name, pixels, dict(header if "Y" in pixels else lit)))
-        between()
-    write_parts(path, parts, mapped)
+        if between is not None:
+            between()
+
+    def release() -> None:
+        mapped.release()
+        # Layers that lie as they are stored are written from where the caller has them.
+        if between is not None:
+            between()
+
+    write_parts(path, parts, release if mapped.maps or between is not None else None)
 
 
 def read_layers(path: str | os.PathLike[str], options: ReadOptions = ReadOptions()) -> dict[str, np.ndarray]:

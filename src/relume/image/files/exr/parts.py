@@ -15,7 +15,7 @@ import os
 import sys
 import tempfile
 import threading
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager, redirect_stdout
 from dataclasses import dataclass
 from functools import cache
@@ -31,7 +31,6 @@ from relume.image.files.exr import chunks as exr_chunks
 from relume.image.files.exr.header import Headers, read_headers, refuse_beyond
 from relume.image.files.read_options import OR_SALVAGE, ReadOptions
 from relume.image.files.signatures import one_line
-from relume.image.mapped_arrays import Mapped
 
 if TYPE_CHECKING:
     import OpenEXR
@@ -88,10 +87,10 @@ def read_parts(path: str | os.PathLike[str], options: ReadOptions = ReadOptions(
     return parts
 
 
-def write_parts(path: str | os.PathLike[str], parts: Sequence[Part], mapped: Mapped | None = None) -> None:
+def write_parts(path: str | os.PathLike[str], parts: Sequence[Part], release: Callable[[], None] | None = None) -> None:
     """Write half or float parts of one size, ZIP compressed, whole or not at all; raises OutputNotWritten.
 
-    mapped : the planes that are in files, whose memory is given back as they are written
+    release : gives back the memory of planes that are in files; called again and again as they are written
     """
     OpenEXR = _library()
     written = []
@@ -102,8 +101,8 @@ def write_parts(path: str | os.PathLike[str], parts: Sequence[Part], mapped: Map
         written.append(OpenEXR.Part(header, channels, part.name))
     with replacing(path) as temporary:
         try:
-            if mapped is not None and mapped.maps:
-                with _Releasing(temporary, mapped) as file:
+            if release is not None:
+                with _Releasing(temporary, release) as file:
                     OpenEXR.File(written).write(file)
             else:
                 OpenEXR.File(written).write(str(temporary))
@@ -114,15 +113,15 @@ def write_parts(path: str | os.PathLike[str], parts: Sequence[Part], mapped: Map
 class _Releasing(io.BufferedWriter):
     """A file that gives back, as it grows, the memory of the planes that it is written from."""
 
-    def __init__(self, path: os.PathLike[str], mapped: Mapped) -> None:
+    def __init__(self, path: os.PathLike[str], release: Callable[[], None]) -> None:
         super().__init__(io.FileIO(path, "wb"))
-        self._mapped, self._written = mapped, 0
+        self._release, self._written = release, 0
 
     def write(self, data: Any) -> int:
         """Write some bytes."""
         self._written += len(data)
         if self._written > mapped_arrays.LARGE:
-            self._mapped.release()
+            self._release()
             self._written = 0
         return super().write(data)
 
