@@ -5,6 +5,8 @@ import sys
 
 import pytest
 
+from relume.image.mapped_arrays import MAPS
+
 SCRIPT = """
 import sys
 import numpy as np
@@ -28,6 +30,34 @@ else:
     exr.read(path)
 print(peak() - before)
 """
+
+LAYERS = (
+    SCRIPT.partition("step, path")[0]
+    + """
+from pathlib import Path
+from relume.image.files import write_layers
+from relume.image.mapped_arrays import Mapped
+
+mapped, random = Mapped(), np.random.default_rng(1)
+layers = mapped.zeros(Path(sys.argv[1]), 6 * [(2000, 3000, 3)])
+for layer in layers:
+    for row in range(0, 2000, 100):
+        layer[row : row + 100] = random.random((100, 3000, 3), np.float32)
+    mapped.release()
+before = peak()
+write_layers(Path(sys.argv[1]) / "a.exr", {str(i): each for i, each in enumerate(layers)}, between=mapped.release)
+print(peak() - before)
+"""
+)
+
+
+@pytest.mark.slow
+@pytest.mark.skipif(
+    not (MAPS and sys.platform.startswith("linux")), reason="the peak of memory is read as Linux states it"
+)
+def test_layers_that_lie_in_files_go_from_memory_as_they_are_written(tmp_path):
+    said = subprocess.run([sys.executable, "-c", LAYERS, str(tmp_path)], capture_output=True, text=True, check=True)
+    assert int(said.stdout) <= 2000 * 3000 * 12 / 1024  # one layer of six
 
 
 @pytest.mark.slow

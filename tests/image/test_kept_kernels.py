@@ -296,6 +296,20 @@ def project(brought: Path, folder: Path) -> Path:
     return folder
 
 
+def test_what_compiles_them_finds_its_sources_where_no_path_leads_to_them():
+    """As pip leaves it where relume is installed for working on it."""
+    script = ROOT / "scripts" / "compile_kernels"
+    code = (
+        "import runpy, sys\n"
+        f"sys.path[:] = [path for path in sys.path if path != {str(ROOT / 'src')!r}]\n"
+        f"runpy.run_path({str(script)!r}, run_name='read')\n"
+        "import relume; print(relume.__file__)"
+    )
+    others = {name: value for name, value in os.environ.items() if name != "PYTHONPATH"}
+    said = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True, env=others)
+    assert Path(said.stdout.strip()).is_relative_to(ROOT / "src")
+
+
 def test_a_wheel_brings_kernels_and_says_so_in_its_name(brought, tmp_path):
     pytest.importorskip("hatchling", reason="hatchling builds wheels; pip install hatchling")
     source = project(brought, tmp_path / "project")
