@@ -103,6 +103,8 @@ def write_outcome(result: Inserted, out: Path, stages: Stages) -> None:
     def work(rows: slice) -> None:
         shows = 1 - change.matte[rows, :, None]
         model[rows] = shows * without[rows] + change.difference[rows] + change.objects[rows]
+        # Of a large plate, what was read: the planes together are more than all else.
+        stages.mapped.release()
 
     in_bands(without.shape[0], without.shape[1], work)
     model = stages.put_away(model)
