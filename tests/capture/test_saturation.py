@@ -14,7 +14,8 @@ from relume.capture.merging import merge
 from relume.capture.response.calibration import Calibration
 from relume.capture.response.nearly_white import below_white
 from relume.capture.response.neutral import neutral_exposures, tied
-from relume.capture.response.saturation import EDGE, White, _insides, whitened
+from relume.capture.response.saturation import EDGE, White, whitened
+from relume.image.filtering import eroded
 from relume.image.radiance import SATURATED
 from relume.image.response import Response
 from synthetic import VirtualCamera, wide_scene
@@ -91,7 +92,7 @@ def test_the_inside_of_what_is_white_is_white_all_about_as_far_as_the_picture_go
     rows, columns = np.indices(size)
     for row, column in np.ndindex(size):
         about = white[(abs(rows - row) <= EDGE) & (abs(columns - column) <= EDGE)]
-        assert np.array_equal(_insides(white)[row, column], about.all(0))
+        assert np.array_equal(eroded(white, EDGE)[row, column], about.all(0))
 
 
 def test_channels_are_tied_where_each_is_white():

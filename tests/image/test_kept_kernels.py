@@ -16,7 +16,8 @@ from pathlib import Path
 import pytest
 
 import relume
-from relume.image.kernel import _own_temporary, is_common
+from relume.image.kernel import _own_temporary as _kept_temporary
+from relume.image.kernel import is_common
 
 ROOT = Path(__file__).parents[2]
 MODULE = "virtual_camera/tone/luminance_kernels.py"
@@ -250,6 +251,7 @@ def test_they_are_copied_to_the_folder_that_the_user_chose(called, site, tmp_pat
 @pytest.mark.skipif(not hasattr(os, "getuid"), reason="no owners and modes of files as POSIX has them")
 def test_what_others_may_write_to_is_not_run(tmp_path, monkeypatch):
     monkeypatch.setattr(tempfile, "tempdir", str(tmp_path))
+    _own_temporary = _kept_temporary.__wrapped__  # found once a process
     usual = _own_temporary()
     assert usual == tmp_path / f"relume-{os.getuid()}" == _own_temporary() and usual.stat().st_mode & 0o777 == 0o700
     usual.chmod(0o777)

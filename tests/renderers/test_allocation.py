@@ -8,10 +8,11 @@ from itertools import pairwise
 import numpy as np
 import pytest
 
+from relume.image.filtering import dilated
 from relume.renderers.mitsuba import differential
 from relume.renderers.mitsuba.differential import Differential
 from relume.renderers.progressive.accumulation import RenderSession, accumulate, pass_seed
-from relume.renderers.progressive.allocation import REACH, Neediest, _about, weighed_variance
+from relume.renderers.progressive.allocation import REACH, Neediest, weighed_variance
 from relume.renderers.progressive.convergence import LIGHT as LIGHT_OF
 from relume.renderers.progressive.convergence import Sums
 from relume.scene.cameras.camera import Camera
@@ -340,7 +341,7 @@ def test_a_place_is_about_a_pixel_of_its_square_as_far_as_the_picture_goes(size)
     rows, columns = np.indices(size)
     for row, column in np.ndindex(size):
         near = (abs(rows - row) <= REACH // 2) & (abs(columns - column) <= REACH // 2)
-        assert _about(there)[row, column] == there[near].any()
+        assert dilated(there, REACH // 2)[row, column] == there[near].any()
 
 
 def test_the_weighed_variance_is_that_of_all_channels():

@@ -1,7 +1,7 @@
 """Any linear spreading of light over pixels, carried through all the planes of a radiance map.
 
 A spread is a function from a field (H, W, C) float64 to another (H', W', C), a weighted mean for every pixel of the
-new field. Its square has the squared weights: it carries variance.
+new field. Its square has the squared weights: it carries variance. Masks are eroded and dilated here too.
 """
 
 from __future__ import annotations
@@ -74,3 +74,20 @@ def _spread_variance(variance: np.ndarray, spread: Spread, square: Spread) -> np
     if unknown.any():
         known[spread(unknown.astype(np.float64)) > TAINTED] = np.inf
     return known.astype(np.float32)
+
+
+def eroded(mask: np.ndarray, reach: int) -> np.ndarray:
+    """Where all of a mask (H, W, …), bool, is set within `reach` pixels both ways, as far as it goes."""
+    for axis in (0, 1):
+        along = np.moveaxis(mask, axis, 0)
+        mask = mask.copy()
+        inside = np.moveaxis(mask, axis, 0)
+        for away in range(1, reach + 1):
+            inside[away:] &= along[:-away]
+            inside[:-away] &= along[away:]
+    return mask
+
+
+def dilated(mask: np.ndarray, reach: int) -> np.ndarray:
+    """Where any of a mask (H, W, …), bool, is set within `reach` pixels both ways."""
+    return ~eroded(~mask, reach)

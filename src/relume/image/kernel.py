@@ -124,6 +124,7 @@ def _writable(first: Path) -> Iterator[Path]:
     yield _own_temporary()
 
 
+@lru_cache(None)
 def _own_temporary() -> Path:
     """A folder for temporary files that only this user may write to: what is kept there is run."""
     user = os.getuid() if hasattr(os, "getuid") else None

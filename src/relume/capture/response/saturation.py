@@ -13,6 +13,7 @@ import numpy as np
 
 from relume.capture.exposure.bracket import Bracket
 from relume.capture.response.sampling import levels_of
+from relume.image.filtering import eroded
 from relume.image.photograph import Photograph
 
 WHITE = 250 / 256
@@ -69,21 +70,9 @@ def whitened(bracket: Bracket) -> tuple[Bracket, tuple[White, ...]]:
             photographs[index] = photograph = _made_white(photograph, found[-3:], levels)
             small = photograph.pixels[::step, ::step]
         # The insides of what is white: at its edges frames are out of register, and JPEG rings.
-        white |= _insides(small >= WHITE * levels) & inside[..., None]
+        white |= eroded(small >= WHITE * levels, EDGE) & inside[..., None]
     pressed = any(each.least is not None for each in found)
     return (replace(bracket, photographs=tuple(photographs)) if pressed else bracket), tuple(found)
-
-
-def _insides(white: np.ndarray) -> np.ndarray:
-    """Where all is white (H, W, 3) within `EDGE` pixels both ways, as far as the picture goes."""
-    for axis in (0, 1):
-        along = np.moveaxis(white, axis, 0)
-        white = white.copy()
-        inside = np.moveaxis(white, axis, 0)
-        for away in range(1, EDGE + 1):
-            inside[away:] &= along[:-away]
-            inside[:-away] &= along[away:]
-    return white
 
 
 def _end(values: np.ndarray, inside: np.ndarray, white: np.ndarray, levels: int) -> tuple[int, int | None] | None:

@@ -6,6 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from relume.image.filtering import dilated
 from relume.renderers.progressive.convergence import Sums
 
 REACH = 7
@@ -53,7 +54,7 @@ class Neediest:
         # Of a single pass, so that how often the others were traced says nothing of this one.
         each = _of_others(seen * passes)
         # What nothing changes has nothing to gain; running sums leave rounding there.
-        each = np.where(_about(seen > 0), each, 0)
+        each = np.where(dilated(seen > 0, REACH // 2), each, 0)
         # Rounded: a pixel that lacks less than half of them has enough.
         return np.asarray(self._needed(each, passes) - passes >= 0.5 * AT_ONCE)
 
@@ -91,18 +92,6 @@ def _of_others(values: np.ndarray) -> np.ndarray:
     sums = square * uniform_filter(values, REACH, mode="constant") - values
     counts = square * uniform_filter(np.ones_like(values), REACH, mode="constant") - 1
     return np.maximum(sums, 0) / np.maximum(counts, 1)
-
-
-def _about(there: np.ndarray) -> np.ndarray:
-    """(H, W) bool: where any pixel of the square about it is `there`, as far as the picture goes."""
-    for axis in (0, 1):
-        along = np.moveaxis(there, axis, 0)
-        there = there.copy()
-        about = np.moveaxis(there, axis, 0)
-        for away in range(1, REACH // 2 + 1):
-            about[away:] |= along[:-away]
-            about[:-away] |= along[away:]
-    return there
 
 
 def _of_channels(values: np.ndarray) -> np.ndarray:

@@ -99,11 +99,6 @@ def write_layers(
     header = {"chromaticities": REC709.values, **header_of(storable(path, attributes))}
     lit = {"whiteLuminance": 1.0, **header} if unit == "cd/m²" else header
     parts, mapped = [], Mapped()
-    for name, layer in layers.items():
-        pixels = _pixels(name, layer, np.float16 if name in halves else np.float32, Path(path).parent, mapped)
-        parts.append(Part(name, pixels, dict(header if "Y" in pixels else lit)))
-        if between is not None:
-            between()
 
     def release() -> None:
         mapped.release()
@@ -111,6 +106,10 @@ def write_layers(
         if between is not None:
             between()
 
+    for name, layer in layers.items():
+        pixels = _pixels(name, layer, np.float16 if name in halves else np.float32, Path(path).parent, mapped)
+        parts.append(Part(name, pixels, dict(header if "Y" in pixels else lit)))
+        release()
     write_parts(path, parts, release if mapped.maps or between is not None else None)
 
 
