@@ -25,8 +25,8 @@ from relume.renderers.progressive.pass_workers import PassWorkers
 from relume.renderers.results import Progress
 
 Planes = Mapping[str, np.ndarray]
-Choice = Callable[[Sums], "np.ndarray | None"]
-"""Picks the pixels (H, W) of the next pass from what there is; None for all, and no pixel where there is enough."""
+Plan = Callable[[Sums], "np.ndarray | None"]
+"""How many passes each pixel (H, W) is to have in all, from the first of them; None for one more of all pixels."""
 Preview = Callable[[Sums], None]
 """Called with what there is after 1, 2, 4, 8 … passes."""
 SHARE = 0.02
@@ -70,7 +70,7 @@ def accumulate(
     passes: int,
     seed: int = 0,
     scattered: Collection[str] | None = None,
-    choose: Choice | None = None,
+    plan: Plan | None = None,
     target: Target | None = None,
     key: Mapping[str, str] | None = None,
     watch: RenderSession = NO_SESSION,
@@ -80,12 +80,12 @@ def accumulate(
     """Trace passes and add them up.
 
     trace : planes of one pass by name, from its seed; each (H, W) or (H, W, C), the same names and shapes every time.
-        With `choose` also from its pixels, (H, W) bool or None, and 0 elsewhere
+        With `plan` also from its pixels, (H, W) bool or None, and 0 elsewhere
     passes : at most
     seed : of the render; pass i has `pass_seed(seed, i)`
     scattered : planes whose squares are added too, for `Sums.variance`; all of them unless given
-    choose : picks the pixels of each pass, or none to end; of the sums alone, so that a render that was resumed goes
-        the same way
+    plan : says how many passes each pixel has, asked after each pass until it does. What later passes find changes
+        nothing of it: paths that are met seldom would be averaged further where one was met, and be too dark elsewhere
     target : stops earlier, once the estimated error is small enough
     key : what the pixels depend on, for the state kept on disk: a name and a hash or a short word each
     watch : what goes on around it
@@ -111,10 +111,13 @@ def accumulate(
                 if own not in ahead:
                     _leave_if(asked, loop, sums, passes)
                 # One pass more, and whether the noise is low enough by now.
-                chosen = None if choose is None else choose(sums)
+                planned = sums.planned
+                if plan is not None and planned is None:
+                    planned = plan(sums)
+                chosen = None if planned is None else planned > sums.passes
                 if chosen is not None and not chosen.any():
                     break
-                sums = sums.plus(trace(own) if choose is None else trace(own, chosen), scattered, chosen)
+                sums = sums.plus(trace(own) if plan is None else trace(own, chosen), scattered, planned)
                 if target is not None and target.due(sums.passes):
                     met = met + 1 if target.reached(sums) else 0
                 loop.done(sums, met)

@@ -14,25 +14,30 @@ REACH = 7
 bright paths a pixel that has met none yet has both too low a mean and too low a variance. Were it left as it is for
 that, and its lucky neighbours averaged further, the picture would come out too dark."""
 
+WIDE = 4 * REACH + 1
+"""The same of a wider square, which says how far the mean of the small one is to be believed: of light that is met
+seldom most small squares have seen none, and their pixels would be given too little."""
+
 AT_ONCE = 2
-"""Passes that trace the same pixels: what is traced at once has one start, and pixels are chosen half as often."""
+"""Passes that trace the same pixels: what is traced at once has one start."""
 FITTED = 8
 """Times that what pixels need is made smaller for the budget: each leaves a few more pixels with enough."""
 
 
 @dataclass(frozen=True, eq=False)
 class Neediest:
-    """Picks the pixels of the next pass: those that have had fewer passes than they need.
+    """Plans how many passes each pixel has, from the even passes alone.
 
     backdrop : (H, W, 3), what is seen without the objects, in the render's unit
-    even : passes that trace all pixels, from which the first estimate is taken; two at least
+    even : passes that trace all pixels, from which the noise is estimated; two at least
     budget : passes of a pixel on average, at most
     as_good_as : passes of every pixel whose mean squared error is enough; None to spend the budget
 
     An error counts as a share of the radiance there and of the picture's mean, as the eye sees differences (Weber).
     Its mean square is least for so many passes where they are spread in proportion to the pixels' standard deviations
     σ (Neyman 1934). So spread, (Σσ)² / (N Σσ²) of the passes are as good as passes of all N pixels: few where the noise
-    is in few pixels.
+    is in few pixels. Neither a pixel's own passes nor later ones have a say, so that its mean is that of even rays
+    (Kirk & Arvo 1991).
     """
 
     backdrop: np.ndarray
@@ -41,30 +46,28 @@ class Neediest:
     as_good_as: float | None = None
 
     def __call__(self, sums: Sums) -> np.ndarray | None:
-        """(H, W) bool, none where all have what they need; None where all are to be traced."""
+        """(H, W) int32, how many passes each pixel is to have in all; None as long as all are to be traced."""
         if sums.passes < self.even:
             return None
-        if sums.latest is not None and (sums.passes - self.even) % AT_ONCE:
-            return sums.latest
         objects, difference, matte = (sums.mean(name) for name in ("objects", "difference", "matte"))
         # What is followed from the light is as noisy whichever pixels are traced.
         variance = sums.own_variance("objects") + sums.own_variance("difference")
         seen = weighed_variance(objects + difference + (1 - matte[..., None]) * self.backdrop, variance)
-        passes = np.full(seen.shape, sums.passes) if sums.counts is None else sums.counts
-        # Of a single pass, so that how often the others were traced says nothing of this one.
-        each = _of_others(seen * passes)
-        # What nothing changes has nothing to gain; running sums leave rounding there.
-        each = np.where(dilated(seen > 0, REACH // 2), each, 0)
-        # Rounded: a pixel that lacks less than half of them has enough.
-        return np.asarray(self._needed(each, passes) - passes >= 0.5 * AT_ONCE)
+        # Of a single pass. What nothing changes has nothing to gain; running sums leave rounding there.
+        each = np.where(dilated(seen > 0, WIDE // 2), _expected_of(seen * sums.passes), 0)
+        return self._planned(each, sums.passes)
 
     def expected(self, variance: np.ndarray, most: int) -> float:
-        """How many passes a pixel is given on average, of `most`, by the weighed variance (H, W) in a small render."""
-        begun = np.full(variance.shape, self.even)
-        return float(np.clip(self._needed(_of_others(variance), begun), self.even, most).mean())
+        """How many passes a pixel is given on average, of `most`, by the weighed variance (h, w) in a small render."""
+        return float(np.minimum(self._planned(_expected_of(variance), self.even), most).mean())
 
-    def _needed(self, variance: np.ndarray, passes: np.ndarray) -> np.ndarray:
-        """How many passes each pixel needs, of the variance of one, beside those that it has had."""
+    def _planned(self, variance: np.ndarray, begun: int) -> np.ndarray:
+        """How many passes each pixel is to have, `begun` of them done, by the variance of one."""
+        needed = np.maximum(self._needed(variance, begun), begun)
+        # In groups that trace the same pixels; who lacks less than half of one has enough.
+        return begun + AT_ONCE * np.rint((needed - begun) / AT_ONCE).astype(np.int32)
+
+    def _needed(self, variance: np.ndarray, begun: int) -> np.ndarray:
         deviation = np.sqrt(variance)
         total = float(deviation.sum())
         if total == 0:
@@ -75,8 +78,8 @@ class Neediest:
             needed = self.as_good_as * (total / float(variance.sum())) * deviation
         # Within the budget, of which the passes of pixels that need no more are spent already.
         for _ in range(FITTED):
-            more = needed > passes
-            left = self.budget * variance.size - float(passes[~more].sum())
+            more = needed > begun
+            left = self.budget * variance.size - begun * float(np.count_nonzero(~more))
             wanted = float(needed[more].sum())
             if wanted <= left:
                 break
@@ -84,13 +87,23 @@ class Neediest:
         return needed
 
 
-def _of_others(values: np.ndarray) -> np.ndarray:
-    """(H, W): of each pixel the mean of those around it, within REACH and the picture, but for its own."""
+def _expected_of(variance: np.ndarray) -> np.ndarray:
+    """(H, W): what each pixel's variance is expected to be by those around it, not by its own."""
+    near, wide = _of_others(variance, REACH), _of_others(variance, WIDE)
+    # Near means scatter as single values do, over their number; what they differ by beyond that is the picture's.
+    chance = _of_others(np.square(variance - near), WIDE) / (REACH**2 - 1)
+    differ = np.maximum(_of_others(np.square(near), WIDE) - np.square(wide) - chance, 0)
+    believed = differ / np.maximum(differ + chance, 1e-300)
+    return believed * near + (1 - believed) * wide
+
+
+def _of_others(values: np.ndarray, reach: int) -> np.ndarray:
+    """(H, W): of each pixel the mean of those around it, within `reach` and the picture, but for its own."""
     from scipy.ndimage import uniform_filter
 
-    square = REACH**2
-    sums = square * uniform_filter(values, REACH, mode="constant") - values
-    counts = square * uniform_filter(np.ones_like(values), REACH, mode="constant") - 1
+    square = reach**2
+    sums = square * uniform_filter(values, reach, mode="constant") - values
+    counts = square * uniform_filter(np.ones_like(values), reach, mode="constant") - 1
     return np.maximum(sums, 0) / np.maximum(counts, 1)
 
 

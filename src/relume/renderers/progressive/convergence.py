@@ -13,16 +13,13 @@ LEAST = 4
 HELD = 0.99
 """The share of a change that its error is asked of. The rest is spread so thinly, over a whole floor often, that its
 pixels would only dilute the error."""
-
-
 VALUES_AT_ONCE = 2**14
 """Values of a plane that are added at once."""
 LIGHT = "light of "
 """Begins the name of a plane that every pass has for all pixels, whichever it traced: what was followed from the light.
 It belongs to the plane whose name comes after."""
 _SQUARES = "squares of "
-_COUNTS = "passes of each pixel"
-_LATEST = "pixels of the last pass"
+_PLANNED = "passes of each pixel in all"
 
 
 @dataclass(frozen=True, eq=False)
@@ -32,28 +29,31 @@ class Sums:
     totals : float64 by name
     squares : float64 by name, of the passes' squares; only of planes whose variance is asked for
     passes : how many were added
-    counts : (H, W) int32, how many of them traced each pixel; None where each traced all
-    latest : (H, W) bool, the pixels that the last of them traced; None where it traced all
+    planned : (H, W) int32, how many passes each pixel is to have in all: the first so many; None where each traces all
     """
 
     totals: Mapping[str, np.ndarray] = field(default_factory=dict)
     squares: Mapping[str, np.ndarray] = field(default_factory=dict)
     passes: int = 0
-    counts: np.ndarray | None = None
-    latest: np.ndarray | None = None
+    planned: np.ndarray | None = None
+
+    @property
+    def counts(self) -> np.ndarray | None:
+        """(H, W): how many passes traced each pixel; None where each traced all."""
+        return None if self.planned is None else np.minimum(self.planned, self.passes)
 
     def plus(
         self,
         planes: Mapping[str, np.ndarray],
         scattered: Collection[str] | None = None,
-        traced: np.ndarray | None = None,
+        planned: np.ndarray | None = None,
     ) -> Sums:
         """One pass more; new arrays, so that another thread may write the old ones to disk meanwhile.
 
         planes : by name
         scattered : those whose squares are added too; all unless given
-        traced : (H, W) bool, the pixels of this pass, 0 in `planes` elsewhere but for those of the light; all unless
-            given. The first pass has all
+        planned : (H, W), how many passes each pixel is to have in all, as long as that is known; those that have had as
+            many are 0 in `planes`, but for those of the light. The first pass has all
         Raises ValueError for other names than before.
         """
         if self.passes and planes.keys() != self.totals.keys():
@@ -62,18 +62,11 @@ class Sums:
         if not self.passes:
             totals = {name: np.array(plane, np.float64) for name, plane in planes.items()}
             return Sums(totals, {name: np.square(totals[name]) for name in varied}, 1)
-        counts = self.counts
-        if traced is not None:
-            before = np.full(traced.shape, self.passes, np.int32) if counts is None else counts
-            counts = before + traced.astype(np.int32)
-        elif counts is not None:
-            counts = counts + np.int32(1)
         return Sums(
             {name: _with(self.totals[name], plane) for name, plane in planes.items()},
             {name: _with(self.squares[name], planes[name], squared=True) for name in varied},
             self.passes + 1,
-            counts,
-            traced,
+            planned,
         )
 
     def mean(self, name: str) -> np.ndarray:
@@ -98,22 +91,21 @@ class Sums:
 
     def _count(self, name: str) -> np.ndarray | int:
         """How many passes a plane holds, one for each pixel where they differ."""
-        if self.counts is None or name.startswith(LIGHT):
+        if (counts := self.counts) is None or name.startswith(LIGHT):
             return self.passes
-        return self.counts if self.totals[name].ndim == self.counts.ndim else self.counts[..., None]
+        return counts if self.totals[name].ndim == counts.ndim else counts[..., None]
 
     def planes(self) -> dict[str, np.ndarray]:
         """All of it by name, for a file."""
-        counts = {} if self.counts is None else {_COUNTS: self.counts}
-        latest = {} if self.latest is None else {_LATEST: self.latest}
-        return {**self.totals, **{_SQUARES + name: plane for name, plane in self.squares.items()}, **counts, **latest}
+        planned = {} if self.planned is None else {_PLANNED: self.planned}
+        return {**self.totals, **{_SQUARES + name: plane for name, plane in self.squares.items()}, **planned}
 
     @staticmethod
     def from_planes(planes: Mapping[str, np.ndarray], passes: int) -> Sums:
         """What `planes` gave."""
         squares = {n.removeprefix(_SQUARES): p for n, p in planes.items() if n.startswith(_SQUARES)}
-        totals = {n: p for n, p in planes.items() if not n.startswith(_SQUARES) and n not in (_COUNTS, _LATEST)}
-        return Sums(totals, squares, passes, planes.get(_COUNTS), planes.get(_LATEST))
+        totals = {n: p for n, p in planes.items() if not n.startswith(_SQUARES) and n != _PLANNED}
+        return Sums(totals, squares, passes, planes.get(_PLANNED))
 
 
 def _with(sum_so_far: np.ndarray, plane: np.ndarray, squared: bool = False) -> np.ndarray:
@@ -180,7 +172,7 @@ class ChangeError:
             return 0.0
         variance = sums.variance("objects") + sums.variance("difference")
         # Each pixel by how often it was traced itself: those that hardly change are traced least, and are not asked.
-        counts = np.full(held.sum(), sums.passes) if sums.counts is None else sums.counts[held]
+        counts = np.full(held.sum(), sums.passes) if (every := sums.counts) is None else every[held]
         passes, place = np.unique(counts, return_inverse=True)
         shortfall = np.array([_shortfall(int(count)) for count in passes])[place]
         # A normal error is √(2/π) of its standard deviation on average.
