@@ -624,15 +624,16 @@ def test_an_estimate_of_pixels_traced_unequally_corrects_each_by_its_own_passes(
     # Half the pixels are traced four times, half sixteen, and one, which nothing changes, twice.
     rng = np.random.default_rng(2)
     zeros, ones = np.zeros((100, 100, 3)), np.ones((100, 100))
+    planned = np.full((100, 100), 16, np.int32)
+    planned[:50], planned[0, 0] = 4, 2
     sums = Sums()
     for index in range(16):
         plane = rng.normal(1.0, 0.1, (100, 100, 3))
         plane[0, 0] = 0
-        traced = np.ones((100, 100), bool)
-        traced[:50], traced[0, 0] = index < 4, index < 2
+        traced = planned > index
         plane[~traced] = 0
         planes = {"objects": plane, "difference": zeros, "matte": ones * traced}
-        sums = sums.plus(planes, traced=None if index < 2 else traced)
+        sums = sums.plus(planes, planned=None if index < 2 else planned)
     expected = np.sqrt(2 / np.pi) * 0.1 * (1 / 2 + 1 / 4) / 2
     assert ChangeError(zeros)(sums) == pytest.approx(expected, rel=0.01)
 

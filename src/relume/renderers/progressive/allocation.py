@@ -89,6 +89,7 @@ class Neediest:
 
 def _expected_of(variance: np.ndarray) -> np.ndarray:
     """(H, W): what each pixel's variance is expected to be by those around it, not by its own."""
+    variance = variance.astype(np.float64, copy=False)
     near, wide = _of_others(variance, REACH), _of_others(variance, WIDE)
     # Near means scatter as single values do, over their number; what they differ by beyond that is the picture's.
     chance = _of_others(np.square(variance - near), WIDE) / (REACH**2 - 1)
