@@ -47,9 +47,9 @@ QUICK_GUIDES = 1
 """The same of a render that is to come soon."""
 FEWEST_RAYS = 100_000
 """Of a pass that is shared by workers, in each share: below that starting is all that it takes."""
-AS_GOOD_AS = 2.5
+AS_GOOD_AS = 2.0
 """Times the samples: a picture whose rays are spread is as good as one of so many for every pixel. Noise that is not
-even costs a denoiser a little: with two the denoised room was a hundredth farther from the truth beside the objects."""
+even costs a denoiser a little: with 1.5 the denoised room was a hundredth farther from the truth beside the objects."""
 EVEN_RAYS = 8
 """Of every pixel, where four passes hold as many: fewer miss what is small, and say little of the noise about it."""
 MOST = 2.5
@@ -61,8 +61,8 @@ class Differential(PathTracing):
     """Path tracing of what objects change, estimated as such; its plain renders are those of `Mitsuba`.
 
     samples : rays a pixel on average, at most; 256 shows little noise on what the light reaches directly. Many rays are
-        spread as the noise is, and are fewer where little of the picture has noise: as many as are as good as two and
-        a half times the samples for every pixel
+        spread as the noise is, and are fewer where little of the picture has noise: as many as are as good as twice the
+        samples for every pixel
     noise : go on until all samples are traced, or until the mean error to be expected where the objects change
         anything is below this share of the picture; None where the samples say how good it is to be
     depth : bounces before a path ends; 12 lets light into and out of glass before and behind glass
