@@ -16,6 +16,7 @@ import pytest
 from command_line import printed, refused, reported
 from relume.cli import COMMANDS, main
 from relume.image.files import read_radiance, write
+from relume.image.photograph import Photograph
 from relume.image.radiance import RadianceMap
 
 ROOM = Path(__file__).parents[2] / "examples" / "room"
@@ -127,6 +128,16 @@ def test_a_fault_of_ours_is_one_line_too(monkeypatch, capsys):
     assert "Traceback" in printed(["info", PLATE[0], "-v"], capsys, 1).err
 
 
+def test_a_command_that_is_interrupted_says_so_and_that_it_goes_on(monkeypatch, capsys):
+    import relume.cli.info
+
+    def interrupted(*_: object, **__: object) -> None:
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr(relume.cli.info, "print_facts", interrupted)
+    assert "give the same command again" in refused(["info", PLATE[0]], capsys, 130)
+
+
 def test_bad_input_has_no_traceback_with_verbose_but_a_value_error_may_be_a_fault(monkeypatch, capsys):
     import relume.cli.info
 
@@ -143,6 +154,19 @@ def test_the_installed_command_runs_and_loads_nothing_heavy_for_help():
     )
     ran = subprocess.run([sys.executable, "-c", program], capture_output=True, text=True, env=os.environ, check=True)
     assert ran.stdout.rstrip().endswith("[]")
+
+
+def test_a_damaged_picture_that_openimageio_had_open_is_refused_in_one_line(tmp_path):
+    whole = tmp_path / "damaged.tif"
+    write(whole, Photograph(np.random.default_rng(0).integers(0, 255, (64, 64, 3)).astype(np.uint8)))
+    data = bytearray(whole.read_bytes())
+    data[200:2000] = bytes(1800)
+    whole.write_bytes(data)
+    # As the installed command: what is left of an opened picture is complained of at the process's own end.
+    program = "import sys; from relume.cli import main; sys.exit(main())"
+    ran = subprocess.run([sys.executable, "-c", program, "info", str(whole)], capture_output=True, text=True)
+    assert (ran.returncode, ran.stdout, ran.stderr.count("\n")) == (2, "", 1), ran.stderr
+    assert "damaged TIFF, its pixels" in ran.stderr
 
 
 @pytest.mark.parametrize("letters", ["ascii", "cp1252"])

@@ -53,6 +53,15 @@ def test_six_faces_are_written_and_read_in_opengls_order(tmp_path, capsys):
     assert degrees_between(brightest(again), SUN) < 4
 
 
+def test_faces_whose_names_say_another_order_are_noted(tmp_path, capsys):
+    cube = [stored(tmp_path, sunny(48)), "-o", str(tmp_path / "cube.exr"), "--to", "faces", "--size", "16"]
+    names = [Path(path) for path in made(cube, capsys)["written"]]
+    words = ["-o", str(tmp_path / "back.exr"), "--to", "latlong", "--size", "48"]
+    assert "names end in" not in printed(["convert", *map(str, names), *words], capsys).err
+    noted = printed(["convert", *map(str, sorted(names)), *words], capsys).err  # as a shell gives cube_*.exr
+    assert "names end in nx ny nz px py pz, but they are taken as px nx py ny pz nz" in noted
+
+
 def test_faces_for_engines_that_negate_an_axis_show_the_same_light(tmp_path, capsys):
     source, out = stored(tmp_path, sunny(48)), str(tmp_path / "back.exr")
     plain = made([source, "-o", str(tmp_path / "gl.exr"), "--to", "faces", "--size", "32"], capsys)["written"]

@@ -6,6 +6,7 @@ import io
 import os
 import sys
 from collections.abc import Sequence
+from traceback import clear_frames
 
 import relume.cluster as machines
 
@@ -56,6 +57,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
         help="Photographs in, light out; light in, photographs out.",
         version=console.version,
         help_epilogue="`relume COMMAND --help` shows each command's options. Angles are degrees, lengths metres.",
+        suppress_keyboard_interrupt=False,  # cyclopts would end without a word
     )
     for name, help_text in COMMANDS.items():
         module = f"relume.cli.{FOLDERS.get(name, '')}{name}"
@@ -75,10 +77,22 @@ def main(arguments: Sequence[str] | None = None) -> int:
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
         return 141
     except KeyboardInterrupt:
-        return console.refuse("interrupted; kept stages will be used when the same command is given again", 130)
+        return console.refuse("interrupted; give the same command again, and what is kept will be used", 130)
     except Exception as error:
-        return console.refuse_error(error, verbose="-v" in words or "--verbose" in words)
+        code = console.refuse_error(error, verbose="-v" in words or "--verbose" in words)
+        _let_go(error)
+        return code
     return 0
+
+
+def _let_go(error: BaseException | None) -> None:
+    """Free what the functions that `error` ended in still hold, such as an opened picture.
+
+    A command's process looks for no cycles at its end, and nanobind complains of what is left in one.
+    """
+    while error is not None:
+        clear_frames(error.__traceback__)
+        error = error.__context__
 
 
 def _command(words: Sequence[str]) -> list[str]:

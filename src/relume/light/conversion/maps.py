@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 import os
+import re
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -11,7 +12,7 @@ from typing import Literal
 
 import numpy as np
 
-from relume.errors import UnreadableFile
+from relume.errors import UnreadableFile, warn
 from relume.image import files
 from relume.image.files.encodings import Encoding
 from relume.image.files.read_options import ReadOptions
@@ -175,9 +176,11 @@ def read_cube_faces(
         unless given, and against what they store where it is
     clamp, options : as `read_environment`
 
-    Raises UnreadableFile for files that are not six squares of one size and unit.
+    Warns where the ends of their names say another order. Raises UnreadableFile for files that are not six squares of
+    one size and unit.
     """
     paths = [Path(path) for path in paths]
+    _warn_of_order(paths)
     pictures = [read_light_pixels(path, clamp=clamp, options=options) for path in paths]
     first, side = pictures[0], pictures[0].size[1]
     for path, picture in zip(paths, pictures, strict=True):
@@ -196,6 +199,17 @@ def read_cube_faces(
     radiance = np.concatenate([picture.radiance for picture in pictures], axis=1)
     attributes = {**first.attributes, **({"mirror": mirror} if mirror else {}), "mapping": "strip"}
     return as_environment(RadianceMap(radiance, None, clipped, first.unit, attributes))
+
+
+def _warn_of_order(paths: list[Path]) -> None:
+    """A shell gives faces by the alphabet: nx, ny, nz, px, py, pz."""
+    ends = [re.search(r"(?:^|[^a-z])([np][xyz])$", path.stem.lower()) for path in paths]
+    named = [end[1] for end in ends if end]
+    if sorted(named) == sorted(FACE_WORDS) and named != list(FACE_WORDS):
+        warn(
+            f"{paths[0]}: the faces' names end in {' '.join(named)}, but they are taken as {' '.join(FACE_WORDS)}: "
+            "give them in that order"
+        )
 
 
 def read_painting(
