@@ -6,7 +6,6 @@ import io
 import os
 import sys
 from collections.abc import Sequence
-from traceback import clear_frames
 
 import relume.cluster as machines
 
@@ -79,20 +78,8 @@ def main(arguments: Sequence[str] | None = None) -> int:
     except KeyboardInterrupt:
         return console.refuse("interrupted; give the same command again, and what is kept will be used", 130)
     except Exception as error:
-        code = console.refuse_error(error, verbose="-v" in words or "--verbose" in words)
-        _let_go(error)
-        return code
+        return console.refuse_error(error, verbose="-v" in words or "--verbose" in words)
     return 0
-
-
-def _let_go(error: BaseException | None) -> None:
-    """Free what the functions that `error` ended in still hold, such as an opened picture.
-
-    A command's process looks for no cycles at its end, and nanobind complains of what is left in one.
-    """
-    while error is not None:
-        clear_frames(error.__traceback__)
-        error = error.__context__
 
 
 def _command(words: Sequence[str]) -> list[str]:

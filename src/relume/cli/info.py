@@ -352,7 +352,7 @@ def info(
                     shown = rl.read_photograph(path, reading)
                     advice = rl.capture.advise_brackets(shown, response=response, brightest=brightest)
             except rl.RelumeError as error:
-                unreadable.append(error)
+                unreadable.append(error.with_traceback(None))  # which would keep what is open, and itself, alive
                 continue
             lines: dict[str, Any] = facts if output.json else lines_of(facts, whole=output.verbose)
             if brackets:
