@@ -8,6 +8,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+import trimesh
 
 from command_line import printed, refused, reported
 from relume.cli import main
@@ -238,6 +239,13 @@ def test_a_new_view_has_a_size_and_its_light_another(stage, tmp_path, capsys):
     assert reported([*command, "--picture-size", "40x30", "--size", "5"], capsys)["size"] == [40, 30]
     assert "--size is 200" in refused([*command, "--size", "200"], capsys)
     assert "--size" in refused([*command, "--size", "40x30"], capsys)
+
+
+def test_what_no_camera_saw_is_said_once(stage, tmp_path, capsys):
+    trimesh.creation.icosphere(3).export(tmp_path / "ball.obj")
+    command = ["stage", "view", stage, "--mesh", tmp_path / "ball.obj", "--lamp", "0,2,2", "-o", tmp_path / "a.exr"]
+    for position in ("4,0,0", "1,0,4"):  # much of the ball, and a little
+        assert printed([*command, "--position", position], capsys).err.count("of what the new view shows") == 1
 
 
 def broken(folder: Path, what: str) -> Path:

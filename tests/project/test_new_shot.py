@@ -77,7 +77,8 @@ def test_objects_stand_side_by_side_and_those_of_no_table_get_a_size(place: Path
     # A cube of two units, in what its file calls metres.
     corners = [f"v {x} {y} {z}" for x in (-1, 1) for y in (-1, 1) for z in (-1, 1)]
     (place / "cube.obj").write_text("\n".join([*corners, "f 1 2 4 3", "f 5 7 8 6", "f 1 5 6 2", "f 3 4 8 7"]) + "\n")
-    (mesh,) = placed_meshes(new(place, None, place / "cube.obj"))
+    with pytest.warns(UserWarning, match=r"cube\.obj: its longest side is 2 m in the file.*0\.24 m are taken"):
+        (mesh,) = placed_meshes(new(place, None, place / "cube.obj"))
     assert np.ptp(mesh.vertices, axis=0).max() == pytest.approx(4 * 0.06, rel=1e-5)
     assert (
         Shot.new(None, plate=[place / "plate.jpg"], balls=[place / "side"], objects=[CUBE], radius=0.06).objects[0].size

@@ -104,7 +104,7 @@ def view(
         else:
             rl.lightstage.write_picture(out, found.picture, exposure)
         share = float(found.unseen.sum() / (found.alpha.sum() + found.unseen.sum()))
-        if share > 0.01:
+        if 0.01 < share <= 0.25:  # of more the library warns
             note(output, f"{share:.0%} of what the new view shows was seen by no camera, and is left black")
         print_facts(output, {"written": str(out), "size": [new.width, new.height], "unseen": float(f"{share:.3g}")})
 

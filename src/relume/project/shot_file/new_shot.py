@@ -217,6 +217,12 @@ def _objects(folder: Path, objects: Sequence[Path], radius: float) -> list[str]:
         lines += ["", "[[objects]]", f"mesh = {_names(folder, [path], patterns=False)[1:-1]}"]
         if own != extent:
             lines.append(f"size = {extent:.3g}  # metres of its longest side; the file has {own:.3g}")
+            if radius <= LARGEST_RADIUS:  # else the radius is doubted
+                warn(
+                    f"{path.name}: its longest side is {own:.3g} m in the file, which would not stand beside the ball, "
+                    f"and {extent:.3g} m are taken; give size, in metres, in the shot file",
+                    effect=0.05,
+                )
         if len(objects) > 1:
             lines.append(f"stand = [{x:.3g}, 0]  # metres to the right of the ball's place, and towards the camera")
     return lines
