@@ -224,4 +224,4 @@ def test_a_surface_too_thin_for_the_small_render_gets_the_light_beside_it() -> N
     work.whole = np.zeros((80, 120), np.int32)
     work.whole[:, 55] = 1
     light = work.enlarged(np.full((8, 12, 3), 2.0, np.float32), np.ones((8, 12), bool))
-    np.testing.assert_allclose(light, 2.0, rtol=1e-5)
+    np.testing.assert_allclose(light[:], 2.0, rtol=1e-5)

@@ -61,6 +61,8 @@ class Stages:
         path = self.folder / f"{name}.npz"
         if (arrays := self._found(name, key)) is not None:
             return unpacked(arrays), True
+        # What the result depends on was read for the key; a step may need little of it.
+        self.mapped.release()
         result = make()
         arrays = {_KEY: np.array(key), **packed(result)}
         try:
