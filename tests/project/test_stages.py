@@ -17,6 +17,7 @@ import pytest
 from relume.composite.surface.gloss import FittedGloss, Gloss, glossy
 from relume.composite.surface.recovery import RecoveredLocal, RecoveredSurface
 from relume.errors import warn
+from relume.image.mapped_arrays import Mapped
 from relume.image.photograph import Settings
 from relume.probe.ball.blending import Probe
 from relume.project.stages import Stages, Steps, packed, unpacked
@@ -169,3 +170,9 @@ def test_what_a_step_that_was_begun_raises_comes_at_its_turn(tmp_path: Path) -> 
     with pytest.raises(ZeroDivisionError):
         steps.keep("step", {}, lambda: 1.0)
     assert steps.keep("step", {}, lambda: 1.0) == 1.0
+
+
+def test_what_was_read_for_the_key_goes_from_memory_before_the_step_works(tmp_path, monkeypatch) -> None:
+    done: list[str] = []
+    monkeypatch.setattr(Mapped, "release", lambda self: done.append("release"))
+    assert Stages(tmp_path).get("step", {"a": 1}, lambda: len(done)) == (1, False)
