@@ -5,12 +5,12 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from relume.composite.surface import reflectance
+from relume.composite.surface import by_rows, reflectance
 from relume.composite.surface.clean_pixels import filled_in, trustworthy
 from relume.composite.surface.gloss import Gloss, glossy
 from relume.composite.surface.projection import box_mesh
 from relume.composite.surface.recovery import ConstantAlbedo, KnownMaterial, RecoveredLocal, Recovery
-from relume.composite.surface.reflectance import _mean, _moved, _Work, recover_reflectance
+from relume.composite.surface.reflectance import _Work, recover_reflectance
 from relume.image import bands, resizing
 from relume.image.radiance import SATURATED, RadianceMap
 from relume.renderers.mitsuba.path_tracer import Mitsuba
@@ -238,7 +238,7 @@ def test_a_large_plate_by_rows_has_the_bits_of_one_at_once(monkeypatch, constant
     monkeypatch.setattr(reflectance, "FINE", 3000)
     found = []
     for pixels in (bands.BAND, 96 * 7):
-        for module in (bands, reflectance, resizing):
+        for module in (bands, by_rows, reflectance, resizing):
             monkeypatch.setattr(module, "BAND", pixels)
         found.append(recover_reflectance(plate, CAMERA, scene, wanted, renderer=ROUGH))
     one, two = found
@@ -247,9 +247,10 @@ def test_a_large_plate_by_rows_has_the_bits_of_one_at_once(monkeypatch, constant
         np.testing.assert_array_equal(getattr(one, name), getattr(two, name), err_msg=name)
 
 
-def test_means_of_rows_are_those_of_the_whole(monkeypatch):
+def test_a_change_by_rows_is_that_of_the_whole(monkeypatch):
     random = np.random.default_rng(1)
     after, before = (random.random((300, 41, 3)).astype(np.float32) for _ in range(2))
     chosen = random.random((300, 41)) < 0.7
-    monkeypatch.setattr(reflectance, "BAND", 41 * 7)
-    np.testing.assert_array_equal(_mean(_moved, chosen, after, before), np.abs(after - before)[chosen].mean(0))
+    monkeypatch.setattr(by_rows, "BAND", 41 * 7)
+    moved = np.abs(after - before)[chosen].mean(0) / before[chosen].mean(0)
+    assert by_rows.change_as_share(after, before, chosen) == moved.max()

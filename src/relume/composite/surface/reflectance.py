@@ -7,13 +7,14 @@ another, so rendering and dividing are repeated until it stops changing (§7, st
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
 from math import sqrt
 
 import numpy as np
 
+from relume.composite.surface.by_rows import among, change_as_share, of_rows, within
 from relume.composite.surface.clean_pixels import Enlarged, filled_in, trustworthy
 from relume.composite.surface.gloss import FittedGloss, Gloss, fit_gloss, glossy
 from relume.composite.surface.projection import Projected, projected, shining
@@ -29,7 +30,7 @@ from relume.composite.surface.recovery import (
 )
 from relume.composite.surface.two_views import ViewOfProbe
 from relume.errors import warn
-from relume.image.bands import BAND, in_bands
+from relume.image.bands import BAND
 from relume.image.radiance import RadianceMap
 from relume.image.resizing import resized_rows
 from relume.image.texture import as_rendered
@@ -102,7 +103,7 @@ class _Work:
             return Enlarged([(None, filled(inside))], self.whole)
         # Nor does a surface into one that hides it. One too thin for the small picture gets what is beside it.
         shown = np.unique(self.parts)
-        thin = not _among(self.whole, shown).all()
+        thin = not among(self.whole, shown).all()
         pictures: list[tuple[int | None, np.ndarray]] = [(None, filled(inside))] if thin else []
         pictures += [(int(part), filled(inside & (self.parts == part))) for part in np.unique(self.parts[inside])]
         return Enlarged(pictures, self.whole)
@@ -166,7 +167,7 @@ def recover_reflectance(
     alone = _alone(scene)
     fine = not alone or any(gloss is not None and gloss.roughness < WIDE for gloss in glosses)
     work = _Work(renderer, camera, scene, seed, parts, fine)
-    recovered, inside = _among(parts, unknown), _among(work.parts, unknown)
+    recovered, inside = among(parts, unknown), among(work.parts, unknown)
     first = work.render(looks.shapes(grey, even, glosses))
     dark = np.zeros_like(first.radiance)
     if len(unknown) < len(wanted) or any(gloss is not None for gloss in glosses) or scene.medium is not None:
@@ -177,7 +178,7 @@ def recover_reflectance(
         """π · diffuse radiance / albedo, smoothed, where surfaces are to be recovered; 0 elsewhere."""
         light = np.where(inside[..., None], np.pi * (radiance - dark) / np.maximum(shown, 0.01), 0)
         light = work.enlarged(smoothed(light, first.normal, work.parts), inside)
-        return _of_rows(_where, recovered[..., None], light)
+        return of_rows(within, recovered[..., None], light)
 
     # Divide the plate by the light that arrives and render again, until that light stops changing.
     light, iterations, change = arriving(first.radiance, 0.5), 1, 0.0
@@ -185,7 +186,7 @@ def recover_reflectance(
     while True:
         for index in unknown:
             _require_lit(scene.local, index, light, usable[index])
-        raw = _of_rows(_unlit, plate.radiance, sheen, light)
+        raw = of_rows(_unlit, plate.radiance, sheen, light)
         albedo, colours = _albedo(raw, light, parts, usable, wanted)
         if not unknown or alone or iterations >= ITERATIONS or (iterations > 1 and change < STEADY):
             break
@@ -194,8 +195,7 @@ def recover_reflectance(
         del raw, albedo  # hundreds of megabytes each
         again = arriving(picture.radiance, shown)
         iterations += 1
-        moved = _mean(_moved, recovered, again, light) / np.maximum(_mean(_itself, recovered, light), 1e-30)
-        change, light = float(moved.max()), again
+        change, light = change_as_share(again, light, recovered), again
         progress(min(0.5 + 0.1 * iterations, 0.95))
     if iterations >= ITERATIONS and change >= STEADY:
         notes.append(f"the light between the surfaces still changed by {change:.1%} after {iterations} rounds")
@@ -209,9 +209,9 @@ def recover_reflectance(
         surfaces.append(_surface(raw, lit, colours[index], glosses[index], fits[index], shapes))
     del raw  # hundreds of megabytes
     model = partial(_lit_again, wanted, colours)
-    without = _of_rows(model, recovered[..., None], sheen, albedo, parts, light, work.enlarged(first.radiance, ~inside))
+    without = of_rows(model, recovered[..., None], sheen, albedo, parts, light, work.enlarged(first.radiance, ~inside))
     progress(1.0)
-    textured = _among(parts, [i for i, wish in enumerate(wanted) if isinstance(wish.albedo, TexturedAlbedo)])
+    textured = among(parts, [i for i, wish in enumerate(wanted) if isinstance(wish.albedo, TexturedAlbedo)])
     return RecoveredLocal(tuple(surfaces), albedo, without, textured, light, iterations, change, tuple(notes))
 
 
@@ -224,51 +224,6 @@ def _lit_again(
     parts: np.ndarray, arrives: np.ndarray, elsewhere: np.ndarray,
 ) -> np.ndarray:  # fmt: skip
     return np.where(recovered, gloss + _with_even(albedo, parts, wanted, colours) * arrives / np.pi, elsewhere)
-
-
-def _where(recovered: np.ndarray, light: np.ndarray) -> np.ndarray:
-    return np.where(recovered, light, 0)
-
-
-def _moved(after: np.ndarray, before: np.ndarray) -> np.ndarray:
-    return np.abs(after - before)
-
-
-def _itself(light: np.ndarray) -> np.ndarray:
-    return light
-
-
-def _mean(work: Callable[..., np.ndarray], chosen: np.ndarray, *pictures: np.ndarray) -> np.ndarray:
-    """(3,) the mean over chosen pixels (H, W) of what is computed of float32 pictures, whose sum is one of float32.
-
-    Some rows at a time, to the bits of a sum over all at once.
-    """
-    total, step = np.zeros((1, 3), np.float32), max(1, BAND // chosen.shape[1])
-    for top in range(0, len(chosen), step):
-        rows = slice(top, top + step)
-        total = np.concatenate([total, work(*(picture[rows] for picture in pictures))[chosen[rows]]]).sum(0)[None]
-    return (total[0] / np.float64(np.count_nonzero(chosen))).astype(np.float32)
-
-
-def _among(parts: np.ndarray, numbers: Iterable[int]) -> np.ndarray:
-    """Where parts (H, W) are one of few numbers; `isin` looks them up in tables of several times the parts' size."""
-    found = np.zeros(parts.shape, bool)
-    for number in numbers:
-        found |= parts == number
-    return found
-
-
-def _of_rows(work: Callable[..., np.ndarray], *pictures: np.ndarray | Enlarged) -> np.ndarray:
-    """What is computed of each pixel of pictures (H, W, …), (H, W, 3) float32; of the first, all pixels are there."""
-    assert isinstance(pictures[0], np.ndarray)
-    height, width = pictures[0].shape[:2]
-    result = np.empty((height, width, 3), np.float32)
-
-    def fill(rows: slice) -> None:
-        result[rows] = work(*(picture[rows] for picture in pictures))
-
-    in_bands(height, width, fill)
-    return result
 
 
 def _lit_by_others(scene: Scene, index: int, camera: Camera, plate: RadianceMap, parts: np.ndarray) -> Scene:
