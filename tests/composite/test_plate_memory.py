@@ -31,6 +31,7 @@ from relume.scene.materials.materials import Diffuse
 from relume.scene.scene import Scene
 from relume.scene.shapes.shapes import Plane
 from relume.sphere.environment_map import EnvironmentMap
+from relume.virtual_camera.plate_matching.grain_measuring import radiance_grain
 from relume.virtual_camera.plate_matching.sharpness import measured_sharpness
 
 @dataclass(frozen=True)
@@ -71,6 +72,8 @@ def ready(step, height):
         return recover_reflectance, (plate(height), camera(height), table), {"renderer": Even()}
     if step == "sharpness":
         return measured_sharpness, (plate(height),), {}
+    if step == "grain":
+        return radiance_grain, (plate(height),), {}
     if step == "borders":
         return _Small.of, (change(height), plate(height), camera(height)), {}
     if step == "composite":
@@ -97,6 +100,7 @@ print((peak() - before) * 1024 / (2000 * 3000 * 12))
     [
         ("reflectance", 3.0, 6.1),  # the albedos before they are held to 0 … 1 and after, the light, masks
         ("sharpness", 1.5, 2.8),  # three planes of one channel in double
+        ("grain", 0.5, 3.8),  # patches
         ("borders", 0.05, 0.7),
         ("composite", 1.0, 1.6),  # its result
         ("picture", 0.02, 0.5),
