@@ -12,7 +12,7 @@ from relume.image.filtering import dilated
 from relume.renderers.mitsuba import differential
 from relume.renderers.mitsuba.differential import Differential
 from relume.renderers.progressive.accumulation import RenderSession, accumulate, pass_seed
-from relume.renderers.progressive.allocation import REACH, Neediest, weighed_variance
+from relume.renderers.progressive.allocation import REACH, Neediest, _expected_of, weighed_variance
 from relume.renderers.progressive.convergence import LIGHT as LIGHT_OF
 from relume.renderers.progressive.convergence import Sums
 from relume.scene.cameras.camera import Camera
@@ -189,6 +189,19 @@ def test_a_pixel_has_no_say_in_how_often_it_is_traced():
         again = plan(replace(sums, squares=squares))
         assert again is not None and again[row, column] == 8
         assert (again[max(row - 3, 0) : row + 4, max(column - 3, 0) : column + 4] > 8).sum() > 10
+
+
+@pytest.mark.parametrize("shape", [(60, 72), (20, 25), (5, 4)])
+def test_a_pixels_light_says_nothing_of_what_is_expected_of_its_own_variance(shape):
+    """Not by way of what its neighbours are believed either: bright ones came out up to 1.6 % too bright."""
+    rng = np.random.default_rng(4)
+    variance = np.where(rng.random(shape) < 0.02, 100.0, rng.gamma(0.5, 0.2, shape))
+    expected = _expected_of(variance)
+    for row, column in rng.integers(0, shape, (30, 2)):
+        met = variance.copy()
+        met[row, column] = 10_000
+        assert _expected_of(met)[row, column] == pytest.approx(expected[row, column], rel=1e-9)
+        assert not np.array_equal(_expected_of(met), expected)
 
 
 def test_light_that_is_met_seldom_is_as_bright_as_by_even_rays_and_hardly_noisier():

@@ -92,20 +92,26 @@ def _expected_of(variance: np.ndarray) -> np.ndarray:
     variance = variance.astype(np.float64, copy=False)
     near, wide = _of_others(variance, REACH), _of_others(variance, WIDE)
     # Near means scatter as single values do, over their number; what they differ by beyond that is the picture's.
-    chance = _of_others(np.square(variance - near), WIDE) / (REACH**2 - 1)
-    differ = np.maximum(_of_others(np.square(near), WIDE) - np.square(wide) - chance, 0)
+    # Seen where no small square holds the pixel: its own light would bring about that its dark ones are believed.
+    scatter, mean, square = (_of_others(v, WIDE, REACH) for v in (np.square(variance - near), near, np.square(near)))
+    chance = scatter / (REACH**2 - 1)
+    differ = np.maximum(square - np.square(mean) - chance, 0)
     believed = differ / np.maximum(differ + chance, 1e-300)
     return believed * near + (1 - believed) * wide
 
 
-def _of_others(values: np.ndarray, reach: int) -> np.ndarray:
-    """(H, W): of each pixel the mean of those around it, within `reach` and the picture, but for its own."""
+def _of_others(values: np.ndarray, reach: int, but: int = 1) -> np.ndarray:
+    """(H, W): of each pixel the mean of those around it, within `reach` and the picture, but for those within `but`."""
+    sums = _of_square(values, reach) - _of_square(values, but)
+    ones = np.ones_like(values)
+    counts = _of_square(ones, reach) - _of_square(ones, but)
+    return np.maximum(sums, 0) / np.maximum(counts, 1)
+
+
+def _of_square(values: np.ndarray, reach: int) -> np.ndarray:
     from scipy.ndimage import uniform_filter
 
-    square = reach**2
-    sums = square * uniform_filter(values, reach, mode="constant") - values
-    counts = square * uniform_filter(np.ones_like(values), reach, mode="constant") - 1
-    return np.maximum(sums, 0) / np.maximum(counts, 1)
+    return reach**2 * uniform_filter(values, reach, mode="constant")
 
 
 def _of_channels(values: np.ndarray) -> np.ndarray:
