@@ -99,6 +99,26 @@ def test_the_first_passes_trace_all_and_the_others_the_noisiest_pixels():
     assert (planned[FAR[0]] == 8).all() and (planned[FAR[1]] == 8).all()
 
 
+def test_a_forecast_is_what_is_traced():
+    """Of the same noise, where some pixels would have more passes than there are, and some need none."""
+    plan = Neediest(PLATE, 4, 12, as_good_as=1000)
+    even = accumulate(trace, passes=4)
+    seen = weighed_variance(PLATE + even.mean("difference"), even.variance("difference"))
+    traced = accumulate(trace, passes=30, plan=plan)
+    assert traced.counts is not None and traced.planned is not None and traced.planned.max() > 30
+    assert plan.expected(seen, 30) == pytest.approx(traced.counts.mean(), rel=1e-12)
+
+
+def test_noise_of_light_that_every_pass_follows_asks_for_no_rays():
+    plan, without, light = Neediest(PLATE, 8, 20), Sums(), Sums()
+    noise = np.random.default_rng(3).standard_normal(PLATE.shape)
+    for index in range(8):
+        planes = trace(pass_seed(5, index))
+        without = without.plus({**planes, LIGHT_OF + "difference": 0 * noise})
+        light = light.plus({**planes, LIGHT_OF + "difference": noise * (-1) ** index})
+    assert np.array_equal(plan(light), plan(without))
+
+
 def test_passes_end_up_spread_as_the_standard_deviations_within_the_budget():
     sums = accumulate(trace, passes=400, plan=Neediest(PLATE, 8, 40))
     assert sums.counts is not None and sums.passes < 400

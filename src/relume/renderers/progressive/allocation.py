@@ -6,7 +6,6 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from relume.image.filtering import dilated
 from relume.renderers.progressive.convergence import Sums
 
 REACH = 7
@@ -53,16 +52,14 @@ class Neediest:
         # What is followed from the light is as noisy whichever pixels are traced.
         variance = sums.own_variance("objects") + sums.own_variance("difference")
         seen = weighed_variance(objects + difference + (1 - matte[..., None]) * self.backdrop, variance)
-        # Of a single pass. What nothing changes has nothing to gain; running sums leave rounding there.
-        each = np.where(dilated(seen > 0, WIDE // 2), _expected_of(seen * sums.passes), 0)
-        return self._planned(each, sums.passes)
+        return self._planned(_expected_of(seen), sums.passes)
 
     def expected(self, variance: np.ndarray, most: int) -> float:
         """How many passes a pixel is given on average, of `most`, by the weighed variance (h, w) in a small render."""
         return float(np.minimum(self._planned(_expected_of(variance), self.even), most).mean())
 
     def _planned(self, variance: np.ndarray, begun: int) -> np.ndarray:
-        """How many passes each pixel is to have, `begun` of them done, by the variance of one."""
+        """How many passes each pixel is to have, `begun` of them done, by variances in any unit."""
         needed = np.maximum(self._needed(variance, begun), begun)
         # In groups that trace the same pixels; who lacks less than half of one has enough.
         return begun + AT_ONCE * np.rint((needed - begun) / AT_ONCE).astype(np.int32)
