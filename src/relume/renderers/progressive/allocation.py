@@ -35,8 +35,8 @@ class Neediest:
     An error counts as a share of the radiance there and of the picture's mean, as the eye sees differences (Weber).
     Its mean square is least for so many passes where they are spread in proportion to the pixels' standard deviations
     σ (Neyman 1934). So spread, (Σσ)² / (N Σσ²) of the passes are as good as passes of all N pixels: few where the noise
-    is in few pixels. Neither a pixel's own passes nor later ones have a say, so that its mean is that of even rays
-    (Kirk & Arvo 1991).
+    is in few pixels. Neither a pixel's own passes, but for their part in the picture's sums, nor later ones have a say,
+    so that its mean is that of even rays (Kirk & Arvo 1991).
     """
 
     backdrop: np.ndarray
@@ -89,7 +89,7 @@ def _expected_of(variance: np.ndarray) -> np.ndarray:
     variance = variance.astype(np.float64, copy=False)
     near, wide = _of_others(variance, REACH), _of_others(variance, WIDE)
     # Near means scatter as single values do, over their number; what they differ by beyond that is the picture's.
-    # Seen where no small square holds the pixel: its own light would bring about that its dark ones are believed.
+    # Seen where no small square holds the pixel: one that is bright by luck would believe its dark neighbours.
     scatter, mean, square = (_of_others(v, WIDE, REACH) for v in (np.square(variance - near), near, np.square(near)))
     chance = scatter / (REACH**2 - 1)
     differ = np.maximum(square - np.square(mean) - chance, 0)
