@@ -8,11 +8,10 @@ from itertools import pairwise
 import numpy as np
 import pytest
 
-from relume.image.filtering import dilated
 from relume.renderers.mitsuba import differential
 from relume.renderers.mitsuba.differential import Differential
 from relume.renderers.progressive.accumulation import RenderSession, accumulate, pass_seed
-from relume.renderers.progressive.allocation import REACH, Neediest, _expected_of, weighed_variance
+from relume.renderers.progressive.allocation import Neediest, _expected_of, _of_others, weighed_variance
 from relume.renderers.progressive.convergence import LIGHT as LIGHT_OF
 from relume.renderers.progressive.convergence import Sums
 from relume.scene.cameras.camera import Camera
@@ -387,13 +386,15 @@ def test_spread_rays_that_light_is_kept_apart_of_have_the_mean_of_even_ones(few,
 
 
 @pytest.mark.parametrize("size", [(30, 41), (1, 1), (5, 2)])
-def test_a_place_is_about_a_pixel_of_its_square_as_far_as_the_picture_goes(size):
-    there = np.random.default_rng(7).random(size) < 0.02
-    there[0, -1] = True
+@pytest.mark.parametrize("but", [1, 3])
+def test_others_are_those_of_a_pixels_square_as_far_as_the_picture_goes(size, but):
+    values = np.random.default_rng(7).random(size)
     rows, columns = np.indices(size)
+    means = _of_others(values, 7, but)
     for row, column in np.ndindex(size):
-        near = (abs(rows - row) <= REACH // 2) & (abs(columns - column) <= REACH // 2)
-        assert dilated(there, REACH // 2)[row, column] == there[near].any()
+        away = np.maximum(abs(rows - row), abs(columns - column))
+        others = values[(away <= 3) & (away > but // 2)]
+        assert means[row, column] == pytest.approx(others.mean() if others.size else 0, rel=1e-9, abs=1e-12)
 
 
 def test_the_weighed_variance_is_that_of_all_channels():
