@@ -7,6 +7,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from relume.composite import borders
 from relume.composite.borders import changed_borders
 from relume.composite.surface.projection import box_mesh
 from relume.image.radiance import RadianceMap
@@ -67,6 +68,15 @@ def test_the_border_and_its_change_are_named():
         line.startswith("the change at the left border of local surface 1 ('table') is 3.") and "m wider there" in line
     )
     assert "\n" not in line
+
+
+def test_pixels_that_were_not_measured_say_nothing_of_the_noise(monkeypatch):
+    monkeypatch.setattr(borders, "ACROSS", CAMERA.width // 2)  # means of four pixels
+    noisy = plate(0.01)
+    assert noisy.variance is not None
+    noisy.variance[np.random.default_rng(0).random(noisy.variance.shape[:2]) < 0.3] = np.inf
+    (left,) = changed_borders(field(0.006, 3.0), noisy, CAMERA, [table()], [THING])
+    assert left.noise == pytest.approx(0.01, rel=0.01)
 
 
 @pytest.mark.parametrize("power", [2.0, 3.0, 4.0])

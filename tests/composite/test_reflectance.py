@@ -5,12 +5,13 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from relume.composite.surface import reflectance
+from relume.composite.surface import by_rows, reflectance
 from relume.composite.surface.clean_pixels import filled_in, trustworthy
 from relume.composite.surface.gloss import Gloss, glossy
 from relume.composite.surface.projection import box_mesh
 from relume.composite.surface.recovery import ConstantAlbedo, KnownMaterial, RecoveredLocal, Recovery
 from relume.composite.surface.reflectance import _Work, recover_reflectance
+from relume.image import bands, resizing
 from relume.image.radiance import SATURATED, RadianceMap
 from relume.renderers.mitsuba.path_tracer import Mitsuba
 from relume.renderers.raytrace.raycast import RayCaster
@@ -224,4 +225,32 @@ def test_a_surface_too_thin_for_the_small_render_gets_the_light_beside_it() -> N
     work.whole = np.zeros((80, 120), np.int32)
     work.whole[:, 55] = 1
     light = work.enlarged(np.full((8, 12, 3), 2.0, np.float32), np.ones((8, 12), bool))
-    np.testing.assert_allclose(light, 2.0, rtol=1e-5)
+    np.testing.assert_allclose(light[:], 2.0, rtol=1e-5)
+
+
+@pytest.mark.parametrize("constant", [False, True])
+def test_a_large_plate_by_rows_has_the_bits_of_one_at_once(monkeypatch, constant):
+    """Two surfaces, whose light is iterated, at a plate larger than its renders; of the same renders."""
+    wall = box_mesh((0.1, 0.0, -0.4), (0.7, 0.4, -0.3), Diffuse((0.6, 0.1, 0.1)), name="wall")
+    scene = Scene(light(), (BARE, wall), distant=Box((-2, -0.5, -2), (2, 2, 2)), probe=(0.0, 0.05, 0.0))
+    plate = photograph(scene, 16)
+    wanted = [Recovery(ConstantAlbedo() if constant else Recovery().albedo, Gloss(0.04, 0.6)), Recovery()]
+    monkeypatch.setattr(reflectance, "FINE", 3000)
+    found = []
+    for pixels in (bands.BAND, 96 * 7):
+        for module in (bands, by_rows, reflectance, resizing):
+            monkeypatch.setattr(module, "BAND", pixels)
+        found.append(recover_reflectance(plate, CAMERA, scene, wanted, renderer=ROUGH))
+    one, two = found
+    assert one.iterations == two.iterations > 1 and one.change == two.change > 0
+    for name in ("albedo", "without", "irradiance", "textured"):
+        np.testing.assert_array_equal(getattr(one, name), getattr(two, name), err_msg=name)
+
+
+def test_a_change_by_rows_is_that_of_the_whole(monkeypatch):
+    random = np.random.default_rng(1)
+    after, before = (random.random((300, 41, 3)).astype(np.float32) for _ in range(2))
+    chosen = random.random((300, 41)) < 0.7
+    monkeypatch.setattr(by_rows, "BAND", 41 * 7)
+    moved = np.abs(after - before)[chosen].mean(0) / before[chosen].mean(0)
+    assert by_rows.change_as_share(after, before, chosen) == moved.max()

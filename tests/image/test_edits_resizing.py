@@ -5,8 +5,9 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
+from relume.image import resizing
 from relume.image.radiance import BLACK, OUTSIDE, SATURATED, RadianceMap
-from relume.image.resizing import cropped, resized
+from relume.image.resizing import cropped, resized, resized_rows
 
 
 def naive_axis(values: np.ndarray, new: int, cells: int) -> np.ndarray:
@@ -86,3 +87,22 @@ def test_sizes_and_pixels_that_cannot_be_resized_are_refused() -> None:
     picture.radiance[1, 1, 0] = np.nan
     with pytest.raises(ValueError, match="1 pixels are NaN"):
         resized(picture, 2, 2)
+
+
+@pytest.mark.parametrize("size", [(100, 77), (200, 31), (150, 299), (46, 62)])
+def test_a_field_that_is_given_by_its_rows_has_the_same_bits(monkeypatch: pytest.MonkeyPatch, size: tuple[int, int]):
+    field = np.random.default_rng(3).random((120, 92, 3)).astype(np.float32)
+    asked: list[slice] = []
+
+    def rows(part: slice) -> np.ndarray:
+        asked.append(part)
+        return field[part]
+
+    monkeypatch.setattr(resizing, "BAND", 1500)
+    made = resized_rows(rows, (92, 120), *size)
+    assert made.dtype == np.float32 and np.array_equal(made, resized(RadianceMap(field), *size).radiance)
+    # Never more than some rows of it, and the last as well.
+    assert max(part.stop - part.start for part in asked) < 30 and asked[-1].stop == 120
+    field[100, 3] = np.nan
+    with pytest.raises(ValueError, match="NaN or infinite"):
+        resized_rows(rows, (92, 120), *size)

@@ -10,7 +10,7 @@ import pytest
 
 from relume.errors import OutputNotWritten
 from relume.image import mapped_arrays
-from relume.image.mapped_arrays import MAPS, Mapped, _trimming, give_back_freed
+from relume.image.mapped_arrays import MAPS, Mapped, _trimming, give_back_freed, give_back_read
 
 GENERATOR = np.random.default_rng(3)
 ARRAYS = {
@@ -134,3 +134,27 @@ def test_what_is_put_away_takes_no_memory_and_keeps_every_bit(tmp_path):
     mapped.release()
     np.testing.assert_array_equal(away, plane)
     assert not list(tmp_path.iterdir())
+
+
+@pytest.mark.skipif(not MAPS, reason="files are not mapped here")
+def test_planes_of_nameless_files_are_given_back_and_what_was_written_stays(tmp_path):
+    mapped = Mapped()
+    plane = mapped.put_away(tmp_path, np.ones((1500, 1000, 3), np.float32))
+    read = mapped.read(written(tmp_path / "a.npz"))["plane"]
+    own = np.ones(3)
+    plane[700], read[0], own[0] = 7, 8, 9
+    assert plane.sum(dtype=np.float64) == plane.size + 6 * 3000
+    begun = resident()
+    # Of a part of it, too; a named file's would lose what was written to it, and what is in memory cannot go.
+    give_back_read(plane[3:, ::2].T, read, own)
+    assert begun - resident() > 0.9 * plane.nbytes
+    assert np.all(plane[700] == 7) and np.all(plane[699] == 1) and np.all(read[0] == 8) and own[0] == 9
+
+
+@pytest.mark.skipif(not MAPS, reason="files are not mapped here")
+def test_what_is_put_away_is_written_in_pieces(tmp_path, monkeypatch):
+    mapped, seen = Mapped(), []
+    monkeypatch.setattr(Mapped, "release", lambda self: seen.append(1))
+    plane = np.random.default_rng(0).random((500, 10), np.float32)
+    np.testing.assert_array_equal(mapped.put_away(tmp_path, plane), plane)
+    assert len(seen) == 4  # 20 kB in pieces of 5

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import mmap
 import re
 import shutil
 import warnings
@@ -16,9 +17,11 @@ from dng_files import sensed, write_dng
 from half_room import RIM as FULL_RIM
 from half_room import ROOM
 from relume.capture.brackets.result import MergedBracket, MergedCamera
+from relume.capture.exposure.bracket import Bracket
 from relume.capture.lens.vignetting import Vignetting
 from relume.capture.response.camera_profile import CameraProfile, write_profile
 from relume.errors import BallNotFound, InvalidShot, NotABracket, UnreadableFile
+from relume.image import mapped_arrays
 from relume.image.radiance import RadianceMap
 from relume.probe.ball.blending import Probe
 from relume.project.insertion.ball_light import blended
@@ -78,6 +81,22 @@ def test_camera_raws_without_the_facts_of_the_others_are_refused(shot: Shot) -> 
     timeless = changed(shot, plate, {"photographs": raws(shot, "timeless.dng", 4.0, None)})
     with pytest.raises(NotABracket, match=r"timeless\.dng: no exposure time"):
         read_photographs(timeless)
+
+
+@pytest.mark.skipif(not mapped_arrays.MAPS, reason="files are not mapped here")
+def test_the_plates_photographs_lie_in_files_until_they_are_looked_at_again(
+    shot: Shot, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    read = read_photographs(changed(shot, {}, {"rim": RIM}))
+    assert isinstance(read.plate, Bracket)
+    monkeypatch.setattr(mapped_arrays, "LARGE", read.plate.photographs[0].pixels.nbytes)
+    bracket = calibrate(changed(shot, {}, {"rim": RIM}), read, Steps(Stages(tmp_path / "stages"))).bracket
+    assert bracket is not None
+    for own, away in zip(read.plate.photographs, bracket.photographs, strict=True):
+        base = away.pixels
+        while isinstance(base, np.ndarray):
+            base = base.base
+        assert isinstance(base, mmap.mmap) and np.array_equal(away.pixels, own.pixels)
 
 
 @pytest.fixture(scope="module")

@@ -17,6 +17,8 @@ import pytest
 from relume.composite.surface.gloss import FittedGloss, Gloss, glossy
 from relume.composite.surface.recovery import RecoveredLocal, RecoveredSurface
 from relume.errors import warn
+from relume.image import mapped_arrays
+from relume.image.mapped_arrays import Mapped
 from relume.image.photograph import Settings
 from relume.probe.ball.blending import Probe
 from relume.project.stages import Stages, Steps, packed, unpacked
@@ -169,3 +171,18 @@ def test_what_a_step_that_was_begun_raises_comes_at_its_turn(tmp_path: Path) -> 
     with pytest.raises(ZeroDivisionError):
         steps.keep("step", {}, lambda: 1.0)
     assert steps.keep("step", {}, lambda: 1.0) == 1.0
+
+
+def test_what_was_read_for_the_key_goes_from_memory_before_the_step_works(tmp_path, monkeypatch) -> None:
+    done: list[str] = []
+    monkeypatch.setattr(Mapped, "release", lambda self: done.append("release"))
+    assert Stages(tmp_path).get("step", {"a": 1}, lambda: len(done)) == (1, False)
+
+
+def test_a_large_array_is_put_away_where_nothing_was_kept_yet(tmp_path, monkeypatch) -> None:
+    """All steps of a frame may be those of others, in whose folders they are found."""
+    monkeypatch.setattr(mapped_arrays, "LARGE", 100)
+    stages = Stages(tmp_path / "frame" / "stages")
+    small, large = np.zeros(3), np.arange(200.0)
+    assert stages.put_away(small) is small and not stages.folder.exists()
+    assert stages.put_away(large).tolist() == large.tolist() and stages.folder.is_dir()

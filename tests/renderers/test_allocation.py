@@ -8,11 +8,10 @@ from itertools import pairwise
 import numpy as np
 import pytest
 
-from relume.image.filtering import dilated
 from relume.renderers.mitsuba import differential
 from relume.renderers.mitsuba.differential import Differential
 from relume.renderers.progressive.accumulation import RenderSession, accumulate, pass_seed
-from relume.renderers.progressive.allocation import REACH, Neediest, weighed_variance
+from relume.renderers.progressive.allocation import Neediest, _expected_of, _of_others, weighed_variance
 from relume.renderers.progressive.convergence import LIGHT as LIGHT_OF
 from relume.renderers.progressive.convergence import Sums
 from relume.scene.cameras.camera import Camera
@@ -97,6 +96,27 @@ def test_the_first_passes_trace_all_and_the_others_the_noisiest_pixels():
     planned = pick(accumulate(trace, passes=8))
     assert planned is not None and (planned[NOISY] > 8).all()
     assert (planned[FAR[0]] == 8).all() and (planned[FAR[1]] == 8).all()
+
+
+def test_a_forecast_is_what_is_traced():
+    """Of the same noise, where some pixels would have more passes than there are, and some need none."""
+    plan = Neediest(PLATE, 4, 12, as_good_as=1000)
+    even = accumulate(trace, passes=4)
+    seen = weighed_variance(PLATE + even.mean("difference"), even.variance("difference"))
+    traced = accumulate(trace, passes=30, plan=plan)
+    assert traced.counts is not None and traced.planned is not None and traced.planned.max() > 30
+    assert plan.expected(seen, 30) == pytest.approx(traced.counts.mean(), rel=1e-12)
+
+
+def test_noise_of_light_that_every_pass_follows_asks_for_no_rays():
+    plan, without, light = Neediest(PLATE, 8, 20), Sums(), Sums()
+    noise = np.random.default_rng(3).standard_normal(PLATE.shape)
+    for index in range(8):
+        planes = trace(pass_seed(5, index))
+        without = without.plus({**planes, LIGHT_OF + "difference": 0 * noise})
+        light = light.plus({**planes, LIGHT_OF + "difference": noise * (-1) ** index})
+    planned, expected = plan(light), plan(without)
+    assert planned is not None and expected is not None and np.array_equal(planned, expected)
 
 
 def test_passes_end_up_spread_as_the_standard_deviations_within_the_budget():
@@ -189,6 +209,19 @@ def test_a_pixel_has_no_say_in_how_often_it_is_traced():
         again = plan(replace(sums, squares=squares))
         assert again is not None and again[row, column] == 8
         assert (again[max(row - 3, 0) : row + 4, max(column - 3, 0) : column + 4] > 8).sum() > 10
+
+
+@pytest.mark.parametrize("shape", [(60, 72), (20, 25), (5, 4)])
+def test_a_pixels_light_says_nothing_of_what_is_expected_of_its_own_variance(shape):
+    """Not by way of what its neighbours are believed either: bright ones came out up to 1.6 % too bright."""
+    rng = np.random.default_rng(4)
+    variance = np.where(rng.random(shape) < 0.02, 100.0, rng.gamma(0.5, 0.2, shape))
+    expected = _expected_of(variance)
+    for row, column in rng.integers(0, shape, (30, 2)):
+        met = variance.copy()
+        met[row, column] = 10_000
+        assert _expected_of(met)[row, column] == pytest.approx(expected[row, column], rel=1e-9)
+        assert not np.array_equal(_expected_of(met), expected)
 
 
 def test_light_that_is_met_seldom_is_as_bright_as_by_even_rays_and_hardly_noisier():
@@ -353,13 +386,15 @@ def test_spread_rays_that_light_is_kept_apart_of_have_the_mean_of_even_ones(few,
 
 
 @pytest.mark.parametrize("size", [(30, 41), (1, 1), (5, 2)])
-def test_a_place_is_about_a_pixel_of_its_square_as_far_as_the_picture_goes(size):
-    there = np.random.default_rng(7).random(size) < 0.02
-    there[0, -1] = True
+@pytest.mark.parametrize("but", [1, 3])
+def test_others_are_those_of_a_pixels_square_as_far_as_the_picture_goes(size, but):
+    values = np.random.default_rng(7).random(size)
     rows, columns = np.indices(size)
+    means = _of_others(values, 7, but)
     for row, column in np.ndindex(size):
-        near = (abs(rows - row) <= REACH // 2) & (abs(columns - column) <= REACH // 2)
-        assert dilated(there, REACH // 2)[row, column] == there[near].any()
+        away = np.maximum(abs(rows - row), abs(columns - column))
+        others = values[(away <= 3) & (away > but // 2)]
+        assert means[row, column] == pytest.approx(others.mean() if others.size else 0, rel=1e-9, abs=1e-12)
 
 
 def test_the_weighed_variance_is_that_of_all_channels():

@@ -5,9 +5,14 @@ from __future__ import annotations
 import base64
 
 import numpy as np
+import pytest
 
 from parsed_page import Parsed
+from relume.image import bands
 from relume.image.files.photographs import png
+from relume.renderers.results import Change
+from relume.report import plots
+from relume.report.insert_report import _taken_and_added
 from relume.report.page import figure, heading, note, page, paragraph, side_by_side, slide, table, triple
 
 NASTY = "<script>alert('1')</script> & \"2\" é 日"
@@ -65,3 +70,27 @@ def test_a_table_has_a_cell_for_every_word():
 
 def test_numbers_have_four_figures():
     assert triple(np.array([1.23456, 0.000123456, 98765.4])) == "(1.235, 0.0001235, 9.877e+04)"
+
+
+@pytest.mark.parametrize("kind", [np.float32, np.uint8])
+def test_a_large_picture_is_made_smaller_in_bands(monkeypatch: pytest.MonkeyPatch, kind: type):
+    picture = (200 * np.random.default_rng(2).random((130, 93, 3))).astype(kind)
+    monkeypatch.setattr(plots, "WIDEST", 20)
+    step = 5
+    whole = plots.in_squares(picture, step).mean((1, 3)).astype(kind)
+    monkeypatch.setattr(plots, "BAND", 93 * 15)
+    np.testing.assert_array_equal(plots.smaller(picture), whole)
+    assert whole.shape == (26, 18, 3)
+
+
+def test_light_taken_and_added_is_summed_by_rows_as_at_once(monkeypatch: pytest.MonkeyPatch):
+    random = np.random.default_rng(4)
+    difference = random.standard_normal((300, 41, 3)).astype(np.float32)
+    matte = np.maximum(random.standard_normal((300, 41)), 0).astype(np.float32)
+    change = Change(difference, difference, matte, matte, difference, difference, difference, difference)
+    monkeypatch.setattr(bands, "BAND", 41 * 7)
+    taken, added = _taken_and_added(change)
+    beside = difference[matte == 0]
+    np.testing.assert_array_equal(taken, -np.minimum(beside, 0).sum(0))
+    np.testing.assert_array_equal(added, np.maximum(beside, 0).sum(0))
+    assert np.all(taken > 0) and np.all(added > 0)

@@ -15,8 +15,9 @@ import numpy as np
 from relume.composite.surface.projection import triangles_of_shape
 from relume.composite.surface.recovery import called
 from relume.image.colour import luminance
+from relume.image.mapped_arrays import give_back_read
 from relume.image.radiance import RadianceMap
-from relume.image.resizing import resized
+from relume.image.resizing import resized_rows
 from relume.renderers.raytrace.raycast import RayCaster
 from relume.renderers.results import Change
 from relume.scene.cameras.camera import Camera
@@ -127,27 +128,31 @@ class _Small:
 
         width = min(ACROSS, camera.width)
         height = max(1, round(camera.height * width / camera.width))
-        shown = luminance(np.nan_to_num(plate.radiance)).astype(np.float64)
-        if plate.variance is None:
-            # Differences between neighbours: noise, and the pattern that hides an edge as noise does.
-            off = np.abs(np.diff(shown, axis=1, append=shown[:, -1:])) / np.sqrt(2)
-            noise = 1.4826 * off / np.maximum(shown, 1e-30)
-        else:
-            noise = np.sqrt(luminance(np.maximum(plate.variance, 0))) / np.maximum(shown, 1e-30)
 
-        def shrunk(picture: np.ndarray) -> np.ndarray:
-            wide = RadianceMap(np.repeat(picture.astype(np.float32)[..., None], 3, axis=-1))
-            return resized(wide, width, height).radiance[..., 0].astype(np.float64)
+        def planes(rows: slice) -> np.ndarray:
+            shown = luminance(np.nan_to_num(plate.radiance[rows])).astype(np.float64)
+            noise = _noise(shown, None if plate.variance is None else plate.variance[rows])
+            # White and black pixels of a plate have a variance without bound.
+            measured = np.isfinite(noise)
+            lit = change.matte[rows], luminance(change.difference[rows]), shown
+            made = np.stack([each.astype(np.float32) for each in (*lit, measured, np.where(measured, noise, 0))], -1)
+            give_back_read(change.matte, change.difference)
+            return made
 
-        covered = np.asarray(maximum_filter(shrunk(change.matte) > 1e-3, 3), bool)
-        # White and black pixels of a plate have a variance without bound.
-        measured = np.isfinite(noise)
-        share = shrunk(measured)
-        known = shrunk(np.where(measured, noise, 0))
+        small = resized_rows(planes, (camera.width, camera.height), width, height).astype(np.float64)
+        matte, difference, shown, share, known = np.ascontiguousarray(np.moveaxis(small, -1, 0))
+        covered = np.asarray(maximum_filter(matte > 1e-3, 3), bool)
         mean = np.divide(known, share, where=share > 1e-3, out=np.full_like(share, np.inf))
-        return _Small(
-            camera.resized(width, height), shrunk(luminance(change.difference)), shrunk(shown), ~covered, mean
-        )  # fmt: skip
+        return _Small(camera.resized(width, height), difference, shown, ~covered, mean)
+
+
+def _noise(shown: np.ndarray, variance: np.ndarray | None) -> np.ndarray:
+    """The noise of pixels that show so much, (h, w), as a share of it; by their variance (h, w, 3) if it is known."""
+    if variance is None:
+        # Differences between neighbours: noise, and the pattern that hides an edge as noise does.
+        off = np.abs(np.diff(shown, axis=1, append=shown[:, -1:])) / np.sqrt(2)
+        return 1.4826 * off / np.maximum(shown, 1e-30)
+    return np.sqrt(luminance(np.maximum(variance, 0))) / np.maximum(shown, 1e-30)
 
 
 def _open_edges(mesh: Mesh) -> list[tuple[np.ndarray, np.ndarray, np.ndarray]]:

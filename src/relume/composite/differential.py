@@ -13,6 +13,7 @@ import numpy as np
 from relume.composite.mattes import solid_foreground
 from relume.errors import warn
 from relume.image.bands import in_bands
+from relume.image.mapped_arrays import give_back_read
 from relume.renderers.results import Change
 
 ROUNDING = 1e-6
@@ -113,6 +114,7 @@ def composed(
         hides = None if occluder is None or front is None else (occluder[rows], front[rows])
         objects, matte = change.objects[rows], change.matte[rows]
         picture[rows], below = _joined(plate[rows], objects, difference, matte, hides, smallest)
+        give_back_read(change.objects, change.difference, change.matte)
         return below
 
     below = sum(in_bands(height, width, work))

@@ -1,7 +1,7 @@
 """Any linear spreading of light over pixels, carried through all the planes of a radiance map.
 
 A spread is a function from a field (H, W, C) float64 to another (H', W', C), a weighted mean for every pixel of the
-new field. Its square has the squared weights: it carries variance. Masks are eroded and dilated here too.
+new field. Its square has the squared weights: it carries variance. Masks are eroded here too.
 """
 
 from __future__ import annotations
@@ -86,8 +86,3 @@ def eroded(mask: np.ndarray, reach: int) -> np.ndarray:
             inside[away:] &= along[:-away]
             inside[:-away] &= along[away:]
     return mask
-
-
-def dilated(mask: np.ndarray, reach: int) -> np.ndarray:
-    """Where any of a mask (H, W, …), bool, is set within `reach` pixels both ways."""
-    return ~eroded(~mask, reach)

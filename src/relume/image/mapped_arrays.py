@@ -18,7 +18,7 @@ from functools import lru_cache
 from pathlib import Path
 from tempfile import TemporaryFile
 from typing import IO, Any
-from weakref import ReferenceType, ref
+from weakref import ReferenceType, WeakSet, ref
 
 import numpy as np
 
@@ -29,6 +29,8 @@ LARGE = 2**24
 MAPS = os.name != "nt" and hasattr(mmap, "MADV_DONTNEED")
 """Whether files are mapped; Windows replaces no file that is, so that a later run could not be kept."""
 _PIECE = 2**20
+_NAMELESS: WeakSet[mmap.mmap] = WeakSet()
+"""Maps of files that have no name and one user: what is written there is in the file, whoever wrote it."""
 _HEADER, _NAMES = 30, struct.Struct("<26xHH")
 """Bytes of a member's own header, and where it says how long its name and its extra field are (APPNOTE 4.3.7)."""
 _PADDING, _ZIP64, _ALIGNED = 0xD935, 20, 64
@@ -101,10 +103,11 @@ class Mapped:
             raise OutputNotWritten(f"{folder}: cannot be written: {error.strerror}; choose another place") from None
         with file:
             begins = np.concatenate([[0], np.cumsum(sizes)])
-            return [
-                self.keep(np.memmap(file, kind, "r+", int(begin), shape))
-                for begin, shape in zip(begins[:-1], shapes, strict=True)
+            maps = [
+                np.memmap(file, kind, "r+", int(begin), shape) for begin, shape in zip(begins[:-1], shapes, strict=True)
             ]
+        _NAMELESS.update(each._mmap for each in maps)  # pyright: ignore[reportAttributeAccessIssue]
+        return [self.keep(each) for each in maps]
 
     def put_away(self, folder: Path, array: np.ndarray) -> np.ndarray:
         """The same array in a file of that folder as `zeros` makes them, if it is large; memory of all is given back.
@@ -114,9 +117,25 @@ class Mapped:
         if array.nbytes < LARGE or not MAPS:
             return array
         (kept,) = self.zeros(folder, [array.shape], array.dtype.type)
-        kept[...] = array
-        self.release()
+        rows = max(1, LARGE * len(array) // array.nbytes)
+        for top in range(0, len(array), rows):
+            kept[top : top + rows] = array[top : top + rows]
+            self.release()
         return kept
+
+
+def give_back_read(*arrays: np.ndarray) -> None:
+    """Give back the memory of those that lie in nameless files, as `zeros` and `put_away` make them.
+
+    Nothing that anyone wrote to these is lost, so whoever reads a large plate's planes may do it at any time. Arrays in
+    memory stay as they are, and so do those read from a named file, where what was written since would be lost.
+    """
+    for array in arrays:
+        base: Any = array
+        while isinstance(base, np.ndarray):
+            base = base.base
+        if isinstance(base, mmap.mmap) and base in _NAMELESS:
+            base.madvise(mmap.MADV_DONTNEED)
 
 
 def give_back_freed() -> None:

@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import replace
 from typing import TYPE_CHECKING
 
 import numpy as np
 
+from relume.image.bands import BAND
 from relume.image.filtering import Spread, spread_through
 from relume.image.radiance import RadianceMap
 
@@ -49,6 +51,25 @@ def resized(picture: RadianceMap, width: int, height: int) -> RadianceMap:
         return picture
     across, down = (_weights(old, new) for old, new in zip(picture.size, (width, height), strict=True))
     return spread_through(picture, _separable(down, across), _separable(down.power(2), across.power(2)))
+
+
+def resized_rows(rows: Callable[[slice], np.ndarray], size: tuple[int, int], width: int, height: int) -> np.ndarray:
+    """A field as `resized` makes it of a picture's radiance, (height, width, C) float32, to the same bits.
+
+    rows : gives its rows (n, W, C), any float, of which memory holds some at a time
+    size : W and H
+    Raises ValueError for values that are NaN or infinite, which would reach all round.
+    """
+    across, down = (_weights(old, new) for old, new in zip(size, (width, height), strict=True))
+    bands, step = [], max(1, BAND * height // (size[0] * size[1]))
+    for top in range(0, height, step):
+        part = down[top : top + step]
+        first, last = int(part.indices.min()), int(part.indices.max())
+        field = rows(slice(first, last + 1)).astype(np.float64)
+        if not np.isfinite(field).all():
+            raise ValueError("pixels are NaN or infinite and would reach all round; paint over them first")
+        bands.append(_separable(part[:, first : last + 1], across)(field).astype(np.float32))
+    return np.concatenate(bands)
 
 
 def _separable(down: sparse.csr_array, across: sparse.csr_array) -> Spread:

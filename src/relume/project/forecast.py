@@ -34,8 +34,8 @@ GREY = 0.3
 """Reflectance of the real surfaces in it."""
 DISK = 440
 """Bytes a pixel that an insertion holds on the disk at most: plate 25, denoised 25, reflectance 37, render 80, pictures
-12; and either the render's parts 92 and its planes 80, or what was matched to the plate 52, the composite and the model
-48, and the layers while they are written 104 and written 56."""
+12, nine photographs of 16 bits 54; and either the render's parts 92 and its planes 80, or what was matched to the plate
+52, the composite, the model and its variance 60, and the layers 56. Some is to spare."""
 START, A_MEGAPIXEL = 25.0, 8.0
 """Seconds of two cores for all but the rays: balls, light and gloss, and what is done to each pixel of the plate. The
 room took 16 s at 0.4 megapixels, all of its kernels compiled before, and 214 at 24."""

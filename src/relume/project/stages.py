@@ -50,6 +50,8 @@ class Stages:
 
     def put_away(self, array: np.ndarray) -> np.ndarray:
         """The same array in a nameless file beside the stages, if it is large; raises OutputNotWritten."""
+        if array.nbytes >= mapped_arrays.LARGE:
+            self._make_folder()
         return self.mapped.put_away(self.folder, array)
 
     def get(self, name: str, made_from: object, make: Callable[[], Result]) -> tuple[Result, bool]:
@@ -61,18 +63,23 @@ class Stages:
         path = self.folder / f"{name}.npz"
         if (arrays := self._found(name, key)) is not None:
             return unpacked(arrays), True
+        # What the result depends on was read for the key; a step may need little of it.
+        self.mapped.release()
         result = make()
         arrays = {_KEY: np.array(key), **packed(result)}
-        try:
-            self.folder.mkdir(parents=True, exist_ok=True)
-        except OSError as error:
-            raise OutputNotWritten(f"{self.folder}: cannot be made ({error.strerror}); choose another -o") from None
+        self._make_folder()
         with replacing(path) as temporary, open(temporary, "wb") as file:
             self.mapped.write(file, arrays)
         if any(array.nbytes >= mapped_arrays.LARGE for array in arrays.values()):
             # From now on from the file, so that what it was made in can go.
             result = unpacked(self.mapped.read(path))
         return result, False
+
+    def _make_folder(self) -> None:
+        try:
+            self.folder.mkdir(parents=True, exist_ok=True)
+        except OSError as error:
+            raise OutputNotWritten(f"{self.folder}: cannot be made ({error.strerror}); choose another -o") from None
 
     def has(self, name: str, made_from: object) -> bool:
         """Whether `get` would find the result of a step kept."""

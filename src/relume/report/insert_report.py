@@ -9,8 +9,10 @@ from pathlib import Path
 import numpy as np
 
 from relume.image import bands, files
+from relume.image.mapped_arrays import give_back_read
 from relume.project.insertion.outcome import Inserted
 from relume.project.insertion.sequence import SequenceMade, sparkles
+from relume.renderers.results import Change
 from relume.report import plots
 from relume.report.page import figure, heading, note, page, paragraph, side_by_side, slide, table, triple
 from relume.sphere.directions import UP
@@ -56,7 +58,8 @@ def _before_and_after(result: Inserted) -> str:
 
 def _difference(result: Inserted) -> str:
     change = result.change
-    scale = float(np.percentile(np.abs(change.difference), 99.5))
+    scale = float(np.percentile(np.abs(change.difference), 99.5, overwrite_input=True))
+    give_back_read(change.difference)
     return side_by_side(
         [
             figure(
@@ -136,10 +139,23 @@ def _audit(result: Inserted) -> str:
     rows.append(("camera", f"at {place} metres; {result.place.fit.agreement}"))
     sharpness = result.composited.match.sharpness
     rows.append(("sharpness of the plate", "not matched" if sharpness is None else f"σ {sharpness.sigma:.2f} pixels"))
-    change = result.change.difference[result.change.matte == 0]
-    rows.append(("light taken from the surroundings", triple(-np.minimum(change, 0).sum(0))))
-    rows.append(("light added to them", triple(np.maximum(change, 0).sum(0))))
+    taken, added = _taken_and_added(result.change)
+    rows.append(("light taken from the surroundings", triple(taken)))
+    rows.append(("light added to them", triple(added)))
     return table(rows)
+
+
+def _taken_and_added(change: Change) -> tuple[np.ndarray, np.ndarray]:
+    """(3,) sums beside the objects; some rows at a time, each added to the sum of those above it."""
+    taken, added = np.zeros((1, 3), np.float32), np.zeros((1, 3), np.float32)
+    step = max(1, bands.BAND // change.matte.shape[1])
+    for top in range(0, len(change.matte), step):
+        rows = slice(top, top + step)
+        beside = change.difference[rows][change.matte[rows] == 0]
+        taken = np.concatenate([taken, np.minimum(beside, 0)]).sum(0)[None]
+        added = np.concatenate([added, np.maximum(beside, 0)]).sum(0)[None]
+        give_back_read(change.difference, change.matte)
+    return -taken[0], added[0]
 
 
 def write_sequence_report(result: SequenceMade, path: Path) -> None:

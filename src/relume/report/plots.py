@@ -7,7 +7,9 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from relume.image.bands import BAND
 from relume.image.files.photographs import png
+from relume.image.mapped_arrays import give_back_read
 from relume.virtual_camera.developing import develop
 from relume.virtual_camera.film.film import Film
 
@@ -104,7 +106,16 @@ def encoded(pixels: np.ndarray) -> bytes:
 def smaller(image: np.ndarray) -> np.ndarray:
     """The image (H, W, C) at most `WIDEST` wide, by the means of squares of pixels."""
     step = -(-image.shape[1] // WIDEST)
-    return image if step == 1 else in_squares(image, step).mean((1, 3)).astype(image.dtype)
+    if step == 1:
+        return image
+    squares = in_squares(image, step)
+    result = np.empty((squares.shape[0], squares.shape[2], squares.shape[4]), image.dtype)
+    # In bands, between which what was read of a large plate's planes goes from memory.
+    rows = max(1, BAND // (step * image.shape[1]))
+    for top in range(0, len(squares), rows):
+        result[top : top + rows] = squares[top : top + rows].mean((1, 3)).astype(image.dtype)
+        give_back_read(image)
+    return result
 
 
 def in_squares(image: np.ndarray, step: int) -> np.ndarray:

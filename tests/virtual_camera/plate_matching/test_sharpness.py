@@ -2,12 +2,13 @@
 
 import numpy as np
 import pytest
-from scipy.ndimage import gaussian_filter
+from scipy.ndimage import gaussian_filter, gaussian_gradient_magnitude, uniform_filter
 from scipy.special import ndtr
 
+from relume.image import bands
 from relume.image.radiance import RadianceMap
 from relume.renderers.results import Change
-from relume.virtual_camera.plate_matching.edges import clean_edges
+from relume.virtual_camera.plate_matching.edges import RADIUS, _relative_slope, clean_edges
 from relume.virtual_camera.plate_matching.sharpness import Sharpness, measured_sharpness
 
 
@@ -126,3 +127,14 @@ def test_a_sharp_plate_changes_no_bit():
     assert Sharpness(0.0).apply(change) is change
     with pytest.raises(ValueError, match=r"sigma is -1; expected pixels"):
         Sharpness(-1)
+
+
+def test_slopes_in_bands_are_those_of_the_whole_plate(monkeypatch):
+    light = np.random.default_rng(1).random((210, 90)) + 0.1
+    light[50:54, 20:33] = np.nan
+    light[120:, 40:] += 3
+    filled = np.nan_to_num(light)
+    expected = gaussian_gradient_magnitude(filled, 1.0) / uniform_filter(filled, 2 * RADIUS + 1)
+    expected[uniform_filter(np.isnan(light).astype(np.float64), 2 * RADIUS + 3) > 1e-9] = 0
+    monkeypatch.setattr(bands, "BAND", 90 * 25)
+    np.testing.assert_array_equal(_relative_slope(light), expected)

@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+from dataclasses import dataclass
+
 import numpy as np
 
 from relume.image.bands import in_bands
@@ -32,7 +35,7 @@ def filled_in(values: np.ndarray, known: np.ndarray, parts: np.ndarray, *, own: 
     Each takes the mean of the known pixels in the smallest square round it that holds any (Gortler et al. 1996, §4.4).
     """
     result, done = values if own else values.copy(), known.copy()
-    for part in np.unique(parts[parts >= 0]):
+    for part in range(int(parts.max(initial=-1)) + 1):
         inside = parts == part
         if (known & inside).any() and not known[inside].all():
             _spread(result, known & inside, inside & ~known)
@@ -74,17 +77,26 @@ def _over(mean: np.ndarray, weight: np.ndarray, coarse: np.ndarray) -> np.ndarra
     return result
 
 
-def enlarged(picture: np.ndarray, height: int, width: int) -> np.ndarray:
-    """A smooth picture (h, w, C) at another size, float32."""
-    result = np.empty((height, width, picture.shape[2]), np.float32)
-    x = (np.arange(width) + 0.5) * picture.shape[1] / width
-    y = (np.arange(height) + 0.5) * picture.shape[0] / height
+@dataclass(frozen=True, eq=False)
+class Enlarged:
+    """Smooth pictures at a large plate's size, whose rows are made when they are asked for: `enlarged[rows]`, float32.
 
-    def work(rows: slice) -> None:
-        result[rows] = _looked_up(picture, x, y[rows])
+    pictures : (h, w, 3) each, and the part of the plate that shows it; None for all of it, the first
+    parts : (H, W) int
+    """
 
-    in_bands(height, width, work)
-    return result
+    pictures: Sequence[tuple[int | None, np.ndarray]]
+    parts: np.ndarray
+
+    def __getitem__(self, rows: slice) -> np.ndarray:
+        height, width = self.parts.shape
+        own = self.parts[rows]
+        result = np.zeros((*own.shape, 3), np.float32)
+        for part, picture in self.pictures:
+            x = (np.arange(width) + 0.5) * picture.shape[1] / width
+            y = (np.arange(height)[rows] + 0.5) * picture.shape[0] / height
+            np.copyto(result, _looked_up(picture, x, y), where=True if part is None else (own == part)[..., None])
+        return result
 
 
 def _looked_up(picture: np.ndarray, x: np.ndarray, y: np.ndarray) -> np.ndarray:

@@ -13,8 +13,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from relume.errors import warn
-from relume.image.radiance import RadianceMap
-from relume.image.resizing import resized
+from relume.image.resizing import resized_rows
 from relume.renderers.raytrace.raycast import RayCaster
 from relume.scene.cameras.camera import Camera
 from relume.scene.materials.checks import triple
@@ -94,14 +93,15 @@ def shining(
     step = max(1, max(radiance.shape) // COARSE)
     height, width = (max(1, side // step) for side in radiance.shape[:2])
     # Means over areas: a lamp of a few pixels sends what it sends, wherever it lies.
-    picture = resized(RadianceMap(np.maximum(radiance, 0, dtype=np.float32)), width, height).radiance
+    size = radiance.shape[1], radiance.shape[0]
+    picture = resized_rows(lambda rows: np.maximum(radiance[rows], 0, dtype=np.float32), size, width, height)
     result = [local[index]]
     for number, shape in enumerate(local):
         if number == index:
             continue
         piece = projected(shape, camera, [other for other in local if other is not shape])
-        shown = radiance[parts == number]
-        middle = np.maximum(np.median(shown, axis=0), 0) if len(shown) else np.zeros(3)
+        there = parts == number
+        middle = [max(float(np.median(radiance[..., c][there])), 0.0) for c in range(3)] if there.any() else (0.0,) * 3
         for mesh, light in ((piece.seen, picture), (piece.unseen, triple(middle))):
             if mesh is not None:
                 result.append(replace(mesh, material=Material((0.0, 0.0, 0.0), emission=light)))

@@ -9,11 +9,13 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
+from functools import partial
 from math import sqrt
 
 import numpy as np
 
-from relume.composite.surface.clean_pixels import enlarged, filled_in, trustworthy
+from relume.composite.surface.by_rows import among, change_as_share, of_rows, within
+from relume.composite.surface.clean_pixels import Enlarged, filled_in, trustworthy
 from relume.composite.surface.gloss import FittedGloss, Gloss, fit_gloss, glossy
 from relume.composite.surface.projection import Projected, projected, shining
 from relume.composite.surface.recovery import (
@@ -28,9 +30,9 @@ from relume.composite.surface.recovery import (
 )
 from relume.composite.surface.two_views import ViewOfProbe
 from relume.errors import warn
-from relume.image.bands import BAND, in_bands
+from relume.image.bands import BAND
 from relume.image.radiance import RadianceMap
-from relume.image.resizing import resized
+from relume.image.resizing import resized_rows
 from relume.image.texture import as_rendered
 from relume.renderers.mitsuba.denoise import smoothed
 from relume.renderers.mitsuba.path_tracer import Mitsuba, give_back
@@ -89,28 +91,29 @@ class _Work:
         bent = {name: np.nan_to_num(reprojected(getattr(rendered, name), straight, self.camera)) for name in planes}
         return replace(rendered, rays=None, **bent)
 
-    def enlarged(self, picture: np.ndarray, inside: np.ndarray) -> np.ndarray:
+    def enlarged(self, picture: np.ndarray, inside: np.ndarray) -> np.ndarray | Enlarged:
         """A smooth picture (h, w, 3) at the plate's size; what is not `inside` (h, w) does not bleed in."""
         if not self.smaller:
             return picture
-        height, width = self.whole.shape
-        if not self.apart:
-            return enlarged(filled_in(picture, inside, np.zeros(inside.shape, int)), height, width)
-        # Nor does a surface into one that hides it. One too thin for the small picture gets what is beside it.
-        result = np.zeros((height, width, 3), np.float32)
-        if np.setdiff1d(self.whole, self.parts).size:
-            result = enlarged(filled_in(picture, inside, np.zeros(inside.shape, int)), height, width)
-        for part in np.unique(self.parts[inside]):
-            known = inside & (self.parts == part)
-            mine = enlarged(filled_in(picture, known, np.zeros(inside.shape, int)), height, width)
-            np.copyto(result, mine, where=(self.whole == part)[..., None])
-        return result
 
-    def shrunk(self, picture: np.ndarray) -> np.ndarray:
-        """A picture (H, W, 3) of the plate's size as the renders show it."""
+        def filled(known: np.ndarray) -> np.ndarray:
+            return filled_in(picture, known, np.zeros(inside.shape, int))
+
+        if not self.apart:
+            return Enlarged([(None, filled(inside))], self.whole)
+        # Nor does a surface into one that hides it. One too thin for the small picture gets what is beside it.
+        shown = np.unique(self.parts)
+        thin = not among(self.whole, shown).all()
+        pictures: list[tuple[int | None, np.ndarray]] = [(None, filled(inside))] if thin else []
+        pictures += [(int(part), filled(inside & (self.parts == part))) for part in np.unique(self.parts[inside])]
+        return Enlarged(pictures, self.whole)
+
+    def shrunk(self, rows: Callable[[slice], np.ndarray]) -> np.ndarray:
+        """A picture (H, W, 3) of the plate's size, given by its rows, as the renders show it."""
+        height, width = self.whole.shape
         if not self.smaller:
-            return picture
-        return resized(RadianceMap(picture), self.camera.width, self.camera.height).radiance
+            return rows(slice(0, height))
+        return resized_rows(rows, (width, height), self.camera.width, self.camera.height)
 
 
 def recover_reflectance(
@@ -164,7 +167,7 @@ def recover_reflectance(
     alone = _alone(scene)
     fine = not alone or any(gloss is not None and gloss.roughness < WIDE for gloss in glosses)
     work = _Work(renderer, camera, scene, seed, parts, fine)
-    recovered, inside = np.isin(parts, unknown), np.isin(work.parts, unknown)
+    recovered, inside = among(parts, unknown), among(work.parts, unknown)
     first = work.render(looks.shapes(grey, even, glosses))
     dark = np.zeros_like(first.radiance)
     if len(unknown) < len(wanted) or any(gloss is not None for gloss in glosses) or scene.medium is not None:
@@ -175,7 +178,7 @@ def recover_reflectance(
         """π · diffuse radiance / albedo, smoothed, where surfaces are to be recovered; 0 elsewhere."""
         light = np.where(inside[..., None], np.pi * (radiance - dark) / np.maximum(shown, 0.01), 0)
         light = work.enlarged(smoothed(light, first.normal, work.parts), inside)
-        return np.where(recovered[..., None], light, 0).astype(np.float32, copy=False)
+        return of_rows(within, recovered[..., None], light)
 
     # Divide the plate by the light that arrives and render again, until that light stops changing.
     light, iterations, change = arriving(first.radiance, 0.5), 1, 0.0
@@ -183,35 +186,32 @@ def recover_reflectance(
     while True:
         for index in unknown:
             _require_lit(scene.local, index, light, usable[index])
-        raw = _of_rows(_unlit, plate.radiance, sheen, light)
+        raw = of_rows(_unlit, plate.radiance, sheen, light)
         albedo, colours = _albedo(raw, light, parts, usable, wanted)
         if not unknown or alone or iterations >= ITERATIONS or (iterations > 1 and change < STEADY):
             break
         picture = work.render(looks.shapes(albedo, colours, glosses))
-        shown = as_rendered(albedo)
-        shown = work.shrunk(_with_even(shown, parts, wanted, colours))
+        shown = work.shrunk(partial(_shown, albedo, parts, wanted, colours))
+        del raw, albedo  # hundreds of megabytes each
         again = arriving(picture.radiance, shown)
         iterations += 1
-        moved = np.abs(again - light)[recovered].mean(0) / np.maximum(light[recovered].mean(0), 1e-30)
-        change, light = float(moved.max()), again
+        change, light = change_as_share(again, light, recovered), again
         progress(min(0.5 + 0.1 * iterations, 0.95))
     if iterations >= ITERATIONS and change >= STEADY:
         notes.append(f"the light between the surfaces still changed by {change:.1%} after {iterations} rounds")
     notes += _doubts(scene.local, wanted, raw, usable)
 
-    # The model's picture, and what was found of each surface.
-    shown = _with_even(albedo, parts, wanted, colours)
-    elsewhere = work.enlarged(first.radiance, ~inside)
-    without = _of_rows(_lit_again, recovered[..., None], sheen, shown, light, elsewhere)
-    del sheen, shown, elsewhere  # hundreds of megabytes each
+    # What was found of each surface, and the model's picture.
     surfaces = []
     for index in range(len(wanted)):
         shapes = looks.of(index, albedo, colours[index], glosses[index])
         lit = usable[index] & _lit(light, usable[index]) if index in unknown else None
         surfaces.append(_surface(raw, lit, colours[index], glosses[index], fits[index], shapes))
+    del raw  # hundreds of megabytes
+    model = partial(_lit_again, wanted, colours)
+    without = of_rows(model, recovered[..., None], sheen, albedo, parts, light, work.enlarged(first.radiance, ~inside))
     progress(1.0)
-    textured = np.isin(parts, [i for i, wish in enumerate(wanted) if isinstance(wish.albedo, TexturedAlbedo)])
-    light = light.astype(np.float32, copy=False)
+    textured = among(parts, [i for i, wish in enumerate(wanted) if isinstance(wish.albedo, TexturedAlbedo)])
     return RecoveredLocal(tuple(surfaces), albedo, without, textured, light, iterations, change, tuple(notes))
 
 
@@ -220,21 +220,10 @@ def _unlit(shown: np.ndarray, gloss: np.ndarray, arrives: np.ndarray) -> np.ndar
 
 
 def _lit_again(
-    recovered: np.ndarray, gloss: np.ndarray, albedo: np.ndarray, arrives: np.ndarray, elsewhere: np.ndarray
-) -> np.ndarray:
-    return np.where(recovered, gloss + albedo * arrives / np.pi, elsewhere)
-
-
-def _of_rows(work: Callable[..., np.ndarray], *pictures: np.ndarray) -> np.ndarray:
-    """What is computed of each pixel of pictures (H, W, …), (H, W, 3) float32."""
-    height, width = pictures[0].shape[:2]
-    result = np.empty((height, width, 3), np.float32)
-
-    def fill(rows: slice) -> None:
-        result[rows] = work(*(picture[rows] for picture in pictures))
-
-    in_bands(height, width, fill)
-    return result
+    wanted: Sequence[Recovery], colours: Sequence[Colour], recovered: np.ndarray, gloss: np.ndarray, albedo: np.ndarray,
+    parts: np.ndarray, arrives: np.ndarray, elsewhere: np.ndarray,
+) -> np.ndarray:  # fmt: skip
+    return np.where(recovered, gloss + _with_even(albedo, parts, wanted, colours) * arrives / np.pi, elsewhere)
 
 
 def _lit_by_others(scene: Scene, index: int, camera: Camera, plate: RadianceMap, parts: np.ndarray) -> Scene:
@@ -265,7 +254,10 @@ def _surface(
     if lit is None:
         return RecoveredSurface(None, None, None, 0, None, None, shapes)
     # A channel at a time: a whole plate's values are copied and ordered for it.
-    each = [np.percentile(raw[..., channel][lit].astype(np.float64), [16, 50, 84]) for channel in range(3)]
+    each = [
+        np.percentile(raw[..., channel][lit].astype(np.float64), [16, 50, 84], overwrite_input=True)
+        for channel in range(3)
+    ]
     low, middle, high = np.stack(each, axis=-1)
     return RecoveredSurface(colour, triple(middle), triple((high - low) / 2), int(lit.sum()), gloss, fit, shapes)
 
@@ -327,7 +319,9 @@ def _lit(light: np.ndarray, usable: np.ndarray) -> np.ndarray:
 
 def _medians(picture: np.ndarray, chosen: np.ndarray) -> np.ndarray:
     """(3,) of the chosen pixels, a channel at a time: a whole plate's values are copied and ordered for it."""
-    return np.array([np.median(picture[..., channel][chosen]) for channel in range(3)], picture.dtype)
+    return np.array(
+        [np.median(picture[..., channel][chosen], overwrite_input=True) for channel in range(3)], picture.dtype
+    )
 
 
 def _require_lit(local: Sequence[Shape], index: int, light: np.ndarray, usable: np.ndarray) -> None:
@@ -349,9 +343,18 @@ def _albedo(
             continue
         lit = usable[index] & _lit(light, usable[index])
         known |= lit
-        middle = [np.median(raw[..., channel][lit].astype(np.float64)) for channel in range(3)]
+        middle = [np.median(raw[..., channel][lit].astype(np.float64), overwrite_input=True) for channel in range(3)]
         colours.append(triple(np.clip(middle, 0, 1)))
     return filled_in(np.clip(raw, 0, 1).astype(np.float32, copy=False), known, parts, own=True), colours
+
+
+def _shown(
+    albedo: np.ndarray, parts: np.ndarray, wanted: Sequence[Recovery], colours: Sequence[Colour], rows: slice
+) -> np.ndarray:
+    """Rows of the albedos as a render of them shows them."""
+    larger = slice(max(rows.start - 1, 0), rows.stop + 1)
+    soft = as_rendered(albedo[larger])[rows.start - larger.start :][: rows.stop - rows.start]
+    return _with_even(soft, parts[rows], wanted, colours)
 
 
 def _with_even(

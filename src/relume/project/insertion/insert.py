@@ -108,6 +108,7 @@ def insert(
             connected = stack.enter_context(connect(cluster))
             workers = PassWorkers(connected, out / "stages", int(memory_for(across * down)))
         calibrated = calibrate(shot, photographs, steps)
+        del photographs
         fit = find_camera(shot, calibrated, steps)
         calibrated = on_one_scale(shot, calibrated, fit.camera)
         development = development_of(shot, calibrated)

@@ -180,7 +180,11 @@ def calibrate(shot: Shot, photographs: Photographs, steps: Steps) -> Calibrated:
     else:
         found = steps.keep("plate", sources, lambda: _merged_plate(merged()[0][0]))
         radiance, focal_length, gains = found.radiance, found.focal_length, found.gains
-        bracket = found.moved or (plate if isinstance(plate, Bracket) else None)
+        bracket = found.moved
+        if bracket is None and isinstance(plate, Bracket):
+            # Looked at again at the end; of a large plate they lie in files until then.
+            away = (replace(each, pixels=steps.stages.put_away(each.pixels)) for each in plate.photographs)
+            bracket = replace(plate, photographs=tuple(away))
         if shot.plate.denoise:
             radiance = steps.keep("denoised", radiance, lambda: denoise(radiance))
 

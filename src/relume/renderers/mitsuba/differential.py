@@ -351,7 +351,7 @@ def _spread_of(full: int, samples: int, camera: Camera) -> tuple[int, int]:
     """Of so many passes over all pixels: how many stay that, and how many there are at most.
 
     The first show which pixels are noisy, and the others go to those; of a small picture all stay, for passes over
-    some of its pixels take longer to start than to trace. Two give an estimate, which is a mean over 48 neighbours.
+    some of its pixels take longer to start than to trace. Two give an estimate, by all around a pixel.
     """
     if full < 2 * LEAST or samples * camera.width * camera.height < SPREAD_RAYS:
         return full, full

@@ -6,7 +6,6 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from relume.image.filtering import dilated
 from relume.renderers.progressive.convergence import Sums
 
 REACH = 7
@@ -36,8 +35,8 @@ class Neediest:
     An error counts as a share of the radiance there and of the picture's mean, as the eye sees differences (Weber).
     Its mean square is least for so many passes where they are spread in proportion to the pixels' standard deviations
     σ (Neyman 1934). So spread, (Σσ)² / (N Σσ²) of the passes are as good as passes of all N pixels: few where the noise
-    is in few pixels. Neither a pixel's own passes nor later ones have a say, so that its mean is that of even rays
-    (Kirk & Arvo 1991).
+    is in few pixels. Neither a pixel's own passes, but for their part in the picture's sums, nor later ones have a say,
+    so that its mean is that of even rays (Kirk & Arvo 1991).
     """
 
     backdrop: np.ndarray
@@ -53,16 +52,14 @@ class Neediest:
         # What is followed from the light is as noisy whichever pixels are traced.
         variance = sums.own_variance("objects") + sums.own_variance("difference")
         seen = weighed_variance(objects + difference + (1 - matte[..., None]) * self.backdrop, variance)
-        # Of a single pass. What nothing changes has nothing to gain; running sums leave rounding there.
-        each = np.where(dilated(seen > 0, WIDE // 2), _expected_of(seen * sums.passes), 0)
-        return self._planned(each, sums.passes)
+        return self._planned(_expected_of(seen), sums.passes)
 
     def expected(self, variance: np.ndarray, most: int) -> float:
         """How many passes a pixel is given on average, of `most`, by the weighed variance (h, w) in a small render."""
         return float(np.minimum(self._planned(_expected_of(variance), self.even), most).mean())
 
     def _planned(self, variance: np.ndarray, begun: int) -> np.ndarray:
-        """How many passes each pixel is to have, `begun` of them done, by the variance of one."""
+        """How many passes each pixel is to have, `begun` of them done, by variances in any unit."""
         needed = np.maximum(self._needed(variance, begun), begun)
         # In groups that trace the same pixels; who lacks less than half of one has enough.
         return begun + AT_ONCE * np.rint((needed - begun) / AT_ONCE).astype(np.int32)
@@ -92,20 +89,26 @@ def _expected_of(variance: np.ndarray) -> np.ndarray:
     variance = variance.astype(np.float64, copy=False)
     near, wide = _of_others(variance, REACH), _of_others(variance, WIDE)
     # Near means scatter as single values do, over their number; what they differ by beyond that is the picture's.
-    chance = _of_others(np.square(variance - near), WIDE) / (REACH**2 - 1)
-    differ = np.maximum(_of_others(np.square(near), WIDE) - np.square(wide) - chance, 0)
+    # Seen where no small square holds the pixel: one that is bright by luck would believe its dark neighbours.
+    scatter, mean, square = (_of_others(v, WIDE, REACH) for v in (np.square(variance - near), near, np.square(near)))
+    chance = scatter / (REACH**2 - 1)
+    differ = np.maximum(square - np.square(mean) - chance, 0)
     believed = differ / np.maximum(differ + chance, 1e-300)
     return believed * near + (1 - believed) * wide
 
 
-def _of_others(values: np.ndarray, reach: int) -> np.ndarray:
-    """(H, W): of each pixel the mean of those around it, within `reach` and the picture, but for its own."""
+def _of_others(values: np.ndarray, reach: int, but: int = 1) -> np.ndarray:
+    """(H, W): of each pixel the mean of those around it, within `reach` and the picture, but for those within `but`."""
+    sums = _of_square(values, reach) - _of_square(values, but)
+    ones = np.ones_like(values)
+    counts = _of_square(ones, reach) - _of_square(ones, but)
+    return np.maximum(sums, 0) / np.maximum(counts, 1)
+
+
+def _of_square(values: np.ndarray, reach: int) -> np.ndarray:
     from scipy.ndimage import uniform_filter
 
-    square = reach**2
-    sums = square * uniform_filter(values, reach, mode="constant") - values
-    counts = square * uniform_filter(np.ones_like(values), reach, mode="constant") - 1
-    return np.maximum(sums, 0) / np.maximum(counts, 1)
+    return reach**2 * uniform_filter(values, reach, mode="constant")
 
 
 def _of_channels(values: np.ndarray) -> np.ndarray:

@@ -10,6 +10,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from relume.image.bands import in_bands
+
 RADIUS = 5
 """Pixels from an edge to each side that are fitted: a profile of up to 1.5 pixels deviation reaches its plateaus there,
 and textures and corners rarely are so near."""
@@ -23,6 +25,8 @@ MISFIT = 0.05
 """Greatest root mean square misfit, in edge heights, of an edge that is straight, alone and between even plateaus."""
 UNSURE = 0.15
 """Greatest standard error of a deviation, in pixels, that is still of use."""
+SLOPE, REACH = 1.0, 4
+"""σ in pixels of the Gaussian whose slope is looked for, and how far SciPy lets it reach."""
 PIXEL = 1 / 12
 """Variance of where light falls within one pixel, across an edge of any direction."""
 
@@ -51,7 +55,9 @@ def clean_edges(light: np.ndarray, scale: int = 1) -> Edges:
         hardly any noise. The results are in the picture's own pixels
     """
     height, width = (n // scale for n in light.shape)
-    coarse = light[: height * scale, : width * scale].reshape(height, scale, width, scale).mean((1, 3))
+    coarse = light
+    if scale > 1:
+        coarse = light[: height * scale, : width * scale].reshape(height, scale, width, scale).mean((1, 3))
     found = [fit for x, y in _candidates(coarse) if (fit := _fitted(coarse, x, y)) is not None]
     table = np.array(found, np.float64).reshape(-1, 5)
     spread = np.sqrt(np.maximum(table[:, 2] ** 2 - PIXEL, 0))
@@ -60,14 +66,7 @@ def clean_edges(light: np.ndarray, scale: int = 1) -> Edges:
 
 def _candidates(light: np.ndarray) -> np.ndarray:
     """(N, 2) x, y of the strongest slope of each cell, the strongest first."""
-    from scipy.ndimage import gaussian_gradient_magnitude, uniform_filter
-
-    known = np.isfinite(light)
-    filled = np.where(known, light, 0.0)
-    slope = np.asarray(gaussian_gradient_magnitude(filled, 1.0))
-    relative = slope / np.maximum(uniform_filter(filled, 2 * RADIUS + 1), 1e-30)
-    unknown = uniform_filter((~known).astype(np.float64), 2 * RADIUS + 3) > 1e-9
-    relative[unknown] = 0
+    relative = _relative_slope(light)
     margin = RADIUS + 1
     inner = relative[margin:-margin, margin:-margin]
     height, width = (n // CELL * CELL for n in inner.shape)
@@ -82,6 +81,33 @@ def _candidates(light: np.ndarray) -> np.ndarray:
     strong = strength > 0.5 * CONTRAST / np.sqrt(2 * np.pi * (1 + 1.5**2))
     order = np.argsort(-strength[strong])[:MOST]
     return points[strong][order]
+
+
+def _relative_slope(light: np.ndarray) -> np.ndarray:
+    """(H, W) the slope as a share of what lies about it; 0 near pixels of which nothing is known.
+
+    Of a large plate's planes in double no more than two are made: filters of sums go on in place.
+    """
+    from scipy.ndimage import gaussian_gradient_magnitude, uniform_filter
+
+    height, width = light.shape
+    relative = np.empty(light.shape)
+
+    def work(rows: slice) -> None:
+        # With the rows that reach into the band; the picture's own border is the only one.
+        larger = slice(max(rows.start - REACH, 0), rows.stop + REACH)
+        filled = np.nan_to_num(light[larger], posinf=0.0, neginf=0.0)
+        top = rows.start - larger.start
+        relative[rows] = gaussian_gradient_magnitude(filled, SLOPE)[top : top + rows.stop - rows.start]
+
+    in_bands(height, width, work)
+    plane = np.nan_to_num(light, posinf=0.0, neginf=0.0)
+    uniform_filter(plane, 2 * RADIUS + 1, output=plane)
+    relative /= np.maximum(plane, 1e-30, out=plane)
+    plane[...] = ~np.isfinite(light)
+    uniform_filter(plane, 2 * RADIUS + 3, output=plane)
+    relative[plane > 1e-9] = 0
+    return relative
 
 
 def _fitted(light: np.ndarray, x: int, y: int) -> tuple[float, float, float, float, float] | None:

@@ -58,7 +58,7 @@ def flat_patches(
 ) -> FlatPatches | None:
     """The flat patches of a picture (H, W, 3); None where there are too few to measure the noise.
 
-    picture : pixel values or radiances; NaN where nothing was measured
+    picture : pixel values or radiances, float; NaN where nothing was measured
     clean : (H, W, 3) the same without noise, where it is known; then the difference is looked at, in which texture is
         none. NaN where it is not known. Without it fine texture that is everywhere is taken for noise
     darkest, brightest : values at and beyond which noise is cut off; patches that reach them are left out

@@ -45,7 +45,7 @@ def photograph_grain(
 def _flat(photograph: Photograph, clean: np.ndarray | None) -> FlatPatches | None:
     white = float(np.iinfo(photograph.pixels.dtype).max)
     return flat_patches(
-        photograph.pixels.astype(np.float64), clean, darkest=0.01 * white, brightest=0.99 * white, least=2 * ROUNDING
+        photograph.pixels.astype(np.float32), clean, darkest=0.01 * white, brightest=0.99 * white, least=2 * ROUNDING
     )
 
 
@@ -109,10 +109,12 @@ def radiance_grain(plate: RadianceMap) -> Grain | None:
     Where the map has a variance plane, its noise is what `denoise` takes from it; else what its flat patches show.
     Beyond the brightest and darkest patches the deviation goes on as that of photon noise, with the root of the light.
     """
-    radiance = plate.radiance.astype(np.float64)
-    unknown = np.zeros(radiance.shape[:2], bool) if plate.clipped is None else plate.clipped != 0
-    clean = None if plate.variance is None else denoise(plate).radiance.astype(np.float64)
-    found = flat_patches(np.where(unknown[..., None], np.nan, radiance), clean)
+    # In float32, as it is: of a large plate only the patches are made double.
+    radiance = plate.radiance
+    clean = None if plate.variance is None else denoise(plate).radiance
+    if plate.clipped is not None:
+        radiance = np.where((plate.clipped != 0)[..., None], np.nan, radiance)
+    found = flat_patches(radiance, clean)
     if found is None:
         return None
     grain = _measured(found, 0.0)
