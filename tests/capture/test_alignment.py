@@ -11,6 +11,7 @@ import pytest
 from scipy.ndimage import map_coordinates, rotate
 
 from handheld import luminance, stack
+from relume.capture.alignment import pyramid
 from relume.capture.alignment.alignment import _needed, align
 from relume.capture.alignment.estimate import Estimate
 from relume.capture.alignment.warping import Motion
@@ -171,16 +172,30 @@ def test_tiny_pictures_do_not_break_it() -> None:
             assert len(align(Bracket(frames)).motions) == 2
 
 
-def test_the_reduction_is_the_mean_of_green_where_nothing_is_clipped() -> None:
-    from relume.capture.alignment.kernel import _reduce
+@pytest.mark.parametrize("dtype", [np.uint8, np.uint16])
+def test_the_reduction_is_the_mean_of_green_where_nothing_is_clipped(dtype: type, monkeypatch) -> None:
+    monkeypatch.setattr(pyramid, "LONGEST", 14)  # a third of the picture
+    most = int(np.iinfo(dtype).max)
+    pixels = np.random.default_rng(0).integers(0, most + 1, (32, 41, 3)).astype(dtype)
+    pixels[9:15, 9:30] = most // 10 * 9
+    (level,) = pyramid.pyramid(Photograph(pixels[:, ::-1]))
+    blocks = pixels[:30, :1:-1, 1].reshape(10, 3, 13, 3).swapaxes(1, 2).reshape(10, 13, 9)
+    np.testing.assert_allclose(level.values, blocks.mean(-1) * 255 / most, rtol=1e-6)
+    clipped = (blocks.min(-1) <= most * pyramid.LOW) | (blocks.max(-1) >= most * pyramid.HIGH)
+    np.testing.assert_array_equal(level.valid == 0, clipped)
+    assert 0.1 < level.valid.mean() < 0.9 and level.inside.all() and level.scale == 3
 
-    pixels = np.random.default_rng(0).integers(0, 256, (32, 41, 3)).astype(np.uint8)
-    values, valid = np.zeros((10, 13), np.float32), np.zeros((10, 13), np.uint8)
-    _reduce(pixels, 3, 5, 250, 1.0, 0, 10, values, valid)
-    blocks = pixels[:30, :39, 1].reshape(10, 3, 13, 3).swapaxes(1, 2).reshape(10, 13, 9)
-    np.testing.assert_allclose(values, blocks.mean(-1), rtol=1e-6)
-    np.testing.assert_array_equal(valid == 1, (blocks.min(-1) > 5) & (blocks.max(-1) < 250))
-    assert 0.1 < valid.mean() < 0.9
+
+def test_levels_are_halved_where_three_of_four_pixels_are_valid_and_all_inside() -> None:
+    generator = np.random.default_rng(6)
+    values = (generator.random((21, 34)) * 255).astype(np.float32)
+    valid, inside = ((generator.random((21, 34)) > 0.2).astype(np.uint8) for _ in range(2))
+    half = pyramid._halved(pyramid.Level(values, valid, inside, 3, (102, 63)))
+    quads = [a[:20].reshape(10, 2, 17, 2).swapaxes(1, 2).reshape(10, 17, 4) for a in (values, valid, inside)]
+    np.testing.assert_allclose(half.values, quads[0].mean(-1), rtol=1e-6)
+    np.testing.assert_array_equal(half.valid, quads[1].sum(-1) >= 3)
+    np.testing.assert_array_equal(half.inside, quads[2].min(-1))
+    assert (half.scale, half.size) == (6, (102, 63))
 
 
 def test_features_are_the_steepest_sound_pixels() -> None:
@@ -188,7 +203,7 @@ def test_features_are_the_steepest_sound_pixels() -> None:
 
     generator = np.random.default_rng(1)
     values = generator.random((20, 27)).astype(np.float32) * 100
-    valid = (generator.random((20, 27)) > 0.05).astype(np.uint8)
+    valid = (generator.random((20, 27)) > 0.15).astype(np.uint8)
     places, found = np.empty((100, 2), np.int32), np.empty((100, 3), np.float32)
     count = _features(values, valid, 5, 10.0, places, found)
     expected = []

@@ -1,4 +1,4 @@
-"""The loops of alignment: reducing a frame, choosing its features, looking them up in another frame."""
+"""The loops of alignment: choosing a frame's features and looking them up in another frame."""
 
 from __future__ import annotations
 
@@ -8,50 +8,38 @@ from relume.image.kernel import kernel
 
 
 @kernel
-def _reduce(pixels, factor, low, high, scale, begin, end, values, valid):
-    """Rows begin…end of the green channel's mean over factor × factor pixels; valid where none of them is clipped."""
-    columns = values.shape[1]
-    total, least, most = np.empty(columns, np.int64), np.empty(columns, np.int64), np.empty(columns, np.int64)
-    share = scale / (factor * factor)
-    for y in range(begin, end):
-        total[:], least[:], most[:] = 0, 65535, 0
-        for row in range(y * factor, (y + 1) * factor):
-            for x in range(columns):
-                for column in range(x * factor, (x + 1) * factor):
-                    value = np.int64(pixels[row, column, 1])
-                    total[x] += value
-                    least[x] = min(least[x], value)
-                    most[x] = max(most[x], value)
-        for x in range(columns):
-            values[y, x] = total[x] * share
-            valid[y, x] = (least[x] > low) & (most[x] < high)
-
-
-@kernel
 def _features(values, valid, cell, faintest, places, found):
     """The steepest pixel of every cell: its row and column into `places`, its value and gradient into `found`."""
     rows, columns = values.shape
+    flat, sound = values.reshape(-1), valid.reshape(-1)
+    steepness, steepest = np.empty(columns), np.empty(-(-columns // cell))
+    row, column = np.empty(len(steepest), np.int64), np.empty(len(steepest), np.int64)
+    one, width = np.uint64(1), np.uint64(columns)
     count = 0
     for top in range(1, rows - 1, cell):
-        for left in range(1, columns - 1, cell):
-            steepest, row, column = faintest * faintest, -1, -1
-            for y in range(top, min(top + cell, rows - 1)):
-                for x in range(left, min(left + cell, columns - 1)):
-                    across = 0.5 * (values[y, x + 1] - values[y, x - 1])
-                    down = 0.5 * (values[y + 1, x] - values[y - 1, x])
-                    steepness = across * across + down * down
-                    if steepness > steepest and valid[y, x] == 1:
-                        sound = True
-                        for j in range(-1, 2):
-                            for i in range(-1, 2):
-                                sound &= valid[y + j, x + i] == 1
-                        if sound:
-                            steepest, row, column = steepness, y, x
-            if row >= 0:
-                places[count, 0], places[count, 1] = row, column
-                found[count, 0] = values[row, column]
-                found[count, 1] = 0.5 * (values[row, column + 1] - values[row, column - 1])
-                found[count, 2] = 0.5 * (values[row + 1, column] - values[row - 1, column])
+        steepest[:], row[:] = faintest * faintest, -1
+        for y in range(top, min(top + cell, rows - 1)):
+            # A row's gradients first, in a loop of its own that has no branches; 0 where one of nine pixels is clipped.
+            start = np.uint64(y) * width
+            for k in range(1, columns - 1):
+                here = start + np.uint64(k)
+                above, below = here - width, here + width
+                across = 0.5 * (flat[here + one] - flat[here - one])
+                down = 0.5 * (flat[below] - flat[above])
+                well = sound[above - one] & sound[above] & sound[above + one] & sound[here - one] & sound[here]
+                well &= sound[here + one] & sound[below - one] & sound[below] & sound[below + one]
+                steepness[k] = (across * across + down * down) * np.float64(well)
+            for n in range(len(steepest)):
+                for x in range(1 + n * cell, min(1 + (n + 1) * cell, columns - 1)):
+                    if steepness[x] > steepest[n]:
+                        steepest[n], row[n], column[n] = steepness[x], y, x
+        for n in range(len(steepest)):
+            if row[n] >= 0:
+                y, x = row[n], column[n]
+                places[count, 0], places[count, 1] = y, x
+                found[count, 0] = values[y, x]
+                found[count, 1] = 0.5 * (values[y, x + 1] - values[y, x - 1])
+                found[count, 2] = 0.5 * (values[y + 1, x] - values[y - 1, x])
                 count += 1
     return count
 
