@@ -318,6 +318,19 @@ def test_steps_follow_the_change_of_values_with_the_motion(parameters: int) -> N
     np.testing.assert_array_equal(weighted[:count], (expected * trust[:, None])[:, :parameters])
 
 
+def test_agreement_is_the_mean_cosine_between_the_gradients_seen() -> None:
+    from relume.capture.alignment.kernel import _agreement
+
+    generator = np.random.default_rng(9)
+    seen, own = generator.normal(0, 20, (200, 4)), generator.normal(5, 20, (200, 2))
+    seen[:, 1:3] += own
+    seen[:, 3], seen[0, 1:3] = generator.random(200) > 0.4, 0
+    sound = seen[:, 3] == 1
+    products, lengths = (own * seen[:, 1:3]).sum(1), np.hypot(*own.T) * np.hypot(*seen[:, 1:3].T)
+    expected = np.mean((products / np.maximum(lengths, 1e-9))[sound])
+    assert _agreement(seen, own) == pytest.approx(expected, abs=1e-12) and 0.2 < expected < 0.9
+
+
 def street(shared: Path, times: dict[str, float]) -> Bracket:
     folder = shared / "data/brackets/handheld_street"
     with warnings.catch_warnings():

@@ -7,7 +7,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from relume.capture.alignment.kernel import _differentiate, _in_both, _look_up, _match, _place, _whiten
+from relume.capture.alignment.kernel import _agreement, _differentiate, _in_both, _look_up, _match, _place, _whiten
 from relume.capture.alignment.pyramid import HIGH, LOW, Level
 from relume.capture.alignment.warping import Motion
 
@@ -100,15 +100,6 @@ def _from(start: Motion, levels: tuple[Level, ...], placed: Sequence[Placed], ro
     return result
 
 
-def _ranks(level: Level) -> tuple[np.ndarray, float, float]:
-    """The rank 0…1 of every pixel among those inside, and the ranks where black ends and white begins."""
-    inside = level.inside == 1
-    ordered = np.sort(level.values[inside])
-    ranks = np.searchsorted(ordered, level.values) / max(len(ordered), 1)
-    low, high = np.searchsorted(ordered, [LOW * 255, HIGH * 255]) / max(len(ordered), 1)
-    return ranks.astype(np.float32), float(low), float(high)
-
-
 def _turned(level: Level, turn: float) -> Level:
     """The level as a frame turned back by `turn` radians shows it; the nearest pixels will do for a coarse search."""
     rows, columns = (a.ravel() for a in np.indices(level.values.shape))
@@ -133,7 +124,7 @@ def coarse_motion(fixed: Level, moving: Level, prior: Motion, turn: float = 0.0)
     from scipy.ndimage import gaussian_filter
 
     moving = _turned(moving, turn) if turn else moving
-    (a, low_a, high_a), (b, low_b, high_b) = _ranks(fixed), _ranks(moving)
+    (a, low_a, high_a), (b, low_b, high_b) = fixed.ranks, moving.ranks
     low, high = max(low_a, low_b), min(high_a, high_b)
     if high - low < 0.01:
         return None
@@ -142,7 +133,9 @@ def coarse_motion(fixed: Level, moving: Level, prior: Motion, turn: float = 0.0)
     for ranks, level in ((a, fixed), (b, moving)):
         inside = level.inside.astype(np.float32)
         bounded = (np.clip(ranks, low, high) - low) / (high - low)
-        smooth = gaussian_filter(bounded * inside, 8.0) / np.maximum(gaussian_filter(inside, 8.0), 1e-3)
+        smooth = gaussian_filter(bounded * inside, 8.0)
+        if not level.inside.all():
+            smooth /= np.maximum(gaussian_filter(inside, 8.0), 1e-3)
         planes.append((bounded - smooth) * inside)
         masks.append(inside)
     fa, fb, fa2, fb2, fma, fmb = (
@@ -242,9 +235,4 @@ def _refined(level: Level, points: _Points, motion: Motion, rotation: bool) -> E
         error = HONESTY * float(np.sqrt(np.trace(covariance)))
         if np.abs(step).sum() < STILL * level.scale:
             break
-    sound = seen[:, 3] == 1
-    gradient = seen[sound, 1:3]
-    own = points.gradients[sound]
-    cosine = (own * gradient).sum(1) / np.maximum(np.hypot(*own.T) * np.hypot(*gradient.T), 1e-9)
-    agreement = float(np.average(cosine))
-    return Estimate(motion, error, agreement)
+    return Estimate(motion, error, _agreement(seen, points.gradients))

@@ -106,6 +106,7 @@ def _look_up(values, valid, x, y, begin, end, seen):
     """
     rows, columns = values.shape
     weights, slopes = np.empty((2, 4), np.float64), np.empty((2, 4), np.float64)
+    flat, flat_valid = values.reshape(-1), valid.reshape(-1)
     for n in range(begin, end):
         seen[n, 3] = 0
         if not (x[n] >= 1 and y[n] >= 1 and x[n] < columns - 2 and y[n] < rows - 2):
@@ -124,9 +125,10 @@ def _look_up(values, valid, x, y, begin, end, seen):
         value, across, down, sound = 0.0, 0.0, 0.0, True
         for j in range(4):
             line, change = 0.0, 0.0
+            start = np.uint64((top - 1 + j) * columns + left - 1)
             for i in range(4):
-                pixel = values[top - 1 + j, left - 1 + i]
-                sound &= valid[top - 1 + j, left - 1 + i] == 1
+                pixel = flat[start + np.uint64(i)]
+                sound &= flat_valid[start + np.uint64(i)] == 1
                 line += weights[0, i] * pixel
                 change += slopes[0, i] * pixel
             value += weights[1, j] * line
@@ -169,3 +171,16 @@ def _differentiate(seen, whitened, points, cosine, sine, dx, dy, scale, radius, 
             for i in range(weighted.shape[1]):
                 weighted[count, i] = jacobian[count, i] * weight
             count += 1
+
+
+@kernel
+def _agreement(seen, gradients):
+    """Mean cosine between gradients and those seen, where something was seen."""
+    total, count = 0.0, 0
+    for n in range(len(seen)):
+        if seen[n, 3] == 1:
+            product = gradients[n, 0] * seen[n, 1] + gradients[n, 1] * seen[n, 2]
+            squared = (gradients[n, 0] ** 2 + gradients[n, 1] ** 2) * (seen[n, 1] ** 2 + seen[n, 2] ** 2)
+            total += product / max(np.sqrt(squared), 1e-9)
+            count += 1
+    return total / count

@@ -66,6 +66,15 @@ class Level:
         positions = self.centred(places[:count, 0], places[:count, 1])
         return Features(positions, found[:count, 0].astype(float), found[:count, 1:].astype(float))
 
+    @cached_property
+    def ranks(self) -> tuple[np.ndarray, float, float]:
+        """The rank 0…1 of every pixel among those inside, and the ranks where black ends and white begins; found when
+        first asked for."""
+        ordered = np.sort(self.values[self.inside == 1])
+        ranks = np.searchsorted(ordered, self.values) / max(len(ordered), 1)
+        low, high = np.searchsorted(ordered, [LOW * 255, HIGH * 255]) / max(len(ordered), 1)
+        return ranks.astype(np.float32), float(low), float(high)
+
     def centred(self, rows: np.ndarray, columns: np.ndarray) -> np.ndarray:
         """(N, 2) positions from the photograph's centre, in its pixels, of pixels here."""
         x = (columns + 0.5) * self.scale - self.size[0] / 2
