@@ -32,6 +32,12 @@ def fetched(motion: Motion) -> tuple[np.ndarray, np.ndarray]:
     return column, row
 
 
+def leant_on(place: float) -> list[int]:
+    """The pixels along one axis that a value there leans on: four, or the one that is hit."""
+    nearest, before = round(place), int(np.floor(place))
+    return [nearest] if abs(place - nearest) < 1e-3 else list(range(before - 1, before + 3))
+
+
 def catmull_rom(pixels: np.ndarray, column: float, row: float) -> np.ndarray:
     """The slow twin: sixteen pixels at one position."""
     weights = []
@@ -175,6 +181,27 @@ def test_what_leans_on_outside_is_outside() -> None:
     np.testing.assert_array_equal(copied.outside, np.broadcast_to(np.arange(WIDTH) < 12, (HEIGHT, WIDTH)))
     turned = move(photograph(pixels, border), Motion(-2.5, 0.3, 0.05))
     assert turned.outside is not None and (turned.pixels[~turned.outside] == 100).all()
+
+
+@pytest.mark.parametrize("motion", [Motion(30.3, -6.4), Motion(-70.25, 4.1, 0.03), Motion(40.6, 1.55, -0.2)])
+def test_outside_is_what_one_of_sixteen_pixels_says(motion: Motion) -> None:
+    generator = np.random.default_rng(4)
+    before = generator.random((60, 400)) < 0.004
+    before[:, 300:] = False
+    before[25:35, 150:230] = True
+    moved = move(photograph(np.full((60, 400, 3), 100, np.uint8), before), motion).outside
+    assert moved is not None and 0.1 < moved.mean() < 0.9
+    cosine, sine, slant = np.cos(motion.angle), np.sin(motion.angle), np.tan(motion.angle)
+    for y in range(60):
+        for x in range(400):
+            right, down = x + 0.5 - 200, y + 0.5 - 30
+            column = cosine * right - sine * down + motion.dx + 199.5
+            row = sine * right + cosine * down + motion.dy + 29.5
+            expected = not (-0.02 <= column <= 399.02 and -0.02 <= row <= 59.02)
+            for u in leant_on(column):
+                rows = np.clip(leant_on(row + (u - column) * slant), 0, 59)
+                expected |= bool(before[rows, min(max(u, 0), 399)].any())
+            assert moved[y, x] == expected, (x, y)
 
 
 def test_a_frame_moved_out_of_sight_is_all_outside() -> None:

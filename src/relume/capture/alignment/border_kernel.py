@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from relume.capture.alignment.clipped_blocks import BLOCK
-from relume.image.kernel import exact_inlined, exact_kernel, kernel
+from relume.image.kernel import exact_inlined, exact_kernel, inlined, kernel
 
 HIT = 1e-3
 """Pixels; nearer to a pixel its neighbours have no weight."""
@@ -50,6 +50,26 @@ def _beyond(cosine, sine, x_start, y_start, begin, end, outside):
         outside[y, max(x0, x1) :] = True
 
 
+@inlined
+def _leans(before, x, y, cosine, sine, x_start, y_start, slant):
+    """Whether the reference's pixel (x, y) leans on one that was outside."""
+    height, width = before.shape
+    column, row = x_start - sine * y + cosine * x, y_start + cosine * y + sine * x
+    left, found = int(np.floor(column)), False
+    for u in range(left - 1, left + 3):
+        # A column or row that the position hits has no neighbours to lean on.
+        if abs(column - u) > HIT and min(column - left, left + 1 - column) < HIT:
+            continue
+        # Where the slanted line of `_move` crosses this column.
+        crossing = row + (u - column) * slant
+        top = int(np.floor(crossing))
+        for v in range(top - 1, top + 3):
+            if abs(crossing - v) > HIT and min(crossing - top, top + 1 - crossing) < HIT:
+                continue
+            found |= before[min(max(v, 0), height - 1), min(max(u, 0), width - 1)]
+    return found
+
+
 @kernel
 def _lean_outside(before, cosine, sine, x_start, y_start, begin, end, outside):
     """Add to rows begin…end of the mask what leans on what was outside already.
@@ -57,24 +77,24 @@ def _lean_outside(before, cosine, sine, x_start, y_start, begin, end, outside):
     before : (H, W) bool
     """
     height, width = outside.shape
-    slant = sine / cosine
+    slant, flat = sine / cosine, before.reshape(-1)
     for y in range(begin, end):
-        for x in range(width):
-            if outside[y, x]:
-                continue
-            column, row = x_start - sine * y + cosine * x, y_start + cosine * y + sine * x
-            left = int(np.floor(column))
-            for u in range(left - 1, left + 3):
-                # A column or row that the position hits has no neighbours to lean on.
-                if abs(column - u) > HIT and min(column - left, left + 1 - column) < HIT:
-                    continue
-                # Where the slanted line of `_move` crosses this column.
-                crossing = row + (u - column) * slant
-                top = int(np.floor(crossing))
-                for v in range(top - 1, top + 3):
-                    if abs(crossing - v) > HIT and min(crossing - top, top + 1 - crossing) < HIT:
-                        continue
-                    outside[y, x] |= before[min(max(v, 0), height - 1), min(max(u, 0), width - 1)]
+        for start in range(0, width, BLOCK // 3):
+            stop = min(start + BLOCK // 3, width)
+            # All that the block may lean on: mostly nothing of it was outside.
+            column, row = x_start - sine * y + cosine * start, y_start + cosine * y + sine * start
+            right, low = column + cosine * (stop - start), row + sine * (stop - start)
+            first, last = min(max(int(column) - 3, 0), width - 1), min(max(int(right) + 4, 0), width - 1)
+            top, bottom = int(np.floor(min(row, low))) - 3, int(np.floor(max(row, low))) + 4
+            touched = False
+            for v in range(min(max(top, 0), height - 1), min(max(bottom, 0), height - 1) + 1):
+                at = np.uint64(v * width + first)
+                for k in range(last - first + 1):
+                    touched |= flat[at + np.uint64(k)]
+            if touched:
+                for x in range(start, stop):
+                    if not outside[y, x]:
+                        outside[y, x] = _leans(before, x, y, cosine, sine, x_start, y_start, slant)
 
 
 @exact_kernel

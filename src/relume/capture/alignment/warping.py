@@ -94,14 +94,15 @@ def _interpolated(photograph: Photograph, motion: Motion, whole_beside_white: bo
     held = np.zeros((height, -(-3 * width // BLOCK)), np.uint8)
     moved = np.empty_like(pixels)
     outside = np.empty((height, width), bool)
+    before = None if photograph.outside is None else np.ascontiguousarray(photograph.outside)
     place = cosine, sine, x_start, y_start
 
     def work(begin: int, end: int) -> None:
         limits = np.float32(white), np.float32(most)
         _move(pixels, held, *place, *limits, begin, end, columns, moved)
         _beyond(*place, begin, end, outside)
-        if photograph.outside is not None:
-            _lean_outside(photograph.outside, *place, begin, end, outside)
+        if before is not None:
+            _lean_outside(before, *place, begin, end, outside)
         if whole_beside_white:
             _take_whole(pixels, *place, white, begin, end, outside, moved)
 
