@@ -13,7 +13,10 @@ from pathlib import Path
 from architecture.tree import functions, imported_modules, imports, is_kernel, modules, parsed
 
 PROOFS: dict[str, tuple[str, str]] = {
+    "capture/alignment/border_kernel.py": ("capture/test_warping.py", "closed forms of what lies outside"),
+    "capture/alignment/clipped_blocks.py": ("capture/test_warping.py", "identity: every block taken for a mixed one"),
     "capture/alignment/kernel.py": ("capture/test_alignment.py", "slow twins of the loops"),
+    "capture/alignment/reducing_kernel.py": ("capture/test_alignment.py", "slow twins by NumPy"),
     "capture/alignment/warping_kernel.py": ("capture/test_warping.py", "slow twin: sixteen pixels at one position"),
     "capture/denoising_kernel.py": ("capture/test_denoising.py", "slow twin: SciPy's transforms, block by block"),
     "capture/ghosts/kernel.py": ("capture/test_deghosting.py", "closed forms of what moved and what did not"),

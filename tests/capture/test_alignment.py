@@ -11,6 +11,7 @@ import pytest
 from scipy.ndimage import map_coordinates, rotate
 
 from handheld import luminance, stack
+from relume.capture.alignment import pyramid
 from relume.capture.alignment.alignment import _needed, align
 from relume.capture.alignment.estimate import Estimate
 from relume.capture.alignment.warping import Motion
@@ -171,16 +172,30 @@ def test_tiny_pictures_do_not_break_it() -> None:
             assert len(align(Bracket(frames)).motions) == 2
 
 
-def test_the_reduction_is_the_mean_of_green_where_nothing_is_clipped() -> None:
-    from relume.capture.alignment.kernel import _reduce
+@pytest.mark.parametrize("dtype", [np.uint8, np.uint16])
+def test_the_reduction_is_the_mean_of_green_where_nothing_is_clipped(dtype: type, monkeypatch) -> None:
+    monkeypatch.setattr(pyramid, "LONGEST", 14)  # a third of the picture
+    most = int(np.iinfo(dtype).max)
+    pixels = np.random.default_rng(0).integers(0, most + 1, (32, 41, 3)).astype(dtype)
+    pixels[9:15, 9:30] = most // 10 * 9
+    (level,) = pyramid.pyramid(Photograph(pixels[:, ::-1]))
+    blocks = pixels[:30, :1:-1, 1].reshape(10, 3, 13, 3).swapaxes(1, 2).reshape(10, 13, 9)
+    np.testing.assert_allclose(level.values, blocks.mean(-1) * 255 / most, rtol=1e-6)
+    clipped = (blocks.min(-1) <= most * pyramid.LOW) | (blocks.max(-1) >= most * pyramid.HIGH)
+    np.testing.assert_array_equal(level.valid == 0, clipped)
+    assert 0.1 < level.valid.mean() < 0.9 and level.inside.all() and level.scale == 3
 
-    pixels = np.random.default_rng(0).integers(0, 256, (32, 41, 3)).astype(np.uint8)
-    values, valid = np.zeros((10, 13), np.float32), np.zeros((10, 13), np.uint8)
-    _reduce(pixels, 3, 5, 250, 1.0, 0, 10, values, valid)
-    blocks = pixels[:30, :39, 1].reshape(10, 3, 13, 3).swapaxes(1, 2).reshape(10, 13, 9)
-    np.testing.assert_allclose(values, blocks.mean(-1), rtol=1e-6)
-    np.testing.assert_array_equal(valid == 1, (blocks.min(-1) > 5) & (blocks.max(-1) < 250))
-    assert 0.1 < valid.mean() < 0.9
+
+def test_levels_are_halved_where_three_of_four_pixels_are_valid_and_all_inside() -> None:
+    generator = np.random.default_rng(6)
+    values = (generator.random((21, 34)) * 255).astype(np.float32)
+    valid, inside = ((generator.random((21, 34)) > 0.2).astype(np.uint8) for _ in range(2))
+    half = pyramid._halved(pyramid.Level(values, valid, inside, 3, (102, 63)))
+    quads = [a[:20].reshape(10, 2, 17, 2).swapaxes(1, 2).reshape(10, 17, 4) for a in (values, valid, inside)]
+    np.testing.assert_allclose(half.values, quads[0].mean(-1), rtol=1e-6)
+    np.testing.assert_array_equal(half.valid, quads[1].sum(-1) >= 3)
+    np.testing.assert_array_equal(half.inside, quads[2].min(-1))
+    assert (half.scale, half.size) == (6, (102, 63))
 
 
 def test_features_are_the_steepest_sound_pixels() -> None:
@@ -188,7 +203,7 @@ def test_features_are_the_steepest_sound_pixels() -> None:
 
     generator = np.random.default_rng(1)
     values = generator.random((20, 27)).astype(np.float32) * 100
-    valid = (generator.random((20, 27)) > 0.05).astype(np.uint8)
+    valid = (generator.random((20, 27)) > 0.15).astype(np.uint8)
     places, found = np.empty((100, 2), np.int32), np.empty((100, 3), np.float32)
     count = _features(values, valid, 5, 10.0, places, found)
     expected = []
@@ -226,6 +241,94 @@ def test_values_and_gradients_are_looked_up_as_the_picture_is() -> None:
     # Catmull–Rom repeats parabolas; their slope too.
     expected = np.stack([100 + 2 * column - 3 * row + 0.05 * column**2, 2 + 0.1 * column, -3 + 0 * row], axis=-1)
     np.testing.assert_allclose(looked[sound, :3], expected[sound], atol=1e-4)
+
+
+def test_features_are_matched_as_numpy_does_it() -> None:
+    from relume.capture.alignment.kernel import _match
+
+    generator = np.random.default_rng(7)
+    # Rising, with a flat part and one that is steep.
+    table = np.interp(np.arange(-4, 260.25, 0.25), [-4, 60, 90, 150, 260], [0, 80, 80.5, 240, 255])
+    values, positions = generator.uniform(0, 255, 500), generator.normal(0, 900, (500, 2))
+    gradients, back = generator.normal(0, 9, (500, 2)), Motion(31.5, -7.25, 0.02)
+    placed, edges, written = np.zeros((503, 2)), np.zeros((503, 2)), np.zeros((2, 503))
+    turn = np.cos(back.angle), np.sin(back.angle), back.dx, back.dy
+    count = _match(table, values, positions, gradients, 4.0, 247.0, *turn, 3, placed, *written, edges)
+    below = ((values + 4) * 4).astype(int)
+    targets = table[below] + ((values + 4) * 4 - below) * (table[below + 1] - table[below])
+    slopes = (table[below + 16] - table[below - 16]) / 8
+    usable = (targets > 4) & (targets < 247) & (slopes > 0.05)
+    assert count == 3 + usable.sum() and 100 < usable.sum() < 480
+    np.testing.assert_array_equal(placed[3:count], back.apply(positions[usable]))
+    np.testing.assert_array_equal(written[:, 3:count], [targets[usable], 1 / (1 + slopes[usable] ** 2)])
+    np.testing.assert_array_equal(edges[3:count], gradients[usable])
+    assert not placed[:3].any() and not placed[count:].any()
+
+
+def test_pixels_that_both_frames_show_are_paired_where_the_motion_says() -> None:
+    from relume.capture.alignment.kernel import _in_both
+
+    y, x = np.mgrid[:40, :50]
+    fixed, moving = (x + 100 * y).astype(np.float32), (1000 + x + 100 * y).astype(np.float32)
+    inside = (x < 45).astype(np.uint8), (y > 3).astype(np.uint8)
+    ours, theirs = np.empty((2, 14 * 17), np.float32)
+    across, down = np.array([5.3, 0.9, -0.2]), np.array([-6.1, 0.2, 0.9])
+    count = _in_both(fixed, inside[0], moving, inside[1], 3, across, down, ours, theirs)
+    pairs = []
+    for row in range(0, 40, 3):
+        for column in range(0, 50, 3):
+            at = round(5.3 + 0.9 * column - 0.2 * row), round(-6.1 + 0.2 * column + 0.9 * row)
+            if 0 <= at[0] < 50 and 3 < at[1] < 40 and column < 45:
+                pairs.append((column + 100 * row, 1000 + at[0] + 100 * at[1]))
+    assert 50 < len(pairs) < 200
+    np.testing.assert_array_equal(np.stack([ours, theirs], axis=-1)[:count], pairs)
+
+
+@pytest.mark.parametrize("parameters", [2, 3])
+def test_steps_follow_the_change_of_values_with_the_motion(parameters: int) -> None:
+    from relume.capture.alignment.kernel import _differentiate, _place, _whiten
+
+    generator = np.random.default_rng(8)
+    positions, targets, weights = generator.normal(0, 900, (300, 2)), *generator.uniform(0.2, 200, (2, 300))
+    seen = generator.normal(100, 40, (300, 4))
+    seen[:, 3] = generator.random(300) > 0.3
+    sound, motion, (x, y) = seen[:, 3] == 1, Motion(20.0, -11.0, 0.015), np.empty((2, 300))
+    turned = np.cos(motion.angle), np.sin(motion.angle), motion.dx, motion.dy
+    _place(positions, *turned, 4000, 3000, 6, x, y)
+    placed = motion.apply(positions)
+    np.testing.assert_array_equal([x, y], np.add(placed, (2000, 1500)).T / 6 - 0.5)
+    residual, whitened, jacobian, weighted = (
+        np.empty(300),
+        np.empty(300),
+        np.empty((300, 3)),
+        np.empty((300, parameters)),
+    )
+    count = _whiten(seen, targets, weights, whitened)
+    _differentiate(
+        seen, whitened, (positions, targets, weights), *turned, 6, 2500.0, 90.0, residual, jacobian, weighted
+    )
+    missed = seen[sound, 0] - targets[sound]
+    slopes, arm = seen[sound, 1:3] / 6, placed[sound] - (motion.dx, motion.dy)
+    expected = np.column_stack([slopes, (slopes[:, 1] * arm[:, 0] - slopes[:, 0] * arm[:, 1]) / 2500])
+    trust = weights[sound] / (1 + (missed * np.sqrt(weights[sound]) / 90) ** 2) ** 2
+    assert count == sound.sum()
+    np.testing.assert_array_equal(whitened[:count], missed * np.sqrt(weights[sound]))
+    np.testing.assert_array_equal(residual[:count], missed)
+    np.testing.assert_array_equal(jacobian[:count], expected)
+    np.testing.assert_array_equal(weighted[:count], (expected * trust[:, None])[:, :parameters])
+
+
+def test_agreement_is_the_mean_cosine_between_the_gradients_seen() -> None:
+    from relume.capture.alignment.kernel import _agreement
+
+    generator = np.random.default_rng(9)
+    seen, own = generator.normal(0, 20, (200, 4)), generator.normal(5, 20, (200, 2))
+    seen[:, 1:3] += own
+    seen[:, 3], seen[0, 1:3] = generator.random(200) > 0.4, 0
+    sound = seen[:, 3] == 1
+    products, lengths = (own * seen[:, 1:3]).sum(1), np.hypot(*own.T) * np.hypot(*seen[:, 1:3].T)
+    expected = np.mean((products / np.maximum(lengths, 1e-9))[sound])
+    assert _agreement(seen, own) == pytest.approx(expected, abs=1e-12) and 0.2 < expected < 0.9
 
 
 def street(shared: Path, times: dict[str, float]) -> Bracket:

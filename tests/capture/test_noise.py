@@ -8,8 +8,9 @@ import pytest
 from camera_curves import CurveCamera, camera_curves, mixed_scene
 from relume.capture.exposure.bracket import Bracket
 from relume.capture.merging import merge
-from relume.capture.noise import Noise
+from relume.capture.noise import BINS, DARKEST, Noise, _scatter
 from relume.capture.response.calibration import Calibration, recover_response
+from relume.capture.response.sampling import Observations
 from synthetic import NOISELESS, NOISY, VirtualCamera, wide_scene
 
 CURVED = CurveCamera(camera_curves(9)[6:], 5_000.0, 10.0)
@@ -65,3 +66,16 @@ def test_noise_of_exposure_goes_through_the_curve_s_slope():
     expected = np.sqrt(255**2 * (exposure * 1e-4 + 1e-6) + 1 / 12)
     np.testing.assert_allclose(deviation[0, 20:250], expected[20:250], rtol=2e-3)
     assert deviation[1, 128] == pytest.approx(1.8475, abs=2e-3)
+
+
+def test_every_range_of_values_is_measured_and_each_value_counts_once():
+    generator = np.random.default_rng(1)
+    light = generator.uniform(15, 241, 20_000)
+    values = np.rint(light[:, None] + generator.normal(0, 0.8, (20_000, 3))).astype(np.uint8)
+    curve = np.log(np.linspace(1, 256, 256))
+    value, variance, count = _scatter(curve, np.ones(256), [Observations(values, np.zeros(3))]).T
+    assert len(value) == BINS and count.sum() == values.size
+    width = (256 - 2 * DARKEST) / BINS
+    np.testing.assert_array_equal((value - DARKEST) // width, np.arange(BINS))
+    # Noise and rounding; less what is cut off beyond four deviations.
+    np.testing.assert_allclose(variance[1:-1], 0.8**2 + 1 / 12, rtol=0.15)

@@ -5,7 +5,9 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
+from relume.capture.alignment.clipped_blocks import BLOCK, MIXED
 from relume.capture.alignment.warping import Motion, move
+from relume.capture.alignment.warping_kernel import _move
 from relume.image.photograph import Exposure, Photograph
 
 WIDTH, HEIGHT = 90, 64
@@ -28,6 +30,12 @@ def fetched(motion: Motion) -> tuple[np.ndarray, np.ndarray]:
     column = np.cos(motion.angle) * right - np.sin(motion.angle) * down + motion.dx + WIDTH / 2 - 0.5
     row = np.sin(motion.angle) * right + np.cos(motion.angle) * down + motion.dy + HEIGHT / 2 - 0.5
     return column, row
+
+
+def leant_on(place: float) -> list[int]:
+    """The pixels along one axis that a value there leans on: four, or the one that is hit."""
+    nearest, before = round(place), int(np.floor(place))
+    return [nearest] if abs(place - nearest) < 1e-3 else list(range(before - 1, before + 3))
 
 
 def catmull_rom(pixels: np.ndarray, column: float, row: float) -> np.ndarray:
@@ -116,7 +124,7 @@ def test_a_value_of_the_top_two_per_cent_is_saturated() -> None:
     assert (moved[29:31, 59:61] == 255).all()
 
 
-@pytest.mark.parametrize("motion", [Motion(0.3, 0.4), Motion(-2.4, 1.45), Motion(0.3, 0.2, 0.01)])
+@pytest.mark.parametrize("motion", [Motion(0.3, 0.4), Motion(-2.4, 1.45), Motion(0.3, -0.3), Motion(0.3, 0.2, 0.01)])
 def test_beside_white_the_nearest_pixel_is_taken_whole_where_that_is_asked(motion: Motion) -> None:
     pixels = np.full((HEIGHT, WIDTH, 3), (20, 30, 50), np.uint8)
     pixels[30:33, 40:43] = (200, 255, 255)
@@ -125,6 +133,8 @@ def test_beside_white_the_nearest_pixel_is_taken_whole_where_that_is_asked(motio
     # A lamp stays as large as it is, and what lies beside it as dark, in all channels.
     assert (leant[..., 1] == 255).sum() >= 25
     assert (moved[..., 1] == 255).sum() == 9
+    column, row = (np.rint(each[moved[..., 1] == 255]).astype(int) for each in fetched(motion))
+    assert (pixels[row, column, 1] == 255).all()
     colours = {tuple(colour) for colour in moved.reshape(-1, 3).tolist()}
     assert {colour for colour in colours if max(colour) >= 250} == {(200, 255, 255)}
     assert (np.abs(moved.astype(int) - (20, 30, 50)).max(axis=2) <= 3).sum() == moved[..., 0].size - 9
@@ -136,6 +146,24 @@ def test_what_is_not_clipped_does_not_become_clipped() -> None:
     pixels[:, 40:] = 249
     moved = move(photograph(pixels), Motion(0.4, 0.4)).pixels
     assert moved.min() == 1 and moved.max() == 249
+
+
+@pytest.mark.parametrize("dtype", [np.uint8, np.uint16])
+@pytest.mark.parametrize("motion", [Motion(3.3, -2.6), Motion(-70.25, 4.1, 0.03), Motion(40.6, 1.5, -0.2)])
+def test_what_a_block_holds_changes_no_value(motion: Motion, dtype: type) -> None:
+    # Eight blocks a row: of mid-tones, of white alone, of black alone, and some that hold two of these.
+    most, generator = np.iinfo(dtype).max, np.random.default_rng(5)
+    pixels = generator.integers(most // 100, most // 10 * 9, (60, 500, 3)).astype(dtype)
+    pixels[:, 150:330], pixels[20:, 360:] = generator.integers(most - most // 80, most, (60, 180, 3)), 0
+    pixels[::7, ::83], pixels[::5, 64] = most, most
+    moved = move(photograph(pixels), motion).pixels
+    cosine, sine = np.cos(motion.angle), np.sin(motion.angle)
+    corner = np.array([0.5 - 250, 0.5 - 30])
+    limits, columns = (np.float32(np.ceil(0.98 * most)), np.float32(most)), (np.arange(1524) // 3).astype(np.float32)
+    held, tried = np.full((60, -(-1500 // BLOCK)), MIXED), np.empty(pixels.size, dtype)
+    _move(pixels.ravel(), held, cosine, sine, *motion.apply(corner) - corner, *limits, 0, 60, columns, tried)
+    assert len(np.unique(moved)) > 200 and (moved == most).mean() > 0.2 and (moved == 0).mean() > 0.05
+    np.testing.assert_array_equal(moved.ravel(), tried)
 
 
 def test_what_leans_on_outside_is_outside() -> None:
@@ -155,11 +183,40 @@ def test_what_leans_on_outside_is_outside() -> None:
     assert turned.outside is not None and (turned.pixels[~turned.outside] == 100).all()
 
 
+@pytest.mark.parametrize("motion", [Motion(30.3, -6.4), Motion(-70.25, 4.1, 0.03), Motion(40.6, 1.55, -0.2)])
+def test_outside_is_what_one_of_sixteen_pixels_says(motion: Motion) -> None:
+    generator = np.random.default_rng(4)
+    before = generator.random((60, 400)) < 0.004
+    before[:, 300:] = False
+    before[25:35, 150:230] = True
+    moved = move(photograph(np.full((60, 400, 3), 100, np.uint8), before), motion).outside
+    assert moved is not None and 0.1 < moved.mean() < 0.9
+    cosine, sine, slant = np.cos(motion.angle), np.sin(motion.angle), np.tan(motion.angle)
+    for y in range(60):
+        for x in range(400):
+            right, down = x + 0.5 - 200, y + 0.5 - 30
+            column = cosine * right - sine * down + motion.dx + 199.5
+            row = sine * right + cosine * down + motion.dy + 29.5
+            expected = not (-0.02 <= column <= 399.02 and -0.02 <= row <= 59.02)
+            for u in leant_on(column):
+                rows = np.clip(leant_on(row + (u - column) * slant), 0, 59)
+                expected |= bool(before[rows, min(max(u, 0), 399)].any())
+            assert moved[y, x] == expected, (x, y)
+
+
 def test_a_frame_moved_out_of_sight_is_all_outside() -> None:
     frame = photograph(np.full((HEIGHT, WIDTH, 3), 100, np.uint8))
     for motion in (Motion(95.5, 0), Motion(1e6, 0), Motion(0, -70.25), Motion(0, 64)):
         moved = move(frame, motion)
         assert moved.outside is not None and moved.outside.all()
+
+
+@pytest.mark.parametrize("motion", [Motion(170.5, 3.0), Motion(-170.5, 3.0), Motion(-100.25, 70.5)])
+def test_beyond_the_border_lies_the_nearest_pixel(motion: Motion) -> None:
+    y, x = np.mgrid[:HEIGHT, :WIDTH]
+    moved = move(photograph(np.stack([y, x, x + y], axis=-1).astype(np.uint8) + np.uint8(30)), motion)
+    column, row = (np.clip(each, 0, n - 1) for each, n in zip(fetched(motion), (WIDTH, HEIGHT), strict=True))
+    assert np.abs(moved.pixels - (np.stack([row, column, row + column], axis=-1) + 30)).max() < 1.01
 
 
 @pytest.mark.parametrize("motion", [Motion(np.nan, 0), Motion(0, np.inf), Motion(0, 0, 0.5)])

@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
+from itertools import pairwise
 
 import numpy as np
 
@@ -49,29 +51,37 @@ def fit_noise(log_exposure: np.ndarray, still: Sequence[Sequence[Observations]])
     Returns the noise, None where too few values are seen to fit it, and the table (3, levels) of the standard
     deviation of every pixel value, 1/√12 from rounding where nothing is known.
     """
+    with ThreadPoolExecutor(3) as pool:
+        found = [each for each in pool.map(_fitted, log_exposure, still) if each is not None]
+    if len(found) < 3:
+        return None, np.full(log_exposure.shape, ROUNDING**0.5)
+    shot, read, table = zip(*found, strict=True)
+    return Noise(np.array(shot), np.array(read)), np.stack(table)
+
+
+def _fitted(log_exposure: np.ndarray, still: Sequence[Observations]) -> tuple[float, float, np.ndarray] | None:
+    """Photon noise, read noise and the table of one channel; None where too few values are seen."""
     from scipy.optimize import nnls
 
-    levels = log_exposure.shape[1]
-    shot, read = np.zeros(3), np.zeros(3)
-    table = np.full(log_exposure.shape, ROUNDING**0.5)
-    for channel in range(3):
-        # What a pixel's own light is judged by depends on the noise; three rounds settle both.
-        for _ in range(3):
-            found = _scatter(log_exposure[channel], table[channel], still[channel])
-            if len(found) < 3:
-                return None, np.full(log_exposure.shape, ROUNDING**0.5)
-            value, variance, count = found.T
-            at = np.clip(np.rint(value).astype(int), 1, levels - 2)
-            relative = np.exp(log_exposure[channel] - log_exposure[channel, -1])[at]
-            rise = 1 / np.maximum(relative * np.gradient(log_exposure[channel])[at], 1e-9)
-            # A variance measured from n values is uncertain by variance · √(2 / n).
-            weight = np.sqrt(count / 2) / np.maximum(variance, ROUNDING)
-            design = np.column_stack([relative, np.ones_like(relative)]) * (rise**2 * weight)[:, None]
-            scale = np.linalg.norm(design, axis=0)
-            both, _ = nnls(design / scale, np.maximum(variance - ROUNDING, 0.0) * weight)
-            shot[channel], read[channel] = both[0] / scale[0], np.sqrt(both[1] / scale[1])
-            table[channel] = Noise(shot, read).deviation(log_exposure)[channel]
-    return Noise(shot, read), table
+    levels = len(log_exposure)
+    shot, read, table = 0.0, 0.0, np.full(levels, ROUNDING**0.5)
+    # What a pixel's own light is judged by depends on the noise; three rounds settle both.
+    for _ in range(3):
+        found = _scatter(log_exposure, table, still)
+        if len(found) < 3:
+            return None
+        value, variance, count = found.T
+        at = np.clip(np.rint(value).astype(int), 1, levels - 2)
+        relative = np.exp(log_exposure - log_exposure[-1])[at]
+        rise = 1 / np.maximum(relative * np.gradient(log_exposure)[at], 1e-9)
+        # A variance measured from n values is uncertain by variance · √(2 / n).
+        weight = np.sqrt(count / 2) / np.maximum(variance, ROUNDING)
+        design = np.column_stack([relative, np.ones_like(relative)]) * (rise**2 * weight)[:, None]
+        scale = np.linalg.norm(design, axis=0)
+        both, _ = nnls(design / scale, np.maximum(variance - ROUNDING, 0.0) * weight)
+        shot, read = float(both[0] / scale[0]), float(np.sqrt(both[1] / scale[1]))
+        (table,) = Noise(np.array([shot]), np.array([read])).deviation(log_exposure[None])
+    return shot, read, table
 
 
 def _scatter(curve: np.ndarray, deviation: np.ndarray, still: Sequence[Observations]) -> np.ndarray:
@@ -96,14 +106,18 @@ def _scatter(curve: np.ndarray, deviation: np.ndarray, still: Sequence[Observati
         values_seen.append(expected)
         squares.append(difference**2 / (1 - share[usable]))
     value, square = np.concatenate(values_seen), np.concatenate(squares)
-    found = []
     edges = np.linspace(darkest, levels - darkest, BINS + 1)
-    place = np.digitize(value, edges)
-    for each in range(1, BINS + 1):
-        here = square[place == each]
+    # Of one byte, such numbers are sorted in one pass.
+    place = np.digitize(value, edges).astype(np.uint8)
+    order = np.argsort(place, kind="stable")
+    bounds = np.searchsorted(place[order], np.arange(1, BINS + 2, dtype=np.uint8))
+    value, square = value[order], square[order]
+    found = []
+    for begin, end in pairwise(bounds):
+        here = square[begin:end]
         if len(here) >= 50:
             # The mean square without those beyond four standard deviations: edges and movement. The median shows
             # them, since the median square of a bell curve is 0.455 of its variance.
             kept = here[here <= max(16 * 2.198 * float(np.median(here)), 1.0)]
-            found.append((float(value[place == each].mean()), float(kept.mean()), float(len(here))))
+            found.append((float(value[begin:end].mean()), float(kept.mean()), float(len(here))))
     return np.array(found).reshape(-1, 3)

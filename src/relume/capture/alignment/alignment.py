@@ -12,6 +12,7 @@ import numpy as np
 from relume.capture.alignment.warping import Motion, move
 from relume.capture.exposure.bracket import Bracket
 from relume.errors import warn
+from relume.image.bands import in_threads
 
 if TYPE_CHECKING:
     from relume.capture.alignment.estimate import Estimate
@@ -75,7 +76,7 @@ def align(bracket: Bracket, *, rotation: bool = True) -> Aligned:
     # Numba is imported only where a kernel is used.
     from relume.capture.alignment.pyramid import pyramid
 
-    levels = [pyramid(photograph) for photograph in photographs]
+    levels = in_threads(lambda index, _: pyramid(photographs[index]), len(photographs), chunk=1)
     reference = _best_exposed([level[0] for level in levels])
     found = _estimates(levels, reference, rotation, photographs[0].size)
     motions = tuple(_needed(estimate, photographs[0].size) for estimate in found)

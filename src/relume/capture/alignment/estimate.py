@@ -7,7 +7,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from relume.capture.alignment.kernel import _look_up
+from relume.capture.alignment.kernel import _agreement, _differentiate, _in_both, _look_up, _match, _place, _whiten
 from relume.capture.alignment.pyramid import HIGH, LOW, Level
 from relume.capture.alignment.warping import Motion
 
@@ -100,15 +100,6 @@ def _from(start: Motion, levels: tuple[Level, ...], placed: Sequence[Placed], ro
     return result
 
 
-def _ranks(level: Level) -> tuple[np.ndarray, float, float]:
-    """The rank 0…1 of every pixel among those inside, and the ranks where black ends and white begins."""
-    inside = level.inside == 1
-    ordered = np.sort(level.values[inside])
-    ranks = np.searchsorted(ordered, level.values) / max(len(ordered), 1)
-    low, high = np.searchsorted(ordered, [LOW * 255, HIGH * 255]) / max(len(ordered), 1)
-    return ranks.astype(np.float32), float(low), float(high)
-
-
 def _turned(level: Level, turn: float) -> Level:
     """The level as a frame turned back by `turn` radians shows it; the nearest pixels will do for a coarse search."""
     rows, columns = (a.ravel() for a in np.indices(level.values.shape))
@@ -133,7 +124,7 @@ def coarse_motion(fixed: Level, moving: Level, prior: Motion, turn: float = 0.0)
     from scipy.ndimage import gaussian_filter
 
     moving = _turned(moving, turn) if turn else moving
-    (a, low_a, high_a), (b, low_b, high_b) = _ranks(fixed), _ranks(moving)
+    (a, low_a, high_a), (b, low_b, high_b) = fixed.ranks, moving.ranks
     low, high = max(low_a, low_b), min(high_a, high_b)
     if high - low < 0.01:
         return None
@@ -142,7 +133,9 @@ def coarse_motion(fixed: Level, moving: Level, prior: Motion, turn: float = 0.0)
     for ranks, level in ((a, fixed), (b, moving)):
         inside = level.inside.astype(np.float32)
         bounded = (np.clip(ranks, low, high) - low) / (high - low)
-        smooth = gaussian_filter(bounded * inside, 8.0) / np.maximum(gaussian_filter(inside, 8.0), 1e-3)
+        smooth = gaussian_filter(bounded * inside, 8.0)
+        if not level.inside.all():
+            smooth /= np.maximum(gaussian_filter(inside, 8.0), 1e-3)
         planes.append((bounded - smooth) * inside)
         masks.append(inside)
     fa, fb, fa2, fb2, fma, fmb = (
@@ -176,92 +169,70 @@ class _Points:
 
 
 def _points(levels: tuple[Level, ...], index: int, partners: Sequence[Placed], motion: Motion) -> _Points | None:
-    gathered = []
+    most = sum(len(partner.levels[index].features.values) for partner in partners)
+    points = _Points(np.empty((most, 2)), np.empty(most), np.empty(most), np.empty((most, 2)))
+    count, limits = 0, (LOW * 255 + 2, HIGH * 255 - 3)
     for partner in partners:
         found = partner.levels[index].features
-        relation = _relation(partner, levels, motion)
-        if relation is None:
+        table = _relation(partner, levels, motion)
+        if table is None:
             continue
-        targets, slopes = relation(found.values)
-        usable = (targets > LOW * 255 + 2) & (targets < HIGH * 255 - 3) & (slopes > 0.05)
-        positions = inverse(partner.motion).apply(found.positions[usable])
-        gathered.append((positions, targets[usable], 1 / (1 + slopes[usable] ** 2), found.gradients[usable]))
-    if sum(len(positions) for positions, *_ in gathered) < FEWEST:
+        back = inverse(partner.motion)
+        place = np.cos(back.angle), np.sin(back.angle), back.dx, back.dy, count
+        written = points.positions, points.targets, points.weights, points.gradients
+        count = _match(table, found.values, found.positions, found.gradients, *limits, *place, *written)
+    if count < FEWEST:
         return None
-    return _Points(*(np.concatenate(parts) for parts in zip(*gathered, strict=True)))
+    return _Points(points.positions[:count], points.targets[:count], points.weights[:count], points.gradients[:count])
 
 
-@dataclass(frozen=True, eq=False)
-class _Relation:
-    """A rising relation between the values of two frames, given at every quarter of a value from −4 to 260."""
-
-    table: np.ndarray
-
-    def __call__(self, values: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """The values that (N,) turn into, and how steeply, over eight values."""
-        place = (values + 4) * 4
-        below = place.astype(np.intp)
-        low = self.table[below]
-        return low + (place - below) * (self.table[below + 1] - low), (
-            self.table[below + 16] - self.table[below - 16]
-        ) / 8
-
-
-def _relation(partner: Placed, levels: tuple[Level, ...], motion: Motion) -> _Relation | None:
-    """The rising relation from the partner's values to the frame's, by matching ranks where both show the scene."""
+def _relation(partner: Placed, levels: tuple[Level, ...], motion: Motion) -> np.ndarray | None:
+    """What every quarter of a value from −4 to 260 turns into: the rising relation from the partner's values to the
+    frame's, by matching ranks where both show the scene."""
     index = max(0, len(levels) - 2)
     fixed, moving = partner.levels[index], levels[index]
     step = max(1, int(np.sqrt(fixed.values.size / SAMPLES)))
-    rows, columns = (a.ravel() for a in np.mgrid[0 : fixed.values.shape[0] : step, 0 : fixed.values.shape[1] : step])
-    x, y = moving.indices(motion.apply(inverse(partner.motion).apply(fixed.centred(rows, columns))))
-    x, y = np.rint(x).astype(int), np.rint(y).astype(int)
-    height, width = moving.values.shape
-    common = (x >= 0) & (y >= 0) & (x < width) & (y < height) & (fixed.inside[rows, columns] == 1)
-    common[common] &= moving.inside[y[common], x[common]] == 1
-    if common.sum() < 100:
+    # Where the pixel (0, 0) of the partner lies, and how far from there the next ones in its row and column.
+    corner = fixed.centred(np.array([0, 0, 1]), np.array([0, 1, 0]))
+    across, down = (
+        np.array([a[0], a[1] - a[0], a[2] - a[0]])
+        for a in moving.indices(motion.apply(inverse(partner.motion).apply(corner)))
+    )
+    ours, theirs = np.empty((2, -(-fixed.values.shape[0] // step) * -(-fixed.values.shape[1] // step)), np.float32)
+    count = _in_both(fixed.values, fixed.inside, moving.values, moving.inside, step, across, down, ours, theirs)
+    if count < 100:
         return None
-    chosen = np.rint(QUANTILES * (common.sum() - 1)).astype(int)
-    ours = np.sort(fixed.values[rows[common], columns[common]])[chosen]
-    theirs = np.sort(moving.values[y[common], x[common]])[chosen]
-    return _Relation(np.interp(np.arange(-4, 260.25, 0.25), ours, theirs))
+    chosen = np.rint(QUANTILES * (count - 1)).astype(int)
+    return np.interp(np.arange(-4, 260.25, 0.25), np.sort(ours[:count])[chosen], np.sort(theirs[:count])[chosen])
 
 
 def _refined(level: Level, points: _Points, motion: Motion, rotation: bool) -> Estimate:
     """Gauss–Newton with weights that leave out what moved."""
     radius = np.hypot(*level.size) / 2
     parameters = 3 if rotation else 2
-    seen = np.empty((len(points.targets), 4), np.float64)
-    error, agreement = np.inf, 0.0
+    count = len(points.targets)
+    (x, y, whitened, residual), seen = np.empty((4, count)), np.empty((count, 4))
+    jacobian, weighted = np.empty((count, 3)), np.empty((count, parameters))
+    known = points.positions, points.targets, points.weights
+    error = np.inf
     for _ in range(ITERATIONS):
-        placed = motion.apply(points.positions)
-        x, y = level.indices(placed)
+        turned = np.cos(motion.angle), np.sin(motion.angle), motion.dx, motion.dy
+        _place(points.positions, *turned, *level.size, level.scale, x, y)
         _look_up(level.values, level.valid, x, y, 0, len(x), seen)
-        sound = seen[:, 3] == 1
-        if sound.sum() < FEWEST:
+        count = _whiten(seen, points.targets, points.weights, whitened)
+        if count < FEWEST:
             return Estimate(motion, np.inf, 0.0)
-        value, gradient = seen[sound, 0], seen[sound, 1:3]
-        residual = value - points.targets[sound]
-        trust = points.weights[sound]
-        whitened = residual * np.sqrt(trust)
-        spread = 1.4826 * float(np.median(np.abs(whitened[::4]))) + 1e-6
-        weights = trust / (1 + (whitened / (OUTLIER * spread)) ** 2) ** 2
-        # How the value changes with dx, dy and with the corner's way along the turn.
-        turned = placed[sound] - (motion.dx, motion.dy)
-        slopes = gradient / level.scale
-        turning = (slopes[:, 1] * turned[:, 0] - slopes[:, 0] * turned[:, 1]) / radius
-        jacobian = np.column_stack([slopes, turning])[:, :parameters]
-        weighted = jacobian * weights[:, None]
-        normal = weighted.T @ jacobian
+        spread = 1.4826 * float(np.median(np.abs(whitened[:count:4]))) + 1e-6
+        limits = level.scale, radius, OUTLIER * spread
+        _differentiate(seen, whitened, known, *turned, *limits, residual, jacobian, weighted)
+        normal = weighted[:count].T @ jacobian[:count, :parameters]
         if np.linalg.cond(normal) > 1e8:
             return Estimate(motion, np.inf, 0.0)
         step = np.zeros(3)
-        step[:parameters] = -np.linalg.solve(normal, weighted.T @ residual)
+        step[:parameters] = -np.linalg.solve(normal, weighted[:count].T @ residual[:count])
         motion = Motion(motion.dx + step[0], motion.dy + step[1], motion.angle + step[2] / radius)
         covariance = np.linalg.inv(normal) * spread**2
         error = HONESTY * float(np.sqrt(np.trace(covariance)))
         if np.abs(step).sum() < STILL * level.scale:
             break
-    own = points.gradients[sound]
-    cosine = (own * gradient).sum(1) / np.maximum(np.hypot(*own.T) * np.hypot(*gradient.T), 1e-9)
-    agreement = float(np.average(cosine))
-    return Estimate(motion, error, agreement)
+    return Estimate(motion, error, _agreement(seen, points.gradients))

@@ -7,7 +7,8 @@ from functools import cached_property
 
 import numpy as np
 
-from relume.capture.alignment.kernel import _features, _reduce
+from relume.capture.alignment.kernel import _features
+from relume.capture.alignment.reducing_kernel import _halve, _reduce
 from relume.image.bands import in_threads
 from relume.image.photograph import Photograph
 
@@ -65,6 +66,15 @@ class Level:
         positions = self.centred(places[:count, 0], places[:count, 1])
         return Features(positions, found[:count, 0].astype(float), found[:count, 1:].astype(float))
 
+    @cached_property
+    def ranks(self) -> tuple[np.ndarray, float, float]:
+        """The rank 0…1 of every pixel among those inside, and the ranks where black ends and white begins; found when
+        first asked for."""
+        ordered = np.sort(self.values[self.inside == 1])
+        ranks = np.searchsorted(ordered, self.values) / max(len(ordered), 1)
+        low, high = np.searchsorted(ordered, [LOW * 255, HIGH * 255]) / max(len(ordered), 1)
+        return ranks.astype(np.float32), float(low), float(high)
+
     def centred(self, rows: np.ndarray, columns: np.ndarray) -> np.ndarray:
         """(N, 2) positions from the photograph's centre, in its pixels, of pixels here."""
         x = (columns + 0.5) * self.scale - self.size[0] / 2
@@ -80,15 +90,18 @@ def pyramid(photograph: Photograph) -> tuple[Level, ...]:
     """Levels of a photograph from the finest to the coarsest."""
     from scipy.ndimage import correlate1d
 
-    pixels = photograph.pixels
+    pixels = np.ascontiguousarray(photograph.pixels).reshape(-1)
     (width, height), most = photograph.size, int(np.iinfo(pixels.dtype).max)
     factor = max(1, -(-max(width, height) // LONGEST))
     shape = (height // factor, width // factor)
     values, valid = np.empty(shape, np.float32), np.empty(shape, np.uint8)
-    low, high = LOW * most, HIGH * most
-    in_threads(
-        lambda begin, end: _reduce(pixels, factor, low, high, 255 / most, begin, end, values, valid), shape[0], chunk=64
-    )
+    sums = np.empty(0, np.uint16 if factor * most <= np.iinfo(np.uint16).max else np.uint32)
+    scale = LOW * most, HIGH * most, 255 / most
+
+    def work(begin: int, end: int) -> None:
+        _reduce(pixels, width, factor, *scale, begin, end, sums, values, valid)
+
+    in_threads(work, shape[0], chunk=64)
     inside = np.ones(shape, np.uint8)
     if photograph.outside is not None:
         cropped = photograph.outside[: shape[0] * factor, : shape[1] * factor]
@@ -105,14 +118,7 @@ def pyramid(photograph: Photograph) -> tuple[Level, ...]:
 
 def _halved(level: Level) -> Level:
     """Means of 2×2 pixels; valid where three of the four are."""
-    rows, columns = (n // 2 for n in level.values.shape)
-
-    def quads(plane: np.ndarray) -> list[np.ndarray]:
-        plane = plane[: 2 * rows, : 2 * columns]
-        return [plane[j::2, i::2] for j in (0, 1) for i in (0, 1)]
-
-    a, b, c, d = quads(level.values)
-    values = (a + b + c + d) * np.float32(0.25)
-    v, w, x, y = quads(level.valid)
-    inside = np.stack(quads(level.inside)).min(0)
-    return Level(values, (v + w + x + y >= 3).astype(np.uint8), inside, 2 * level.scale, level.size)
+    shape = (level.values.shape[0] // 2, level.values.shape[1] // 2)
+    values, valid, inside = np.empty(shape, np.float32), np.empty(shape, np.uint8), np.empty(shape, np.uint8)
+    _halve(level.values, level.valid, level.inside, values, valid, inside)
+    return Level(values, valid, inside, 2 * level.scale, level.size)

@@ -79,32 +79,32 @@ def _copied(photograph: Photograph, dx: int, dy: int) -> Photograph:
 
 def _interpolated(photograph: Photograph, motion: Motion, whole_beside_white: bool) -> Photograph:
     # Numba is imported only where a kernel is used.
-    from relume.capture.alignment.warping_kernel import _lean_outside, _move
+    from relume.capture.alignment.border_kernel import _beyond, _lean_outside, _take_whole
+    from relume.capture.alignment.clipped_blocks import BLOCK
+    from relume.capture.alignment.warping_kernel import _move
 
     width, height = photograph.size
     cosine, sine = np.cos(motion.angle), np.sin(motion.angle)
     corner = np.array([0.5 - width / 2, 0.5 - height / 2])
     x_start, y_start = motion.apply(corner) - corner
-    pixels = np.ascontiguousarray(photograph.pixels).reshape(height, 3 * width)
-    columns = (np.arange(pixels.shape[1] + 24) // 3).astype(np.float32)
+    pixels = np.ascontiguousarray(photograph.pixels).reshape(-1)
+    columns = (np.arange(3 * width + 24) // 3).astype(np.float32)
     most = int(np.iinfo(pixels.dtype).max)
-    white = np.float32(np.ceil(SATURATED_SHARE * most))
+    white = int(np.ceil(SATURATED_SHARE * most))
+    held = np.zeros((height, -(-3 * width // BLOCK)), np.uint8)
     moved = np.empty_like(pixels)
-    outside = np.zeros((height, width), bool)
-    before = np.zeros((0, 0), bool) if photograph.outside is None else photograph.outside
+    outside = np.empty((height, width), bool)
+    before = None if photograph.outside is None else np.ascontiguousarray(photograph.outside)
+    place = cosine, sine, x_start, y_start
 
     def work(begin: int, end: int) -> None:
-        _move(pixels, cosine, sine, x_start, y_start, white, np.float32(most), begin, end, columns, moved)
-        _lean_outside(before, cosine, sine, x_start, y_start, begin, end, outside)
+        limits = np.float32(white), np.float32(most)
+        _move(pixels, held, *place, *limits, begin, end, columns, moved)
+        _beyond(*place, begin, end, outside)
+        if before is not None:
+            _lean_outside(before, *place, begin, end, outside)
+        if whole_beside_white:
+            _take_whole(pixels, *place, white, begin, end, outside, moved)
 
-    in_threads(work, height, chunk=128)
-    moved = moved.reshape(height, width, 3)
-    if whole_beside_white:
-        # Of the values in a row: along an axis of three NumPy takes ten times as long.
-        beside = np.zeros(height * width, bool)
-        beside[np.flatnonzero(moved.reshape(-1) >= int(white)) // 3] = True
-        y, x = np.nonzero(beside.reshape(height, width) & ~outside)
-        row = np.rint(y_start + cosine * y + sine * x).astype(np.intp).clip(0, height - 1)
-        column = np.rint(x_start - sine * y + cosine * x).astype(np.intp).clip(0, width - 1)
-        moved[y, x] = photograph.pixels[row, column]
-    return replace(photograph, pixels=moved, outside=outside)
+    in_threads(work, height, chunk=64)
+    return replace(photograph, pixels=moved.reshape(height, width, 3), outside=outside)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import cache
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -194,6 +195,7 @@ class Equations:
         return np.sqrt(np.maximum(np.diag(covariance) - 2 * middle + middle[MIDDLE], 0.0))
 
 
+@cache
 def roughness(difference: int, power_law: bool) -> np.ndarray:
     """(K, K) matrix of Σ [w(z) g⁽ⁿ⁾(z)]²; with `power_law` of g less its own best b ln z."""
     step = np.eye(KNOTS)
@@ -206,7 +208,9 @@ def roughness(difference: int, power_law: bool) -> np.ndarray:
         own = step @ LOGARITHM
         own /= np.linalg.norm(own)
         step = step - np.outer(own, own @ step)
-    return step.T @ step
+    matrix = step.T @ step
+    matrix.flags.writeable = False  # it is everyone's
+    return matrix
 
 
 def interpolated(knots: np.ndarray, levels: int) -> np.ndarray:
