@@ -142,6 +142,14 @@ def test_pictures_do_not_depend_on_memory_or_threads() -> None:
         relight_with_mesh(FIELD, EVEN, MESHES, settings, memory=100_000)
 
 
+def test_how_far_it_is_is_said_within_a_block_too():
+    """All of a picture is one block, which took half a minute without a word."""
+    many = StageLights.towards(even_directions(60))
+    light, said = DirectedLight(many.directions, np.ones((60, 3)), np.zeros(60)), []
+    relight_with_mesh(FIELD, light, MESHES, EXACT, said.append, threads=2)
+    assert said == sorted(said) and len(said) == 5 and said[0] == pytest.approx(16 / 60) and said[-1] == 1
+
+
 def test_the_time_of_a_mesh_is_estimated(monkeypatch: pytest.MonkeyPatch) -> None:
     # Of the processor, so that what else runs on it does not count.
     monkeypatch.setattr("relume.lightstage.direct_light.control_variate.perf_counter", process_time)

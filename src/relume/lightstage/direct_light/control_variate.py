@@ -69,8 +69,10 @@ def relight_with_mesh(
     blocks = row_blocks(source, memory)
     alpha = direct_model(source, geometry, settings, threads).alpha
     shared = _OnMesh(
-        source, light, tuple(geometry), replace(settings, alpha=alpha), threads, irradiances, spike_irradiances
-    )
+        source, light, tuple(geometry), replace(settings, alpha=alpha), threads, irradiances, spike_irradiances,
+        # Of several blocks each says that it is done; one would be silent to its end.
+        progress if len(blocks) == 1 and cluster is None and place is None else None,
+    )  # fmt: skip
     made = by_bands(_lit_rows, shared, blocks, cluster=cluster, place=place, progress=progress, memory=memory)
     return made.whole("radiance")
 
@@ -80,6 +82,7 @@ class _OnMesh:
     """What every block of rows needs: the arguments of `relight_with_mesh`, and the irradiances of what is left over.
 
     settings : with the width of gloss that was found in all of the field
+    progress : of the directions of a block
     """
 
     source: ReflectanceField
@@ -89,6 +92,7 @@ class _OnMesh:
     threads: int | None
     irradiances: np.ndarray
     spike_irradiances: np.ndarray
+    progress: Progress | None = None
 
     @cached_property
     def model(self) -> DirectModel:
@@ -104,7 +108,8 @@ def _lit_rows(shared: _OnMesh, rows: slice) -> dict[str, np.ndarray]:
     model = shared.model
     wide, samples = model.samples(rows)
     left, scales = left_over(model, samples, wide, rows, shared.irradiances, shared.spike_irradiances)
-    direct = np.einsum("bkc,kbc->kc", direct_picture(model, samples, wide, rows, shared.light), scales)
+    lit = direct_picture(model, samples, wide, rows, shared.light, shared.progress)
+    direct = np.einsum("bkc,kbc->kc", lit, scales)
     return {"radiance": (left + direct).reshape(-1, shared.source.shape[1], 3).astype(np.float32)}
 
 

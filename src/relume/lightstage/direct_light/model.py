@@ -10,6 +10,8 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from itertools import count as count_from
+from threading import Lock
 
 import numpy as np
 
@@ -19,6 +21,7 @@ from relume.lightstage.direct_light.surface import Geometry, Reached, Sample, di
 from relume.lightstage.field.field import ReflectanceField
 from relume.lightstage.field.lights import StageLights
 from relume.lightstage.relighting.interpolation import Barycentric, Interpolation, Smooth
+from relume.lightstage.relighting.relighting import Progress
 from relume.lightstage.relighting.specular_spikes import spiky_and_mirror_pixels
 from relume.scene.cameras.camera import Camera
 from relume.scene.shapes.shapes import Mesh
@@ -183,9 +186,18 @@ def left_over(
 
 
 def direct_picture(
-    model: DirectModel, samples: Sequence[Sample], wide: slice, rows: slice, light: DirectedLight
+    model: DirectModel,
+    samples: Sequence[Sample],
+    wide: slice,
+    rows: slice,
+    light: DirectedLight,
+    progress: Progress | None = None,
 ) -> np.ndarray:
-    """Direct light (2, K, 3) of all directions together, each looked at through its `light.rays`."""
+    """Direct light (2, K, 3) of all directions together, each looked at through its `light.rays`.
+
+    progress : called with the share of the directions that are done
+    """
+    done, one_at_a_time = count_from(1), Lock()
     pixels = (wide.stop - wide.start) * model.camera.width
     rays, count = light.looked_at(), len(samples)
 
@@ -196,6 +208,9 @@ def direct_picture(
             chosen = [samples[(first + j) % count] for j in range(wanted)] if wanted < count else samples
             one = direct_light(model.geometry, chosen, pixels, light.directions[i], light.radii[i], model.alpha)
             each[i - begin] = one.reshape(-1)
+        if progress:
+            with one_at_a_time:
+                progress(min(next(done) * _TOGETHER / len(rays), 1.0))
         return light.irradiances[begin:end].T.astype(np.float32) @ each
 
     parts = in_threads(some, len(light.directions), model.threads, chunk=_TOGETHER)
