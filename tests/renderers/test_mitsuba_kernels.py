@@ -70,8 +70,8 @@ def test_a_moved_object_another_camera_and_another_light_compile_nothing(history
         assert history() == []
 
 
-def test_more_samples_and_another_size_compile_nothing(history):
-    """Nothing of a picture's size or of its samples may be compiled in: each would be a kernel of its own."""
+def test_more_samples_another_depth_and_another_size_compile_nothing(history):
+    """Nothing of a picture's size, its samples or its depth may be compiled in: each would be a kernel of its own."""
     Differential(samples=4, depth=4).change(scene(0.1), seen_from(0.3), seed=1)
     history()
     Differential(samples=12, depth=4).change(scene(0.1), seen_from(0.3), seed=1)
@@ -81,6 +81,8 @@ def test_more_samples_and_another_size_compile_nothing(history):
     assert history() == []
     larger = replace(seen_from(0.3), width=30, height=21)
     Differential(samples=8, depth=4).change(scene(0.1), larger, seed=1)
+    assert history() == []
+    Differential(samples=4, depth=5).change(scene(0.1), seen_from(0.3), seed=1)
     assert history() == []
 
 
