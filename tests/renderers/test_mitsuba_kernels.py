@@ -27,8 +27,8 @@ def seen_from(x: float) -> Camera:
     return Camera.looking_at(np.array([x, 0.9, 2.2]), np.array([0, 0.25, 0]), width=24, height=16, focal_length=24 + x)
 
 
-def scene(x: float, lamp: tuple[float, float, float] = (0.8, 1.5, -0.5), wall: float = 2.0) -> Scene:
-    light = np.full((8, 16, 3), 0.3, np.float32)
+def scene(x: float, lamp: tuple[float, float, float] = (0.8, 1.5, -0.5), wall: float = 2.0, rows: int = 8) -> Scene:
+    light = np.full((rows, 2 * rows, 3), 0.3, np.float32)
     light[2, 3] = 40.0 + x
     glass = sphere(Material(roughness=0.0, transmission=1.0), centre=(x, 0.3, 0), radius=0.3, fine=2)
     grey = sphere(Diffuse((0.5, 0.5, 0.5)), centre=(-0.7, 0.25, x), radius=0.25, fine=2)
@@ -64,13 +64,14 @@ def test_a_moved_object_another_camera_and_another_light_compile_nothing(history
         (scene(0.25), seen_from(-0.4)),
         (scene(0.25, (-0.3, 1.2, 0.4), 2.3), seen_from(-0.4)),
         (replace(scene(0.25), probe=(0.2, 0.1, 0.1)), seen_from(-0.4)),
+        (scene(0.25, rows=11), seen_from(-0.4)),
     ):
         renderer.change(other, camera, seed=2)
         assert history() == []
 
 
-def test_more_samples_and_another_size_compile_nothing(history):
-    """Nothing of a picture's size or of its samples may be compiled in: each would be a kernel of its own."""
+def test_more_samples_another_depth_and_another_size_compile_nothing(history):
+    """Nothing of a picture's size, its samples or its depth may be compiled in: each would be a kernel of its own."""
     Differential(samples=4, depth=4).change(scene(0.1), seen_from(0.3), seed=1)
     history()
     Differential(samples=12, depth=4).change(scene(0.1), seen_from(0.3), seed=1)
@@ -80,6 +81,8 @@ def test_more_samples_and_another_size_compile_nothing(history):
     assert history() == []
     larger = replace(seen_from(0.3), width=30, height=21)
     Differential(samples=8, depth=4).change(scene(0.1), larger, seed=1)
+    assert history() == []
+    Differential(samples=4, depth=5).change(scene(0.1), seen_from(0.3), seed=1)
     assert history() == []
 
 

@@ -28,6 +28,9 @@ UNIFORM_SHARE = 0.02
 FAR = 1e7
 """Metres: how far away what is at infinity is taken to be."""
 
+SMALL = (128, 256)
+"""Rows and columns up to which the pixels of all maps are drawn by the same kernels."""
+
 
 class LightMap:
     """The probe's map over its distant scene."""
@@ -37,7 +40,7 @@ class LightMap:
     def __init__(self, scene: Scene) -> None:
         # A row more at each pole is the other side's, as in `EnvironmentMap.lookup`.
         self.tall = np.ascontiguousarray(continued_round(as_latlong(scene.light).radiance)[:, 1:-1])
-        self.rows, self.columns = len(self.tall) - 2, self.tall.shape[1]
+        self._remember_size(len(self.tall) - 2, self.tall.shape[1])
         colours = mi.TensorXf(self.tall)
         self.texture = mi.Texture2f(  # pyright: ignore[reportCallIssue]
             colours, wrap_mode=dr.WrapMode.Repeat, use_accel=False
@@ -56,6 +59,12 @@ class LightMap:
             mesh = Mesh(scene.distant.vertices, scene.distant.faces, Diffuse((0.0, 0.0, 0.0)), name="distant")
             self.enclosure = mi.load_dict({"type": "scene", "mesh": triangles(mi, mesh, {})})
 
+    def _remember_size(self, rows: int, columns: int) -> None:
+        """Without the rows at the poles: a map of another size would else have kernels of its own."""
+        self.rows, self.tall_rows, self.columns = map(opaque.number, (rows, rows + 2, columns))
+        self.row_angle = opaque.number(np.pi / rows)
+        self.last_row, self.stride = (dr.opaque(mi.Int32, each) for each in (rows - 1, columns))
+
     def prepare_emission(self, bright: float) -> float:
         """The share of the map's flux that is brighter than `bright`, whose pixels are then drawn by `emit`."""
         beyond = np.maximum(self.grey - bright, 0)
@@ -72,7 +81,7 @@ class LightMap:
         radiance = self.lookup(outward, active)
         radiance *= dr.maximum(1 - self.bright / dr.maximum(opaque.grey(radiance), 1e-30), 0)
         density = dr.gather(
-            mi.Float, self.emission, mi.UInt32(mi.Int32(pixel.y) * self.columns + mi.Int32(pixel.x)), active
+            mi.Float, self.emission, mi.UInt32(mi.Int32(pixel.y) * self.stride + mi.Int32(pixel.x)), active
         )
         if isinstance(self.distant, Infinite):
             return parallel(spheres, which, aim, outward, radiance / density)
@@ -94,20 +103,20 @@ class LightMap:
 
     def _within(self, pixel: Any, within: Any) -> tuple[Any, Any]:
         """Even in solid angle within a pixel: the cosine over its row, and the azimuth as a share of a turn."""
-        top, bottom = dr.cos(pixel.y * (np.pi / self.rows)), dr.cos((pixel.y + 1) * (np.pi / self.rows))
+        top, bottom = dr.cos(pixel.y * self.row_angle), dr.cos((pixel.y + 1) * self.row_angle)
         return dr.lerp(top, bottom, within.y), (pixel.x + within.x) / self.columns
 
     def lookup(self, direction: Any, active: Any) -> Any:
         u, v = _image_point(direction)
-        found = self.texture.eval(mi.Point2f(u, (v * self.rows + 1) / (self.rows + 2)), active)
+        found = self.texture.eval(mi.Point2f(u, (v * self.rows + 1) / self.tall_rows), active)
         return mi.Color3f(*found)
 
     def chance(self, direction: Any, active: Any) -> Any:
         """Density per steradian at the probe."""
         u, v = _image_point(direction)
-        column = dr.clip(mi.Int32(u * self.columns), 0, self.columns - 1)
-        row = dr.clip(mi.Int32(v * self.rows), 0, self.rows - 1)
-        found = dr.gather(mi.Float, self.density, mi.UInt32(row * self.columns + column), active)
+        column = dr.clip(mi.Int32(u * self.columns), 0, self.stride - 1)
+        row = dr.clip(mi.Int32(v * self.rows), 0, self.last_row)
+        found = dr.gather(mi.Float, self.density, mi.UInt32(row * self.stride + column), active)
         return (1 - UNIFORM_SHARE) * found + UNIFORM_SHARE / (4 * np.pi)
 
     def sample(self, place: Any, point: Any, active: Any, wanted: Callable[[Any], Any] | None = None) -> Sample:
@@ -200,7 +209,13 @@ def _by_flux(tall: np.ndarray) -> tuple[float, Any, Any]:
     flux = _between(tall) * areas
     chance = flux / max(flux.sum(), 1e-300)
     density = np.ascontiguousarray(chance / areas, np.float32).ravel()
-    return float(flux.sum()), mi.DiscreteDistribution2D(chance.astype(np.float32)), mi.Float(density)
+    return float(flux.sum()), mi.DiscreteDistribution2D(_padded(chance.astype(np.float32))), mi.Float(density)
+
+
+def _padded(chance: np.ndarray) -> np.ndarray:
+    """A small map's chances with pixels of none beside and below: what draws by them has their number compiled in."""
+    missing = [least - size for least, size in zip(SMALL, chance.shape, strict=True)]
+    return chance if min(missing) < 0 else np.pad(chance, [(0, each) for each in missing])
 
 
 def _between(tall: np.ndarray) -> np.ndarray:

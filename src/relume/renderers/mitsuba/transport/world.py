@@ -59,7 +59,8 @@ class World:
         # Of a single real surface: called as it is, while a choice among all surfaces has every kind of them compiled.
         real = [] if local is None else local.shapes()
         self.only_real = real[0].bsdf() if len(real) == 1 else None
-        self.media, self.emitting, self.depth, self.smooth = media, emitting, depth, smooth
+        self.media, self.emitting, self.smooth = media, emitting, smooth
+        self.depth = dr.opaque(mi.UInt32, depth)
         self.outside = 0 if media is None else media.outside
         self.foggy = self.outside > 0
         # Else what shines is found by chance alone.
