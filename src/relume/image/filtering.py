@@ -30,7 +30,7 @@ def spread_through(picture: RadianceMap, spread: Spread, square: Spread) -> Radi
 
     Raises ValueError for NaN or infinite radiance, which would reach all round.
     """
-    require_finite(picture)
+    require_finite(picture.radiance)
     light = picture.radiance.astype(np.float64)
     radiance = spread(light)
     if light.size and light.min() >= 0:
@@ -60,9 +60,9 @@ def spread_clipped(radiance: np.ndarray, clipped: np.ndarray, spread: Spread) ->
     return result.astype(np.uint8)
 
 
-def require_finite(picture: RadianceMap) -> None:
-    """Raise ValueError, with their number, for pixels that are NaN or infinite."""
-    odd = np.count_nonzero(~np.isfinite(picture.radiance).all(-1))
+def require_finite(radiance: np.ndarray) -> None:
+    """Raise ValueError, with their number, for pixels (H, W, C) that are NaN or infinite."""
+    odd = np.count_nonzero(~np.isfinite(radiance).all(-1))
     if odd:
         raise ValueError(f"{odd} pixels are NaN or infinite and would reach all round; paint over them first")
 

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from relume.image.bands import BAND
-from relume.image.filtering import Spread, spread_through
+from relume.image.filtering import Spread, require_finite, spread_through
 from relume.image.radiance import RadianceMap
 
 if TYPE_CHECKING:
@@ -66,8 +66,7 @@ def resized_rows(rows: Callable[[slice], np.ndarray], size: tuple[int, int], wid
         part = down[top : top + step]
         first, last = int(part.indices.min()), int(part.indices.max())
         field = rows(slice(first, last + 1)).astype(np.float64)
-        if not np.isfinite(field).all():
-            raise ValueError("pixels are NaN or infinite and would reach all round; paint over them first")
+        require_finite(field)
         bands.append(_separable(part[:, first : last + 1], across)(field).astype(np.float32))
     return np.concatenate(bands)
 
