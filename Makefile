@@ -9,9 +9,9 @@ unexport PYTHONDONTWRITEBYTECODE
 # takes a third of the processor's time.
 test quick: export OPENBLAS_NUM_THREADS := 1
 
-# Two processes for two cores, three are no faster; a file stays in one, the long ones first. NumPy's seeds are what each
-# test sets. Nothing of ours logs, and to stand by for it takes a millisecond a test.
-SUITE := $(VENV)/bin/pytest -q -n 2 --dist loadfile --no-loadscope-reorder --randomly-dont-reset-seed -p no:logging
+# Three processes for two cores, for tests of servers and browsers wait; a file stays in one, the long ones first.
+# NumPy's seeds are what each test sets. Nothing of ours logs, and to stand by for it takes a millisecond a test.
+SUITE := $(VENV)/bin/pytest -q -n 3 --dist loadfile --no-loadscope-reorder --randomly-dont-reset-seed -p no:logging
 
 .PHONY: demo test quick check bench docs
 
