@@ -11,8 +11,10 @@ import sys
 from pathlib import Path
 
 import numpy as np
+import trimesh
 from PIL import Image, ImageDraw
 
+import relume as rl
 from relume.capture.exposure.bracket import read_bracket
 from relume.image import files
 from relume.image.response import Response
@@ -20,7 +22,10 @@ from relume.project.place_tables import distant_scene
 from relume.project.shot_file.shot import Shot, read_shot
 from relume.report import plots
 from relume.scene.cameras.camera import Camera
+from relume.scene.materials.materials import Diffuse, Material
 from relume.scene.scene import Box
+from relume.scene.shapes.shapes import Mesh
+from relume.scene.shapes.smoothing import smoothed
 from relume.sphere.environment_files import as_environment
 from relume.sphere.environment_map import EnvironmentMap
 from relume.virtual_camera.developing import develop
@@ -80,6 +85,29 @@ def light_on_the_box(light: EnvironmentMap, box: Box, probe: tuple[float, float,
     return tile
 
 
+def facets_and_smooth(light: EnvironmentMap) -> Image.Image:
+    """A ball and a can without normals in the room's light, as they are and with `smooth = 30`."""
+    copper, table = Material((0.9, 0.5, 0.3), metallic=1.0, roughness=0.25), Diffuse((0.3, 0.25, 0.2))
+    shapes = trimesh.creation.icosphere(2, 0.1), trimesh.creation.cylinder(0.08, 0.2, sections=24)
+    stands = np.array([[-0.13, 0.1, 0], [0.13, 0.1, 0]])
+    turns = np.eye(3), np.array([[1, 0, 0], [0, 0, 1], [0, -1, 0]])  # the can's axis is z
+    flat = [
+        Mesh((shape.vertices @ turn.T + stand).astype(np.float32), np.asarray(shape.faces, np.int32), copper)
+        for shape, turn, stand in zip(shapes, turns, stands, strict=True)
+    ]
+    eye, middle = np.array([0.0, 0.35, 0.8]), np.array([0.0, 0.09, 0.0])
+    camera = Camera.looking_at(eye, middle, width=WIDE, height=9 * WIDE // 16, focal_length=1.4 * WIDE)
+    pictures = [
+        rl.Mitsuba(samples=256, denoise=True).render(rl.Scene(light, (rl.Plane(table),), objects), camera).radiance
+        for objects in (tuple(flat), tuple(smoothed(mesh, 30) for mesh in flat))
+    ]
+    film = Film(0.5 / float(np.percentile(pictures[0], 90)))
+    page = Image.new("RGB", (2 * WIDE + GAP, camera.height), "white")
+    for index, picture in enumerate(pictures):
+        page.paste(Image.fromarray(develop(picture, film).pixels), (index * (WIDE + GAP), 0))
+    return page
+
+
 def _tile(name: str, picture: np.ndarray | bytes) -> Image.Image:
     opened = Image.open(io.BytesIO(picture)) if isinstance(picture, bytes) else Image.fromarray(picture)
     high = opened.height * WIDE // opened.width
@@ -99,6 +127,7 @@ def main(out: Path, images: Path) -> None:
         Image.fromarray(files.read_photograph(path).pixels).save(images / f"insert_{name}.jpg", quality=90)
     steps(out, shot).save(images / "insert_steps.jpg", quality=86)
     light_on_the_box(light, distant, ball.centre).save(images / "insert_box.jpg", quality=86)
+    facets_and_smooth(light).save(images / "smooth_edges.jpg", quality=86)
 
 
 if __name__ == "__main__":

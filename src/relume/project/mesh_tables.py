@@ -24,6 +24,8 @@ from relume.sphere.directions import rotation_about
 MeshOrPatches = TypeVar("MeshOrPatches", Mesh, Patches)
 NotNegative = Annotated[float, Field(ge=0)]
 Light = Annotated[tuple[NotNegative, NotNegative, NotNegative], ForGrey]
+EdgeAngle = Annotated[float, Field(gt=0, le=180)]
+"""Degrees between the normals of two faces."""
 
 BY_WAVELENGTH = ("glass", "sellmeier", "cauchy", "metal")
 

@@ -11,7 +11,7 @@ from pydantic import model_validator
 
 from relume.errors import InvalidScene
 from relume.project.keyed_values import motion_of, placement_at, table_at
-from relume.project.mesh_tables import Placement, placed, turn_of
+from relume.project.mesh_tables import EdgeAngle, Placement, placed, turn_of
 from relume.project.place_tables import SurfaceShape
 from relume.project.scene_file.images import naming
 from relume.project.scene_file.materials import has_images
@@ -23,6 +23,7 @@ from relume.scene.motion.keyframes import Interpolation
 from relume.scene.motion.moving_objects import ObjectOrbit, turned
 from relume.scene.shapes.meshes import read_meshes
 from relume.scene.shapes.shapes import AnyMaterial, Mesh, Patches, Polygon, Shape, Solid, Sphere, read_patches
+from relume.scene.shapes.smoothing import smoothed
 from relume.scene.shapes.watertight import facing_outwards
 
 PLACED_BY = {"sphere": "its centre and radius", "polygon": "its vertices"}
@@ -46,6 +47,7 @@ class OrbitTable(Table):
 class ObjectTable(Placement):
     """A sphere, a polygon, or a mesh or patches placed as in the shot file; `material` names one of the file's.
 
+    smooth : of a mesh, as in the shot file
     keyframes : of a sequence, as in the shot file; a sphere and a polygon are moved from where they stand
     """
 
@@ -53,6 +55,7 @@ class ObjectTable(Placement):
     mesh: str | None = None
     polygon: list[Vector] | None = None
     patches: str | None = None
+    smooth: EdgeAngle | None = None
     material: str | None = None
     orbit: OrbitTable | None = None
     keyframes: tuple[ObjectKey, ...] = ()
@@ -73,6 +76,8 @@ class ObjectTable(Placement):
         moved = sorted(Placement.model_fields.keys() & self.model_fields_set)
         if shape in PLACED_BY and moved:
             raise ValueError(f"has {moved[0]}, but a {shape} is placed by {PLACED_BY[shape]}; remove {moved[0]}")
+        if self.smooth is not None and self.mesh is None:
+            raise ValueError("has smooth, which is of a mesh; remove smooth")
         return self
 
 
@@ -113,6 +118,7 @@ class MovingObject:
     keys : what changes of that by the frame; of a sphere how far it is moved and how much larger it is
     motion : of its file; None where nothing moves in that
     orbit : how it goes round while a movie runs, or None
+    smooth : degrees; edges of its meshes that are less sharp are shaded smooth, or None
     key : of the table, for messages
     """
 
@@ -121,6 +127,7 @@ class MovingObject:
     keys: tuple[ObjectKey, ...] = ()
     motion: Animation | None = None
     orbit: ObjectOrbit | None = None
+    smooth: float | None = None
     key: str = ""
 
     @property
@@ -130,7 +137,7 @@ class MovingObject:
 
     def at_rest(self) -> tuple[Solid, ...]:
         """The solids where the file's own words put them."""
-        return tuple(_placed(solid, self.placement) for solid in self.solids)
+        return tuple(_placed(solid, self.placement) for solid in self._smooth(self.solids))
 
     def at(self, frame: float, seconds: float, between: Interpolation, path: Path) -> tuple[Solid, ...]:
         """The solids at a frame, orbits left out; raises InvalidScene naming the key.
@@ -148,7 +155,13 @@ class MovingObject:
             InvalidScene,
         )  # fmt: skip
         with naming(place):
-            return tuple(_placed(solid, table) for solid in solids)
+            return tuple(_placed(solid, table) for solid in self._smooth(solids))
+
+    def _smooth(self, solids: tuple[Solid, ...]) -> tuple[Solid, ...]:
+        # What moves in its file bends: its normals are of the moment.
+        if self.smooth is None:
+            return solids
+        return tuple(smoothed(solid, self.smooth) if isinstance(solid, Mesh) else solid for solid in solids)
 
 
 class KeyedPlacement(Placement):
@@ -180,7 +193,8 @@ def object_of(table: ObjectTable, key: str, materials: Mapping[str, AnyMaterial]
     orbit = None if table.orbit is None else ObjectOrbit(table.orbit.centre, table.orbit.turns)
     motion = None if table.mesh is None else motion_of(path.parent / table.mesh)
     placement = Placement(scale=table.scale, rotate=table.rotate, translate=table.translate)
-    return MovingObject(_solids(table, key, materials, path), placement, table.keyframes, motion, orbit, key)
+    solids = _solids(table, key, materials, path)
+    return MovingObject(solids, placement, table.keyframes, motion, orbit, table.smooth, key)
 
 
 def _solids(table: ObjectTable, key: str, materials: Mapping[str, AnyMaterial], path: Path) -> tuple[Solid, ...]:

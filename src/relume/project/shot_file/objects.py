@@ -16,6 +16,7 @@ from relume.scene.gltf.animation import read_animation
 from relume.scene.motion.animation import posed
 from relume.scene.shapes.meshes import read_meshes
 from relume.scene.shapes.shapes import Mesh, Plane, Shape
+from relume.scene.shapes.smoothing import smoothed
 from relume.scene.shapes.watertight import facing_outwards, inside
 
 HOVERING = 0.005
@@ -41,6 +42,8 @@ def _in_place(shot: Shot, table: Object) -> Sequence[Mesh]:
     path = shot.path(table.mesh)
     rest = read_meshes(path)
     meshes = _moved(path, rest, table.time)
+    if table.smooth is not None:
+        meshes = tuple(smoothed(mesh, table.smooth) for mesh in meshes)
     # What moves keeps the size and the place that it has at rest: else it would swell, and walk without leaving.
     if table.size is not None:
         extent = np.ptp(np.concatenate([mesh.vertices for mesh in rest]), axis=0).max()

@@ -16,7 +16,7 @@ from typing import Annotated, Any, ClassVar, Literal
 from pydantic import Field, model_validator
 
 from relume.errors import InvalidShot, UnreadableFile
-from relume.project.mesh_tables import MaterialTable, Placement
+from relume.project.mesh_tables import EdgeAngle, MaterialTable, Placement
 from relume.project.place_tables import MediumTable
 from relume.project.schema import Names, Positive, Table, checked, read_toml
 from relume.project.shot_file.camera_table import CameraTable
@@ -63,6 +63,7 @@ class Object(Placement):
     size : metres of its longest side, in place of its own
     stand : [x, z] where the middle of its foot stands on the table, before it is moved by `translate`; at the origin
         unless given where the camera is found from the ball and there is no `translate`, elsewhere as the file has it
+    smooth : degrees; edges that are less sharp are shaded smooth. As the file has it unless given: flat without normals
     stage : a light stage of the real thing that the mesh is of, in its frame: the thing's own pixels are shown
     stage_cameras : whose pictures, where the stage has several; the first camera's unless given
     """
@@ -70,6 +71,7 @@ class Object(Placement):
     mesh: str
     size: Positive | None = None
     stand: tuple[float, float] | Literal[False] | None = None
+    smooth: EdgeAngle | None = None
     stage: str | None = None
     stage_cameras: list[str] | None = None
     material: MaterialTable = MaterialTable()
