@@ -118,7 +118,6 @@ class MovingObject:
     keys : what changes of that by the frame; of a sphere how far it is moved and how much larger it is
     motion : of its file; None where nothing moves in that
     orbit : how it goes round while a movie runs, or None
-    smooth : degrees; edges of its meshes that are less sharp are shaded smooth, or None
     key : of the table, for messages
     """
 
@@ -127,7 +126,6 @@ class MovingObject:
     keys: tuple[ObjectKey, ...] = ()
     motion: Animation | None = None
     orbit: ObjectOrbit | None = None
-    smooth: float | None = None
     key: str = ""
 
     @property
@@ -137,7 +135,7 @@ class MovingObject:
 
     def at_rest(self) -> tuple[Solid, ...]:
         """The solids where the file's own words put them."""
-        return tuple(_placed(solid, self.placement) for solid in self._smooth(self.solids))
+        return tuple(_placed(solid, self.placement) for solid in self.solids)
 
     def at(self, frame: float, seconds: float, between: Interpolation, path: Path) -> tuple[Solid, ...]:
         """The solids at a frame, orbits left out; raises InvalidScene naming the key.
@@ -155,13 +153,7 @@ class MovingObject:
             InvalidScene,
         )  # fmt: skip
         with naming(place):
-            return tuple(_placed(solid, table) for solid in self._smooth(solids))
-
-    def _smooth(self, solids: tuple[Solid, ...]) -> tuple[Solid, ...]:
-        # What moves in its file bends: its normals are of the moment.
-        if self.smooth is None:
-            return solids
-        return tuple(smoothed(solid, self.smooth) if isinstance(solid, Mesh) else solid for solid in solids)
+            return tuple(_placed(solid, table) for solid in solids)
 
 
 class KeyedPlacement(Placement):
@@ -193,8 +185,7 @@ def object_of(table: ObjectTable, key: str, materials: Mapping[str, AnyMaterial]
     orbit = None if table.orbit is None else ObjectOrbit(table.orbit.centre, table.orbit.turns)
     motion = None if table.mesh is None else motion_of(path.parent / table.mesh)
     placement = Placement(scale=table.scale, rotate=table.rotate, translate=table.translate)
-    solids = _solids(table, key, materials, path)
-    return MovingObject(solids, placement, table.keyframes, motion, orbit, table.smooth, key)
+    return MovingObject(_solids(table, key, materials, path), placement, table.keyframes, motion, orbit, key)
 
 
 def _solids(table: ObjectTable, key: str, materials: Mapping[str, AnyMaterial], path: Path) -> tuple[Solid, ...]:
@@ -217,6 +208,8 @@ def _solids(table: ObjectTable, key: str, materials: Mapping[str, AnyMaterial], 
 def _meshes(table: ObjectTable, place: str, material: AnyMaterial | None, file: Path) -> tuple[Solid, ...]:
     with naming(f"{place}.mesh"):
         meshes = read_meshes(file)
+    if table.smooth is not None:
+        meshes = tuple(smoothed(mesh, table.smooth) for mesh in meshes)
     if material is not None:
         if has_images(material):
             _require_coordinates(meshes, place, table.material, table.mesh)

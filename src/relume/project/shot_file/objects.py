@@ -41,9 +41,9 @@ def _in_place(shot: Shot, table: Object) -> Sequence[Mesh]:
     """An object's meshes scaled, turned, stood on the table and moved, as the shot asks."""
     path = shot.path(table.mesh)
     rest = read_meshes(path)
-    meshes = _moved(path, rest, table.time)
     if table.smooth is not None:
-        meshes = tuple(smoothed(mesh, table.smooth) for mesh in meshes)
+        rest = tuple(smoothed(mesh, table.smooth) for mesh in rest)
+    meshes = _moved(path, rest, table.time)
     # What moves keeps the size and the place that it has at rest: else it would swell, and walk without leaving.
     if table.size is not None:
         extent = np.ptp(np.concatenate([mesh.vertices for mesh in rest]), axis=0).max()
