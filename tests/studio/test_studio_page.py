@@ -348,8 +348,8 @@ def test_a_mesh_is_handed_over_stands_on_the_table_and_is_looked_at(page: Tab, s
     page.until(lambda: page.text("#caption") == "preview.exr", "the look")
     page.tab.locator("select").last.select_option(label="gold")
     page.until(lambda: table(small)["objects"][1].get("material") == {"preset": "gold"}, "the material")
-    page.tab.get_by_label("Smooth edges up to").fill("30")
-    page.tab.get_by_label("Smooth edges up to").press("Enter")
+    page.tab.get_by_label("Smooth up to").fill("30")
+    page.tab.get_by_label("Smooth up to").press("Enter")
     page.until(lambda: table(small)["objects"][1].get("smooth") == 30, "smooth edges")
 
 

@@ -198,7 +198,7 @@ export function objectsPane(studio) {
             : "The camera is not known yet: find it under Camera, then objects can be dragged."),
           numberField(studio, "Longest side", ["objects", chosen, "size"], { unit: "m", step: 0.01, min: 0, found: longest(objects[chosen]) }),
           numberField(studio, "Scale", ["objects", chosen, "scale"], { otherwise: 1, step: 0.01, min: 0 }),
-          numberField(studio, "Smooth edges up to", ["objects", chosen, "smooth"], { unit: "°", step: 5, min: 5, max: 180 }),
+          numberField(studio, "Smooth up to", ["objects", chosen, "smooth"], { unit: "°", step: 5, min: 5, max: 180 }),
           make("div", { className: "row" }, ...[["Turn left", 15, 1], ["Turn right", -15, 1], ["Larger", 0, 1.1], ["Smaller", 0, 1 / 1.1]].map(([text, turn, scale]) =>
             make("button", { type: "button", onclick: () => nudge(Number(turn), Number(scale)) }, String(text)))),
           choiceField(studio, "Material", ["objects", chosen, "material"],
