@@ -99,7 +99,7 @@ def facets_and_smooth(light: EnvironmentMap) -> Image.Image:
     camera = Camera.looking_at(eye, middle, width=WIDE, height=9 * WIDE // 16, focal_length=1.4 * WIDE)
     pictures = [
         rl.Mitsuba(samples=256, denoise=True).render(rl.Scene(light, (rl.Plane(table),), objects), camera).radiance
-        for objects in (tuple(flat), tuple(smoothed(mesh, 30) for mesh in flat))
+        for objects in (tuple(flat), smoothed(flat, 30))
     ]
     film = Film(0.5 / float(np.percentile(pictures[0], 90)))
     page = Image.new("RGB", (2 * WIDE + GAP, camera.height), "white")

@@ -8,8 +8,13 @@ from relume.errors import InvalidShot
 from relume.project.shot_file.objects import placed_meshes
 from relume.scene.materials.materials import Material
 from relume.scene.shapes.shapes import Mesh
-from relume.scene.shapes.smoothing import smoothed
+from relume.scene.shapes.smoothing import smoothed as smoothed_together
 from toml_files import FAR_CAMERA, SCENE_BALL, SHOT_HEAD, refusal, scene_of, shot_of
+
+
+def smoothed(mesh, degrees):
+    (found,) = smoothed_together([mesh], degrees)
+    return found
 
 
 def mesh_of(shape, *, apart=False):
@@ -86,6 +91,35 @@ def test_an_angle_is_that_of_the_normals_and_corners_count_by_their_angles():
     np.testing.assert_allclose(normals_of(bent)[1], one, atol=1e-6)
 
 
+@pytest.mark.parametrize("shape", [trimesh.creation.icosphere(1), trimesh.creation.cone(1, 2, sections=32)])
+def test_no_jump_is_left_on_an_edge_that_is_less_sharp(shape):
+    # Coarse ones, about whose corners faces turn by more than 30° though none of their own edges does.
+    mesh = mesh_of(shape)
+    found, sharp = smoothed(mesh, 30), 0
+    normals = normals_of(found)[found.faces]
+    for (one, other), angle in zip(shape.face_adjacency, shape.face_adjacency_angles, strict=True):
+        for place in set(mesh.faces[one]) & set(mesh.faces[other]):
+            jump = normals[one][mesh.faces[one] == place] - normals[other][mesh.faces[other] == place]
+            assert (np.abs(jump).max() < 1e-6) == (np.degrees(angle) < 30)
+            sharp += np.degrees(angle) >= 30
+    assert sharp == (0 if len(mesh.faces) == 80 else 64)  # about the cone's foot
+
+
+def test_a_ball_that_its_file_splits_by_materials_is_one():
+    ball = mesh_of(trimesh.creation.icosphere(2))
+    left = ball.vertices[ball.faces].mean(1)[:, 0] < 0
+    halves = [Mesh(ball.vertices, ball.faces[each], Material()) for each in (left, ~left)]
+    whole = normals_of(smoothed(ball, 30)).reshape(-1, 3, 3)
+    for half, mine in zip(smoothed_together(halves, 30), (left, ~left), strict=True):
+        np.testing.assert_allclose(normals_of(half).reshape(-1, 3, 3), whole[mine], atol=1e-6)
+
+
+def test_the_two_sides_of_a_sheet_keep_their_own():
+    corners = np.array([[0, 0, 0], [1, 0, 0], [0, 1, 0]], np.float32)
+    sheet = smoothed(Mesh(corners, np.array([[0, 1, 2], [0, 2, 1]], np.int32), Material()), 180)
+    assert np.array_equal(normals_of(sheet), np.repeat([[0, 0, 1], [0, 0, -1]], 3, 0))
+
+
 def test_a_triangle_without_area_spoils_no_normal():
     ball = mesh_of(trimesh.creation.icosphere(1))
     faces = np.concatenate([ball.faces, [[0, 0, 1], [2, 2, 2]]]).astype(np.int32)
@@ -113,6 +147,8 @@ def test_a_shot_smooths_what_it_says(facets):
     assert ((ball.vertices - middle) * normals_of(ball)).sum(1).min() > 0.0995
     with pytest.raises(InvalidShot, match="smooth"):
         shot_of(facets, shot + "smooth = 0\n")
+    with pytest.raises(InvalidShot, match="light stage shows its own pixels; leave smooth out"):
+        shot_of(facets, shot + 'smooth = 30\nstage = "stage"\n')
 
 
 LAMP = '[[lights]]\nkind = "point"\nposition = [0, 3, 0]\nintensity = 5\n'

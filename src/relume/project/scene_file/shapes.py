@@ -209,7 +209,7 @@ def _meshes(table: ObjectTable, place: str, material: AnyMaterial | None, file: 
     with naming(f"{place}.mesh"):
         meshes = read_meshes(file)
     if table.smooth is not None:
-        meshes = tuple(smoothed(mesh, table.smooth) for mesh in meshes)
+        meshes = smoothed(meshes, table.smooth)
     if material is not None:
         if has_images(material):
             _require_coordinates(meshes, place, table.material, table.mesh)

@@ -42,7 +42,7 @@ def _in_place(shot: Shot, table: Object) -> Sequence[Mesh]:
     path = shot.path(table.mesh)
     rest = read_meshes(path)
     if table.smooth is not None:
-        rest = tuple(smoothed(mesh, table.smooth) for mesh in rest)
+        rest = smoothed(rest, table.smooth)
     meshes = _moved(path, rest, table.time)
     # What moves keeps the size and the place that it has at rest: else it would swell, and walk without leaving.
     if table.size is not None:

@@ -63,7 +63,8 @@ class Object(Placement):
     size : metres of its longest side, in place of its own
     stand : [x, z] where the middle of its foot stands on the table, before it is moved by `translate`; at the origin
         unless given where the camera is found from the ball and there is no `translate`, elsewhere as the file has it
-    smooth : degrees; edges that are less sharp are shaded smooth. As the file has it unless given: flat without normals
+    smooth : degrees; edges where two faces turn by less are shaded smooth. Unless given by the file's normals, and flat
+        where it has none
     stage : a light stage of the real thing that the mesh is of, in its frame: the thing's own pixels are shown
     stage_cameras : whose pictures, where the stage has several; the first camera's unless given
     """
@@ -87,6 +88,8 @@ class Object(Placement):
             raise ValueError("a thing from a light stage has its own size and place; leave size and stand out")
         if self.stage is not None and self.time is not None:
             raise ValueError("a thing from a light stage has the pose it was taken in; leave time out")
+        if self.stage is not None and self.smooth is not None:
+            raise ValueError("a thing from a light stage shows its own pixels; leave smooth out")
         return self
 
 
