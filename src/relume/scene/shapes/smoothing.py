@@ -62,7 +62,6 @@ def _groups(place: np.ndarray, faces: np.ndarray, least: float) -> np.ndarray:
     low, high = np.where(place < place[ahead], (here, ahead), (ahead, here))
     edge = place[low].astype(np.int64) * (int(place.max()) + 1) + place[high]
     order = np.argsort(edge, kind="stable")
-    order = order[place[low[order]] != place[high[order]]]
     # The faces at an edge stand beside each other: each is held against the next, the one after it, and so on.
     ones, others = [here[:0]], [here[:0]]
     first, step = np.arange(len(order)), 1
