@@ -22,7 +22,8 @@ def smoothed(meshes: Sequence[Mesh], degrees: float) -> tuple[Mesh, ...]:
     seams of texture coordinates. The file's own normals are replaced; triangles share no corners any more.
     """
     corners = np.concatenate([mesh.vertices[mesh.faces] for mesh in meshes])
-    faces, angles = _normals(corners.astype(np.float64)), _angles(corners.astype(np.float64))
+    exact = corners.astype(np.float64)
+    faces, angles = _normals(exact), _angles(exact)
     own = np.repeat(faces, 3, axis=0)
     group = _groups(places_of(corners.reshape(-1, 3)), faces, np.cos(np.radians(degrees)) - 1e-6)
     weighed = angles.reshape(-1, 1) * own
